@@ -1,0 +1,1 @@
+"""Ground floor: how equations become numbers. Knows no particular block."""

@@ -1,0 +1,295 @@
+"""From a system to a model: join flanges, stamp, resolve signals, name everything, freeze."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from engine.block import MOTION, Expression
+from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
+from engine.mechanics import Mechanics
+from engine.model import (
+    FRICTION,
+    SWITCH,
+    TIME,
+    Equations,
+    Mode,
+    Model,
+    ParameterVariable,
+    SampleClock,
+    TableData,
+    Variable,
+)
+from engine.net import Input, ModelParameter, Motion, Net
+from engine.system import System, bypass
+from engine.wiring import Wiring
+
+
+def build(
+    system: System, inputs: list[str] | None = None, outputs: list[str] | None = None, *, energy: bool = False
+) -> Model:
+    """The model of a system.
+
+    Args:
+        system: blocks and connections.
+        inputs: signal inputs to drive from outside; each replaces the connection that fed it.
+        outputs: signals to give out; all of them if None.
+        energy: add states and outputs that keep the books: ``energy.stored``, ``energy.supplied``,
+            ``energy.dissipated`` and ``energy.residual`` (J), which is zero but for integration error.
+
+    Raises:
+        FlexarmError: a wrong connection, an algebraic loop, a massless motion, a closed loop of ties or frictions.
+    """
+    return _Assembly(system, list(inputs or []), outputs, energy).model()
+
+
+class _Assembly:
+    def __init__(self, system: System, inputs: list[str], outputs: list[str] | None, energy: bool) -> None:
+        self.system = bypass(system, inputs)[0] if inputs else system
+        self.free_names, self.wanted, self.energy = inputs, outputs, energy
+        self.net = Net()
+        self.flanges = self._join()
+        self._stamp()
+        self.p = self._stack([p.symbol for p in self.net.parameters.values()])
+        self.values = np.array([p.value for p in self.net.parameters.values()])
+        self.free = {name: self.net.inputs[name].symbol for name in inputs}
+        self.wiring = Wiring(self.system, self.net, self.flanges, self.free)
+        self.mechanics = Mechanics(self.system, self.net, self.wiring, self.flanges, self.p, self.values)
+
+    @staticmethod
+    def _stack(symbols: list[Expression]) -> Expression:
+        return ca.densify(ca.vertcat(*symbols)) if symbols else ca.SX(0, 1)
+
+    # -- stamping ---------------------------------------------------------------------------------------------------
+
+    def _join(self) -> dict[tuple[str, str], Motion]:
+        """Merge connected flanges into motions, checking every connection."""
+        system = self.system
+        parent: dict[tuple[str, str], tuple[str, str]] = {
+            (name, port.name): (name, port.name)
+            for name, block in system.blocks.items()
+            for port in block.ports.values()
+            if port.role == "flange"
+        }
+
+        def root(key: tuple[str, str]) -> tuple[str, str]:
+            while parent[key] != key:
+                key = parent[key]
+            return key
+
+        fed: dict[str, str] = {}
+        for connection in system.connections:
+            try:
+                ends = [(end, *system.split(end)) for end in connection.ends]
+                flanges = [(b, p) for end, b, p in ends if system.is_flange(end)]
+                if flanges and len(flanges) < len(ends):
+                    signal = next(end for end, _, _ in ends if not system.is_flange(end))
+                    raise ConnectionProblem(
+                        f"flange '{'.'.join(flanges[0])}' is connected to signal '{signal}'",
+                        remedy="connect flanges with flanges; a sensor or a flange's .angle or .speed gives a signal",
+                    )
+                if len(ends) < 2:
+                    raise ConnectionProblem("a connection needs at least two ends")
+                for b, p in flanges[1:]:
+                    kind, first = system.blocks[b].ports[p].kind, flanges[0]
+                    if kind != system.blocks[first[0]].ports[first[1]].kind:
+                        raise ConnectionProblem(
+                            f"'{b}.{p}' is {kind} but '{'.'.join(first)}' is not",
+                            remedy="put a block between that turns rotation into translation",
+                        )
+                    parent[root((b, p))] = root(first)
+                if not flanges:
+                    self._check_signal(connection.ends, fed)
+            except FlexarmError as error:
+                raise error.at(connection.where) from None
+        members: dict[tuple[str, str], list[tuple[str, str]]] = {}
+        for key in parent:
+            members.setdefault(root(key), []).append(key)
+        motions: dict[tuple[str, str], Motion] = {}
+        for keys in members.values():
+            block, port = keys[0]
+            motion = self.net.new_motion(f"{block}.{port}", system.blocks[block].ports[port].kind)
+            motions.update(dict.fromkeys(keys, motion))
+        return motions
+
+    def _check_signal(self, ends: tuple[str, ...], fed: dict[str, str]) -> None:
+        system = self.system
+        sources = [end for end in ends if not system.is_input(end)]
+        if len(sources) > 1:
+            raise ConnectionProblem(
+                f"two sources on one signal: '{sources[0]}' and '{sources[1]}'", remedy="add them with a Sum block"
+            )
+        if not sources:
+            block, port = system.split(ends[-1])
+            outputs = [p.name for p in system.blocks[block].ports.values() if p.role == "output"]
+            raise ConnectionProblem(f"nothing feeds {' and '.join(ends)}", remedy=f"{block}: {nearest(port, outputs)}")
+        for end in ends:
+            if system.is_input(end):
+                if end in fed:
+                    raise ConnectionProblem(
+                        f"two sources on one signal: '{end}' is fed by '{fed[end]}' and by '{sources[0]}'",
+                        remedy="add them with a Sum block, or remove one connection",
+                    )
+                fed[end] = sources[0]
+
+    def _stamp(self) -> None:
+        for name, block in self.system.blocks.items():
+            bound: dict[str, Any] = dict(block.options and {o: block.values[o] for o in block.options})
+            for declared in block.parameters.values():
+                bound[declared.name] = self._parameter(name, declared.name)
+            for attribute, port_name in block._port_attributes.items():
+                port = block.ports[port_name]
+                if port.role == "flange":
+                    bound[attribute] = self.flanges[name, port_name]
+                elif port.role == "input":
+                    endpoint = f"{name}.{port_name}"
+                    self.net.inputs[endpoint] = Input(endpoint, port, ca.SX.sym(endpoint))
+                    bound[attribute] = self.net.inputs[endpoint].symbol
+            try:
+                self.net.stamp(name, block, bound)
+            except FlexarmError as error:
+                place = self.system.place(name)
+                raise (error.at(place) if place else error) from None
+
+    def _parameter(self, block_name: str, name: str) -> Any:
+        block = self.system.blocks[block_name]
+        declared, value = block.parameters[name], block.values[name]
+        if declared.structural:
+            return value
+        alias = block.same_as(name)
+        if alias is not None:
+            return self._parameter(block_name, alias)
+        own = f"{block_name}.{name}"
+        common = self.system.shared.get(block_name, {}).get(name)
+        if declared.size:
+            return ca.vertcat(*[self._symbol(f"{own}[{i + 1}]", v, declared, own) for i, v in enumerate(value)])
+        return self._symbol(common or own, value, declared, own)
+
+    def _symbol(self, name: str, value: float, declared: Any, user: str) -> Expression:
+        known = self.net.parameters.get(name)
+        if known is None:
+            known = ModelParameter(name, ca.SX.sym(name), float(value), declared)
+            self.net.parameters[name] = known
+        elif known.value != value:
+            raise ConnectionProblem(f"parameter '{name}' is {known.value} in {known.users[0]} but {value} in {user}")
+        known.users.append(user)
+        return known.symbol
+
+    # -- the model --------------------------------------------------------------------------------------------------
+
+    def _final(self, expression: Expression) -> Expression:
+        return self.mechanics.in_coordinates(self.wiring.resolve(expression))
+
+    def model(self) -> Model:
+        """The frozen model."""
+        net, mechanics = self.net, self.mechanics
+        acceleration = mechanics.solved()
+        derivatives = []
+        for state in net.states:
+            if state.derivative is None:
+                raise StructureError(f"state '{state.name}' has no derivative")
+            derivatives.append(self._final(state.derivative))
+        books: list[tuple[Variable, Expression]] = []
+        accounts: list[Expression] = []
+        if self.energy:
+            accounts = [ca.SX.sym("energy.supplied"), ca.SX.sym("energy.dissipated")]
+            derivatives += [self._final(net.supplied), self._final(net.dissipated) + mechanics.lost]
+            books = self._books(accounts)
+        n = mechanics.count
+        fire = ca.SX.sym("fire", len(net.clocks))
+        guards = [mechanics.guards[c] for c in mechanics.friction_modes]
+        guards += [self._final(ca.vertcat(entry.above, entry.below)) for entry in net.switches]
+        outputs = [*self._outputs(), *books]
+        equations = Equations(
+            t=net.time,
+            x=self._stack([mechanics.q, mechanics.v, *[s.symbol for s in net.states], *accounts]),
+            u=self._stack([*self.free.values(), *[t.symbol for t in net.tables]]),
+            d=self._stack([entry.symbol for entry in net.memories]),
+            m=self._stack(
+                [
+                    *mechanics.friction_modes.values(),
+                    *[entry.mode for entry in net.switches],
+                    *[entry.count for entry in net.time_events],
+                ]
+            ),
+            p=self.p,
+            fire=fire,
+            derivative=self._stack([mechanics.v, acceleration, *derivatives]),
+            guards=self._stack(guards),
+            outputs=self._stack([expression for _, expression in outputs]),
+            update=self._stack([mechanics.in_coordinates(e) for e in self.wiring.updates(fire)]),
+            following=self._stack([entry.following for entry in net.time_events]),
+            start=self._stack([ca.SX.zeros(2 * n, 1), *[s.start for s in net.states], *[ca.SX(0) for _ in accounts]]),
+            memory_start=self._stack([entry.start for entry in net.memories]),
+            transform=ca.densify(mechanics.T),
+        )
+        inputs = tuple(Variable(name, self.wiring.unit(name), net.inputs[name].port.doc) for name in self.free_names)
+        return Model(
+            name=self.system.name,
+            description=self.system.description,
+            states=self._state_names(),
+            coordinates=n,
+            inputs=inputs,
+            tables=tuple(TableData(t.name, t.unit, tuple(t.times), tuple(t.values), t.hold) for t in net.tables),
+            outputs=tuple(variable for variable, _ in outputs),
+            parameters=tuple(
+                ParameterVariable(entry.name, entry.value, entry.declared, tuple(entry.users))
+                for entry in net.parameters.values()
+            ),
+            memories=tuple(Variable(entry.name, entry.unit) for entry in net.memories),
+            clocks=tuple(SampleClock(clock.period, clock.offset) for clock in net.clocks),
+            memory_clock=tuple(entry.clock.index for entry in net.memories),
+            modes=self._modes(),
+            equations=equations,
+            motions={f"{block}.{port}": motion.index for (block, port), motion in self.flanges.items()},
+            initial=dict(self.system.initial),
+        )
+
+    def _books(self, accounts: list[Expression]) -> list[tuple[Variable, Expression]]:
+        """Outputs that show where the energy went."""
+        stored = self._final(self.net.stored) + self.mechanics.kinetic_energy
+        supplied, dissipated = accounts
+        rows = (
+            ("stored", stored, "kinetic and potential energy"),
+            ("supplied", supplied, "energy that entered from outside"),
+            ("dissipated", dissipated, "energy lost"),
+            (
+                "residual",
+                stored + dissipated - supplied,
+                "what the books do not explain, plus the stored energy at start",
+            ),
+        )
+        return [(Variable(f"energy.{name}", "J", doc), expression) for name, expression, doc in rows]
+
+    def _outputs(self) -> list[tuple[Variable, Expression]]:
+        if self.wanted is None:
+            names = [name for name in self.wiring.names() if name not in self.net.inputs]
+        else:
+            names = list(dict.fromkeys(self.wanted))
+        rows = []
+        for name in names:
+            source = self.wiring.signal(name)
+            rows.append((Variable(name, source.unit, source.doc), self._final(source.expression)))
+        return rows
+
+    def _state_names(self) -> tuple[Variable, ...]:
+        mechanics = self.mechanics
+        names = list(zip(mechanics.coordinates.names, mechanics.coordinates.kinds, strict=True))
+        rows = [Variable(f"{name}.{MOTION[kind][0][0]}", MOTION[kind][0][1]) for name, kind in names]
+        rows += [Variable(f"{name}.{MOTION[kind][1][0]}", MOTION[kind][1][1]) for name, kind in names]
+        rows += [Variable(state.name, state.unit, state.doc) for state in self.net.states]
+        if self.energy:
+            rows += [Variable("energy.supplied", "J"), Variable("energy.dissipated", "J")]
+        return tuple(rows)
+
+    def _modes(self) -> tuple[Mode, ...]:
+        rows = []
+        for coordinate in self.mechanics.friction_modes:
+            owners = [entry.owner for entry, _ in self.mechanics.coordinates.frictions[coordinate]]
+            labels = ("sliding backward", "stuck", "sliding forward")
+            rows.append(Mode(" + ".join(owners), FRICTION, labels, coordinate))
+        rows += [Mode(entry.name, SWITCH, entry.labels) for entry in self.net.switches]
+        rows += [Mode(entry.name, TIME) for entry in self.net.time_events]
+        return tuple(rows)

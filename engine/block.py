@@ -1,0 +1,261 @@
+"""How a block declares itself: parameters, options, flanges and signals, each said once.
+
+A block is a class. Its declarations become validation, schema, documentation, FMU variables and fitting bounds; its
+``stamp`` writes the law, once, as ordinary Python on CasADi symbols::
+
+    class Inertia(Block):
+        '''Rotating inertia. J w' = sum of torques.'''
+
+        inertia = parameter("kg.m2", ..., "moment of inertia about the axis", gt=0, tolerance=0.1)
+        shaft = flange("the rotating body")
+
+        def stamp(self, net: Net) -> None:
+            net.inertia(self.shaft, self.inertia)
+
+Read on an ordinary instance ``block.inertia`` is the number; inside ``stamp`` it is the model's symbol.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from engine.errors import ParameterError, nearest
+from engine.quantity import Option, Parameter, SameAs, coherent, split
+
+if TYPE_CHECKING:
+    from engine.net import Net
+
+Expression = Any
+"""A CasADi SX expression, or a number where the value is structural."""
+
+ROTATIONAL = "rotational"
+TRANSLATIONAL = "translational"
+
+MOTION = {
+    ROTATIONAL: (("angle", "rad"), ("speed", "rad/s"), ("acceleration", "rad/s2"), ("torque", "N.m")),
+    TRANSLATIONAL: (("position", "m"), ("speed", "m/s"), ("acceleration", "m/s2"), ("force", "N")),
+}
+"""For each kind of flange, the names and units of its motion (three) and of its effort."""
+
+
+@dataclass(frozen=True)
+class Port:
+    """A connector of a block.
+
+    Attributes:
+        name: the port's name in scenario files; may contain dots.
+        role: ``flange``, ``input`` or ``output``.
+        doc: one sentence.
+        kind: for a flange, ``rotational`` or ``translational``.
+        unit: for a signal; ``*`` fits any unit.
+        default: value of an input that nothing feeds; None means it must be connected.
+    """
+
+    name: str
+    role: str
+    doc: str
+    kind: str = ""
+    unit: str = ""
+    default: float | None = None
+
+
+class _Declared:
+    """A declaration found on the class; on an instance it reads as the value, in ``stamp`` as the symbol."""
+
+    def __init__(self, made: Any) -> None:
+        self.made = made
+        self.attribute = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.attribute = name
+
+    def __get__(self, instance: Block | None, owner: type) -> Any:
+        if instance is None:
+            return self
+        bound = instance._bound
+        if bound is not None and self.attribute in bound:
+            return bound[self.attribute]
+        if isinstance(self.made, Port):
+            return self.made
+        return instance.values[self.attribute]
+
+    def __set__(self, instance: Block, value: object) -> None:
+        raise AttributeError(f"'{self.attribute}' is declared; give it when the block is made")
+
+
+def parameter(
+    unit: str,
+    default: Any,
+    doc: str,
+    *,
+    gt: float | None = None,
+    ge: float | None = None,
+    lt: float | None = None,
+    le: float | None = None,
+    tolerance: float | None = None,
+    size: str = "",
+    structural: bool = False,
+) -> Any:
+    """Declare a parameter; see `engine.quantity.Parameter` for the meaning of each argument."""
+    return _Declared(Parameter("", unit, default, doc, gt, ge, lt, le, tolerance, size, structural))
+
+
+def option(
+    kind: type,
+    default: Any,
+    doc: str,
+    *,
+    choices: tuple[str, ...] = (),
+    ge: int | None = None,
+    le: int | None = None,
+) -> Any:
+    """Declare a choice that shapes the equations; see `engine.quantity.Option`."""
+    return _Declared(Option("", kind, default, doc, choices, ge, le))
+
+
+def flange(doc: str, *, kind: str = ROTATIONAL, name: str = "") -> Any:
+    """Declare a mechanical connector: motion shared, effort balanced."""
+    return _Declared(Port(name, "flange", doc, kind=kind))
+
+
+def signal_in(unit: str, doc: str, *, default: float | None = None, name: str = "") -> Any:
+    """Declare a causal input; with a default it may stay unconnected."""
+    return _Declared(Port(name, "input", doc, unit=unit, default=default))
+
+
+def signal_out(unit: str, doc: str, *, name: str = "") -> Any:
+    """Declare a causal output."""
+    return _Declared(Port(name, "output", doc, unit=unit))
+
+
+class Block:
+    """A component of the library. Subclasses declare parameters and ports and write their law in `stamp`.
+
+    Args:
+        values: parameters and options by name; numbers in the declared unit, or texts with a unit.
+
+    Attributes:
+        values: parameters and options by name, in the declared unit.
+
+    Raises:
+        ParameterError: unknown name, missing value, wrong unit or range.
+    """
+
+    parameters: ClassVar[dict[str, Parameter]] = {}
+    options: ClassVar[dict[str, Option]] = {}
+    ports: ClassVar[dict[str, Port]] = {}
+    _port_attributes: ClassVar[dict[str, str]] = {}
+    _bound: dict[str, Any] | None = None
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        parameters, options, ports = dict(cls.parameters), dict(cls.options), dict(cls.ports)
+        attributes = dict(cls._port_attributes)
+        for attribute, declared in list(vars(cls).items()):
+            if not isinstance(declared, _Declared):
+                continue
+            made = declared.made
+            if isinstance(made, Port):
+                made = replace(made, name=made.name or attribute)
+                ports[made.name] = made
+                attributes[attribute] = made.name
+            else:
+                made = replace(made, name=attribute)
+                (parameters if isinstance(made, Parameter) else options)[attribute] = made
+            declared.made = made
+        cls.parameters, cls.options, cls.ports, cls._port_attributes = parameters, options, ports, attributes
+
+    def __init__(self, **values: Any) -> None:
+        cls = type(self)
+        known = [*cls.parameters, *cls.options]
+        for name in values:
+            if name not in known:
+                raise ParameterError(f"{cls.__name__} has no parameter '{name}'", remedy=nearest(name, known))
+        self.values: dict[str, Any] = {}
+        self._aliases: dict[str, str] = {}
+        self._units: dict[str, str] = {}
+        for name, choice in cls.options.items():
+            self.values[name] = self._given(choice, values, choice.check)
+        for name, declared in cls.parameters.items():
+            if name not in values and isinstance(declared.default, SameAs):
+                self._aliases[name] = declared.default.choose(values)
+            else:
+                self.values[name] = self._given(declared, values, lambda v, d=declared: self._number(d, v))
+        for name, other in self._aliases.items():
+            self.values[name] = self.values[other]
+        self.check()
+
+    def _given(self, declared: Parameter | Option, values: dict[str, Any], check: Any) -> Any:
+        value = values.get(declared.name, declared.default)
+        if isinstance(declared, Parameter) and declared.unit == "*":
+            self._units[declared.name] = _unit_given(value)
+        if value is ...:
+            unit = f" in {declared.unit}" if isinstance(declared, Parameter) and declared.unit not in "1*" else ""
+            raise ParameterError(
+                f"{type(self).__name__} needs '{declared.name}': {declared.doc}", remedy=f"give {declared.name}{unit}"
+            )
+        return check(value)
+
+    def unit_of(self, name: str) -> str:
+        """Unit of a parameter's value; where any unit fits, that of what was given (``*`` for a bare number)."""
+        return self._units.get(name, type(self).parameters[name].unit)
+
+    def _number(self, declared: Parameter, value: Any) -> Any:
+        if not declared.size:
+            return declared.check(value)
+        length = int(self.values[declared.size])
+        items = list(value) if isinstance(value, list | tuple) else [value] * length
+        if len(items) != length:
+            raise ParameterError(
+                f"{declared.name} has {len(items)} values",
+                remedy=f"give {length}, one per {declared.size}, or a single number for all",
+            )
+        return tuple(declared.check(item) for item in items)
+
+    def same_as(self, name: str) -> str | None:
+        """The parameter that stands in for ``name`` because none was given, if its default says so."""
+        return self._aliases.get(name)
+
+    def check(self) -> None:
+        """Check what single bounds cannot: relations between parameters. Raise `ParameterError`."""
+
+    def stamp(self, net: Net) -> None:
+        """Write the block's law into the net.
+
+        Raises:
+            NotImplementedError: the subclass has no law.
+        """
+        raise NotImplementedError(f"{type(self).__name__} does not say how it is stamped")
+
+    def bind(self, symbols: dict[str, Any]) -> Self:
+        """A copy whose declarations read as the given symbols; used by the net while stamping."""
+        bound = copy.copy(self)
+        bound._bound = symbols
+        return bound
+
+    @classmethod
+    def summary(cls) -> str:
+        """First line of the block's documentation."""
+        return (cls.__doc__ or "").strip().split("\n", 1)[0]
+
+    @classmethod
+    def is_physical(cls) -> bool:
+        """Whether the block has a flange, and so belongs to the plant rather than to the signals."""
+        return any(port.role == "flange" for port in cls.ports.values())
+
+    def __repr__(self) -> str:
+        given = ", ".join(f"{name}={value!r}" for name, value in self.values.items())
+        return f"{type(self).__name__}({given})"
+
+
+def _unit_given(value: Any) -> str:
+    """Coherent SI unit of a text such as ``5 mV``; ``*`` for a bare number or what `Parameter.check` will refuse."""
+    if not isinstance(value, str):
+        return "*"
+    try:
+        given = split(value)[1]
+        return coherent(given)[1] if given else "*"
+    except ParameterError:
+        return "*"

@@ -1,0 +1,278 @@
+"""From expressions to C: straight-line code in three levels.
+
+Every SX instruction becomes one named double. What depends on parameters only is computed once per parameter set, what
+depends on parameters and modes once per switch, and only the rest at every right-hand side. Equal subexpressions are
+shared between the functions, and a division by a lower-level value becomes a product with its stored reciprocal.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+
+from engine.block import Expression
+from engine.model import FRICTION, SWITCH, TIME, Model
+
+_RUNTIME = Path(__file__).parent / "runtime"
+
+_BINARY = {
+    ca.OP_ADD: "{0} + {1}",
+    ca.OP_SUB: "{0} - {1}",
+    ca.OP_MUL: "{0} * {1}",
+    ca.OP_DIV: "{0} / {1}",
+    ca.OP_POW: "pow({0}, {1})",
+    ca.OP_CONSTPOW: "pow({0}, {1})",
+    ca.OP_LT: "(double)({0} < {1})",
+    ca.OP_LE: "(double)({0} <= {1})",
+    ca.OP_EQ: "(double)({0} == {1})",
+    ca.OP_NE: "(double)({0} != {1})",
+    ca.OP_AND: "(double)({0} != 0 && {1} != 0)",
+    ca.OP_OR: "(double)({0} != 0 || {1} != 0)",
+    ca.OP_IF_ELSE_ZERO: "({0} != 0 ? {1} : 0.0)",
+    ca.OP_FMIN: "fa_min({0}, {1})",
+    ca.OP_FMAX: "fa_max({0}, {1})",
+    ca.OP_FMOD: "fmod({0}, {1})",
+    ca.OP_REMAINDER: "remainder({0}, {1})",
+    ca.OP_COPYSIGN: "copysign({0}, {1})",
+    ca.OP_ATAN2: "atan2({0}, {1})",
+    ca.OP_HYPOT: "hypot({0}, {1})",
+}
+_UNARY = {
+    ca.OP_ASSIGN: "{0}",
+    ca.OP_NEG: "-{0}",
+    ca.OP_SQ: "{0} * {0}",
+    ca.OP_TWICE: "2.0 * {0}",
+    ca.OP_INV: "1.0 / {0}",
+    ca.OP_NOT: "(double)({0} == 0)",
+    ca.OP_FABS: "fabs({0})",
+    ca.OP_SIGN: "fa_sign({0})",
+    ca.OP_SQRT: "sqrt({0})",
+    ca.OP_EXP: "exp({0})",
+    ca.OP_LOG: "log({0})",
+    ca.OP_SIN: "sin({0})",
+    ca.OP_COS: "cos({0})",
+    ca.OP_TAN: "tan({0})",
+    ca.OP_ASIN: "asin({0})",
+    ca.OP_ACOS: "acos({0})",
+    ca.OP_ATAN: "atan({0})",
+    ca.OP_SINH: "sinh({0})",
+    ca.OP_COSH: "cosh({0})",
+    ca.OP_TANH: "tanh({0})",
+    ca.OP_ASINH: "asinh({0})",
+    ca.OP_ACOSH: "acosh({0})",
+    ca.OP_ATANH: "atanh({0})",
+    ca.OP_ERF: "erf({0})",
+    ca.OP_LOG1P: "log1p({0})",
+    ca.OP_EXPM1: "expm1({0})",
+    ca.OP_FLOOR: "floor({0})",
+    ca.OP_CEIL: "ceil({0})",
+}
+_CONSTANT, _PARAMETER, _MODE, _STATE = range(4)
+_ARGUMENTS = ("t", "x", "u", "d", "m", "p", "fire")
+
+
+class Emitter:
+    """A shared graph of scalar operations, and the C text of functions on it."""
+
+    def __init__(self) -> None:
+        self.nodes: list[tuple[Any, ...]] = []
+        self.levels: list[int] = []
+        self._index: dict[tuple[Any, ...], int] = {}
+        self.functions: dict[str, list[int]] = {}
+
+    def _node(self, *key: Any) -> int:
+        known = self._index.get(key)
+        if known is not None:
+            return known
+        if key[0] == "const":
+            level = _CONSTANT
+        elif key[0] == "input":
+            level = {"p": _PARAMETER, "m": _MODE}.get(key[1], _STATE)
+        else:
+            level = max(self.levels[operand] for operand in key[1:])
+        if key[0] == ca.OP_DIV and level == _STATE and self.levels[key[2]] < _STATE:
+            return self._node(ca.OP_MUL, key[1], self._node(ca.OP_INV, key[2]))
+        self._index[key] = len(self.nodes)
+        self.nodes.append(key)
+        self.levels.append(level)
+        return len(self.nodes) - 1
+
+    def add(self, name: str, arguments: list[Expression], expression: Expression) -> None:
+        """Add a function of the model's arguments, in the order ``t, x, u, d, m, p, fire``."""
+        function = ca.Function(name, arguments, [ca.densify(expression)])
+        work: dict[int, int] = {}
+        results = [self._node("const", 0.0)] * expression.numel()
+        for k in range(function.n_instructions()):
+            operation = function.instruction_id(k)
+            inputs, outputs = function.instruction_input(k), function.instruction_output(k)
+            if operation == ca.OP_CONST:
+                work[outputs[0]] = self._node("const", float(function.instruction_constant(k)))
+            elif operation == ca.OP_INPUT:
+                work[outputs[0]] = self._node("input", _ARGUMENTS[inputs[0]], inputs[1])
+            elif operation == ca.OP_OUTPUT:
+                results[outputs[1]] = work[inputs[0]]
+            else:
+                operands = [work[i] for i in inputs]
+                if operation in _UNARY:
+                    operands = operands[:1]
+                elif operation not in _BINARY:
+                    raise NotImplementedError(f"CasADi operation {operation} has no C form")
+                work[outputs[0]] = self._node(operation, *operands)
+        self.functions[name] = results
+
+    def _reach(self, roots: list[int], level: int) -> list[int]:
+        """Nodes of exactly ``level`` that the roots need, in order, looking through that level only."""
+        seen: set[int] = set()
+        queue = [r for r in roots if self.levels[r] == level]
+        while queue:
+            node = queue.pop()
+            if node in seen:
+                continue
+            seen.add(node)
+            key = self.nodes[node]
+            if key[0] not in ("const", "input"):
+                queue += [operand for operand in key[1:] if self.levels[operand] == level]
+        return sorted(seen)
+
+    def _needs(self, nodes: list[int], level: int) -> list[int]:
+        """Computed nodes of ``level`` that the given nodes use directly."""
+        used: set[int] = set()
+        for node in nodes:
+            key = self.nodes[node]
+            operands = () if key[0] in ("const", "input") else key[1:]
+            used |= {o for o in operands if self.levels[o] == level and self.nodes[o][0] != "input"}
+        return sorted(used)
+
+    def _operand(self, node: int, stored: dict[int, str], local: set[int]) -> str:
+        key = self.nodes[node]
+        if key[0] == "const":
+            return _literal(key[1])
+        if key[0] == "input":
+            return "t" if key[1] == "t" else f"{key[1]}[{key[2]}]"
+        return f"v{node}" if node in local else stored[node]
+
+    def _body(self, nodes: list[int], stored: dict[int, str]) -> list[str]:
+        lines: list[str] = []
+        local: set[int] = set()
+        for node in nodes:
+            key = self.nodes[node]
+            if key[0] in ("const", "input"):
+                continue
+            form = _UNARY.get(key[0]) or _BINARY[key[0]]
+            text = form.format(*[self._operand(o, stored, local) for o in key[1:]])
+            lines.append(f"  const double v{node} = {text};")
+            local.add(node)
+        return lines
+
+    def text(self) -> str:
+        """C source of the preparations and of every function added."""
+        everything = [node for results in self.functions.values() for node in results]
+        state_nodes = {name: self._reach(results, _STATE) for name, results in self.functions.items()}
+        high = sorted({node for nodes in state_nodes.values() for node in nodes})
+        direct = [r for r in everything if self.nodes[r][0] not in ("const", "input")]
+        wanted_m = sorted({*self._needs(high, _MODE), *[r for r in direct if self.levels[r] == _MODE]})
+        mode_nodes = self._reach(wanted_m, _MODE)
+        wanted_p = sorted(
+            {
+                *self._needs(high, _PARAMETER),
+                *self._needs(mode_nodes, _PARAMETER),
+                *[r for r in direct if self.levels[r] == _PARAMETER],
+            }
+        )
+        wanted_c = self._needs(high, _CONSTANT) + self._needs(mode_nodes, _CONSTANT)
+        wanted_c += self._needs(self._reach(wanted_p, _PARAMETER), _CONSTANT)
+        wanted_c += [r for r in direct if self.levels[r] == _CONSTANT]
+        constants = sorted({n for n in wanted_c if self.nodes[n][0] != "const"})
+        wanted_p = [*constants, *wanted_p]
+        stored = {node: f"cp[{i}]" for i, node in enumerate(wanted_p)}
+        stored |= {node: f"cm[{i}]" for i, node in enumerate(wanted_m)}
+        low = [*self._reach(constants, _CONSTANT), *self._reach(wanted_p, _PARAMETER)]
+        parts = [f"#define FA_NCP {len(wanted_p)}\n#define FA_NCM {len(wanted_m)}\n"]
+        body = self._body(low, {})
+        body += [f"  cp[{i}] = v{node};" for i, node in enumerate(wanted_p)]
+        parts.append(_function("fa_prepare_parameters", "const double *p, double *cp", body))
+        body = self._body(mode_nodes, stored)
+        body += [f"  cm[{i}] = v{node};" for i, node in enumerate(wanted_m)]
+        arguments = "const double *m, const double *p, const double *cp, double *cm"
+        parts.append(_function("fa_prepare_modes", arguments, body))
+        arguments = (
+            "double t, const double *restrict x, const double *restrict u, const double *restrict d, "
+            "const double *restrict m, const double *restrict p, const double *restrict cp, "
+            "const double *restrict cm, const double *restrict fire, double *restrict r"
+        )
+        for name, results in self.functions.items():
+            body = self._body(state_nodes[name], stored)
+            local = set(state_nodes[name])
+            body += [f"  r[{i}] = {self._operand(node, stored, local)};" for i, node in enumerate(results)]
+            parts.append(_function(f"fa_{name}", arguments, body))
+        return "\n".join(parts)
+
+
+def _function(name: str, arguments: str, body: list[str]) -> str:
+    return f"static void {name}({arguments}) {{\n" + "\n".join(body) + "\n}\n"
+
+
+def _literal(value: float) -> str:
+    if value != value:
+        return "(0.0/0.0)"
+    if value in (float("inf"), float("-inf")):
+        return "(1.0/0.0)" if value > 0 else "(-1.0/0.0)"
+    text = repr(value)
+    return f"({text})" if value < 0 else text
+
+
+def _array(ctype: str, name: str, values: list[str]) -> str:
+    return f"static const {ctype} {name}[] = {{{', '.join(values) or '0'}}};"
+
+
+def model_code(model: Model) -> str:
+    """C source of a model's sizes, tables and functions, without the runtime."""
+    e = model.equations
+    emitter = Emitter()
+    arguments = [*e.arguments, e.fire]
+    emitter.add("derivative", arguments, e.derivative)
+    emitter.add("full", arguments, ca.vertcat(e.derivative, e.guards))
+    emitter.add("outputs", arguments, e.outputs)
+    emitter.add("update", arguments, e.update)
+    emitter.add("following", arguments, e.following)
+    frictions = [mode for mode in model.modes if mode.kind == FRICTION]
+    sizes = {
+        "FA_NQ": model.coordinates,
+        "FA_NX": len(model.states),
+        "FA_NU": len(model.inputs),
+        "FA_NW": len(model.tables),
+        "FA_ND": len(model.memories),
+        "FA_NP": len(model.parameters),
+        "FA_NY": len(model.outputs),
+        "FA_NF": len(frictions),
+        "FA_NS": model.count(SWITCH),
+        "FA_NT": model.count(TIME),
+        "FA_NC": len(model.clocks),
+    }
+    lines = [f"#define {name} {value}" for name, value in sizes.items()]
+    lines.append(_array("int", "fa_stick_coordinate", [str(mode.coordinate) for mode in frictions]))
+    lines.append(_array("int", "fa_table_length", [str(len(t.times)) for t in model.tables]))
+    lines.append(_array("int", "fa_table_linear", [str(int(t.hold == "linear")) for t in model.tables]))
+    for i, table in enumerate(model.tables):
+        lines.append(_array("double", f"fa_table_t{i}", [_literal(float(t)) for t in table.times]))
+        lines.append(_array("double", f"fa_table_v{i}", [_literal(float(v)) for v in table.values]))
+    for kind in "tv":
+        names = [f"fa_table_{kind}{i}" for i in range(len(model.tables))]
+        lines.append(_array("double *const", f"fa_table_{kind}", names))
+    lines.append("static double fa_min(double a, double b) { return a < b ? a : b; }")
+    lines.append("static double fa_max(double a, double b) { return a > b ? a : b; }")
+    lines.append("static double fa_sign(double a) { return (double)((a > 0) - (a < 0)); }")
+    return "\n".join(lines) + "\n\n" + emitter.text()
+
+
+def runtime(name: str) -> str:
+    """Source of a hand-written part of the runtime."""
+    return (_RUNTIME / name).read_text(encoding="utf-8")
+
+
+def simulation_source(model: Model) -> str:
+    """One translation unit: the model, the integrator and the entry points that Python calls."""
+    head = "#include <math.h>\n#include <string.h>\n#include <stdint.h>\n"
+    return head + model_code(model) + runtime("core.c") + runtime("simulate.c")

@@ -1,0 +1,142 @@
+"""From C to a loaded library: zig's clang from the ziglang package, with a cache keyed by content.
+
+The key holds source, flags, compiler version and CPU, so a cache may be shared by processes and machines. A library is
+built in a temporary folder and renamed into place, so a killed compilation leaves nothing behind. Floating-point
+contraction is off: native and baseline builds of one model then give the same numbers.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import hashlib
+import logging
+import os
+import platform
+import shlex
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from engine.errors import CompilerUnavailable
+
+log = logging.getLogger("flexarm.compile")
+
+FLAGS = (
+    "-std=c11",
+    "-O2",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fPIC",
+    "-shared",
+    "-fvisibility=hidden",
+    "-Wno-unused-function",
+)
+_SUFFIX = {"win32": ".dll", "darwin": ".dylib"}
+
+
+@functools.cache
+def compiler() -> tuple[str, ...]:
+    """The command that compiles C: ``$FLEXARM_CC`` if set, else zig from the ziglang package.
+
+    Raises:
+        CompilerUnavailable: neither can be found.
+    """
+    chosen = os.environ.get("FLEXARM_CC")
+    if chosen:
+        return tuple(shlex.split(chosen))
+    try:
+        import ziglang
+    except ImportError as error:
+        raise CompilerUnavailable("no C compiler: the package ziglang is not installed") from error
+    name = "zig.exe" if sys.platform == "win32" else "zig"
+    return (str(Path(ziglang.__file__).parent / name), "cc")
+
+
+@functools.cache
+def version() -> str:
+    """What the compiler calls itself; part of the cache key.
+
+    Raises:
+        CompilerUnavailable: it cannot be run.
+    """
+    try:
+        run = subprocess.run([*compiler(), "--version"], capture_output=True, text=True, timeout=120, check=True)
+    except (OSError, subprocess.SubprocessError) as error:
+        raise CompilerUnavailable(f"the C compiler {' '.join(compiler())} does not run: {error}") from error
+    return run.stdout.strip()
+
+
+@functools.cache
+def _cpu() -> str:
+    """Identity of the CPU that a native build is for."""
+    parts = [platform.system(), platform.machine()]
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        parts += sorted({line for line in lines if line.startswith(("flags", "Features", "model name"))})
+    return "\n".join(parts)
+
+
+def cache_folder() -> Path:
+    """Where compiled models are kept: ``$FLEXARM_CACHE``, else the user's cache folder."""
+    chosen = os.environ.get("FLEXARM_CACHE")
+    if chosen:
+        return Path(chosen)
+    base = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "flexarm"
+
+
+def _build(source: str, target: Path) -> None:
+    """Compile into ``target`` in a folder of its own, then rename."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix="build-") as folder:
+        code, made = Path(folder) / "model.c", Path(folder) / target.name
+        code.write_text(source, encoding="utf-8")
+        run_compiler([*FLAGS, "-o", str(made), str(code), "-lm"], Path(folder))
+        made.replace(target)
+
+
+def run_compiler(arguments: list[str], folder: Path) -> None:
+    """Run the compiler with its scratch files in ``folder``.
+
+    Raises:
+        CompilerUnavailable: it cannot be run or reports an error.
+    """
+    environment = dict(os.environ, ZIG_LOCAL_CACHE_DIR=str(folder / "zig-cache"))
+    try:
+        run = subprocess.run(
+            [*compiler(), *arguments], capture_output=True, text=True, env=environment, cwd=folder, check=False
+        )
+    except OSError as error:
+        raise CompilerUnavailable(f"the C compiler {' '.join(compiler())} does not run: {error}") from error
+    if run.returncode:
+        raise CompilerUnavailable(
+            f"the C compiler failed with code {run.returncode}:\n{run.stderr.strip()[-2000:]}",
+            remedy="see FLEXARM_CC to choose another compiler",
+        )
+
+
+def library(source: str) -> ctypes.CDLL:
+    """The loaded library of a source, compiled only if the cache has none.
+
+    Raises:
+        CompilerUnavailable: no compiler runs, or it fails.
+    """
+    key = hashlib.sha256("\0".join([source, *FLAGS, version(), _cpu()]).encode()).hexdigest()[:32]
+    suffix = _SUFFIX.get(sys.platform, ".so")
+    target = cache_folder() / f"{key}{suffix}"
+    if target.exists():
+        with contextlib.suppress(OSError):
+            return ctypes.CDLL(str(target))
+    log.info("compiling the model; the very first time fills the compiler's own cache and takes some seconds")
+    try:
+        _build(source, target)
+    except OSError as error:
+        log.info("the cache %s cannot be written (%s); compiling for this process only", target.parent, error)
+        with tempfile.TemporaryDirectory(prefix="flexarm-", ignore_cleanup_errors=True) as folder:
+            target = Path(folder) / target.name
+            _build(source, target)
+            return ctypes.CDLL(str(target))
+    return ctypes.CDLL(str(target))

@@ -1,0 +1,216 @@
+"""Choosing coordinates: ties are eliminated exactly, and every friction edge becomes a coordinate of its own.
+
+Each motion is a combination of coordinates, ``phi = T q``. A tie removes one motion from the basis; a friction edge
+replaces one, so that its relative velocity is a coordinate and sticking means holding that coordinate still. An
+efficiency scales the balance of the motions on one side of a gear: rows of ``E`` in ``T' E M T q'' = T' E f``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.block import Expression
+from engine.errors import StructureError
+from engine.net import Friction, Motion, Net
+
+Row = dict[int, Expression]
+_ZERO = 1e-12
+
+
+@dataclass
+class Coordinates:
+    """The result of the elimination.
+
+    Attributes:
+        names: one per coordinate; ``relative`` marks those that are a friction edge's relative motion.
+        kinds: ``rotational`` or ``translational``.
+        rows: for each motion, coordinate index -> coefficient.
+        weights: for each motion, the efficiency weight of its balance.
+        frictions: coordinate index -> list of (friction, scale): its velocity is scale times the coordinate's.
+    """
+
+    names: list[str]
+    kinds: list[str]
+    rows: list[Row]
+    weights: list[Expression]
+    frictions: dict[int, list[tuple[Friction, Expression]]]
+
+    def transform(self) -> Expression:
+        """T, shape (motions, coordinates)."""
+        matrix = ca.SX(len(self.rows), len(self.names))
+        for i, row in enumerate(self.rows):
+            for j, coefficient in row.items():
+                matrix[i, j] = coefficient
+        return matrix
+
+
+class _Basis:
+    """Motions as combinations of a shrinking basis, with numbers at nominal parameters beside the symbols."""
+
+    def __init__(self, net: Net, symbols: Expression, values: NDArray[np.float64]) -> None:
+        self.net = net
+        self.symbols, self.values = symbols, values
+        self.rows: list[Row] = [{m.index: ca.SX(1)} for m in net.motions]
+        self.names: dict[int, str] = {m.index: m.name for m in net.motions}
+        self.kinds: dict[int, str] = {m.index: m.kind for m in net.motions}
+        self.free = len(net.motions)
+
+    def number(self, expression: Expression) -> float:
+        function = ca.Function("value", [self.symbols], [expression])
+        return float(function(self.values))
+
+    def reduce(self, terms: Row) -> Row:
+        """A linear form of motions as one of the present basis, vanishing terms dropped."""
+        total: Row = {}
+        for motion, coefficient in terms.items():
+            for basis, share in self.rows[motion].items():
+                total[basis] = total.get(basis, ca.SX(0)) + coefficient * share
+        return {basis: c for basis, c in total.items() if abs(self.number(c)) > _ZERO}
+
+    def substitute(self, pivot: int, replacement: Row) -> None:
+        """Replace a basis element by a combination of others."""
+        for row in self.rows:
+            share = row.pop(pivot, None)
+            if share is None:
+                continue
+            for basis, coefficient in replacement.items():
+                row[basis] = row.get(basis, ca.SX(0)) + share * coefficient
+
+    def pick(self, form: Row, taken: set[int]) -> int:
+        """The basis element to eliminate: a unit coefficient, a flange rather than an inner coordinate."""
+        candidates = [b for b in form if b not in taken]
+        motions = self.net.motions
+
+        def cost(basis: int) -> tuple[bool, bool, int]:
+            unit = form[basis].is_constant() and abs(float(form[basis])) == 1.0
+            inner = basis < len(motions) and motions[basis].inner
+            return (not unit, inner, basis)
+
+        return min(candidates, key=cost)
+
+
+def choose(net: Net, symbols: Expression, values: NDArray[np.float64]) -> Coordinates:
+    """Eliminate the ties and make every friction edge a coordinate.
+
+    Args:
+        net: what the blocks stamped.
+        symbols: the parameter vector.
+        values: its nominal values; they decide only what is structurally zero.
+
+    Raises:
+        StructureError: ties that close a loop, or a friction edge that would.
+    """
+    basis = _Basis(net, symbols, values)
+    for tie in net.ties:
+        form = basis.reduce(tie.terms)
+        if not form:
+            raise StructureError(
+                f"'{tie.owner}' ties motions that are tied already ({_names(net.motions, tie.terms)})",
+                remedy="remove one of the ties, or put a spring into the loop",
+            )
+        pivot = basis.pick(form, set())
+        lead = form.pop(pivot)
+        basis.substitute(pivot, {b: -c / lead for b, c in form.items()})
+    taken: dict[int, list[tuple[Friction, Expression]]] = {}
+    for friction in net.frictions:
+        _place(basis, friction, taken)
+    kept = sorted({b for row in basis.rows for b in row})
+    position = {b: i for i, b in enumerate(kept)}
+    return Coordinates(
+        [basis.names[b] for b in kept],
+        [basis.kinds[b] for b in kept],
+        [{position[b]: c for b, c in row.items()} for row in basis.rows],
+        _weights(net),
+        {position[b]: entries for b, entries in taken.items()},
+    )
+
+
+def _place(basis: _Basis, friction: Friction, taken: dict[int, list[tuple[Friction, Expression]]]) -> None:
+    """Give a friction edge its coordinate, sharing one when the edges move together."""
+    form = basis.reduce(friction.terms)
+    if not form:
+        raise StructureError(
+            f"friction '{friction.owner}' acts between motions that cannot move against each other",
+            remedy="remove it, or remove the tie that locks it",
+        )
+    if len(form) == 1 and next(iter(form)) in taken:
+        coordinate, scale = next(iter(form.items()))
+        taken[coordinate].append((friction, scale))
+        return
+    if all(b in taken for b in form):
+        owners = sorted({entry.owner for b in form for entry, _ in taken[b]})
+        raise StructureError(
+            f"friction '{friction.owner}' closes a loop with {', '.join(owners)}",
+            remedy="several stuck joints in a loop have no unique reaction; remove one, or put a spring in the loop",
+        )
+    pivot = basis.pick(form, set(taken))
+    if len(form) == 1:
+        taken[pivot] = [(friction, form[pivot])]
+        return
+    lead = form.pop(pivot)
+    new = basis.free
+    basis.free += 1
+    basis.names[new] = f"{friction.owner}.relative"
+    basis.kinds[new] = basis.net.motions[next(iter(friction.terms))].kind
+    basis.substitute(pivot, {new: 1 / lead, **{b: -c / lead for b, c in form.items()}})
+    taken[new] = [(friction, ca.SX(1))]
+
+
+def _weights(net: Net) -> list[Expression]:
+    """Efficiency weight of each motion's balance: equal across ties, masses and friction, eta across a lossy tie."""
+    weights: dict[int, Expression] = {}
+    edges: dict[int, list[tuple[int, Expression, str]]] = {m.index: [] for m in net.motions}
+
+    def join(a: int, b: int, ratio: Expression, owner: str) -> None:
+        edges[a].append((b, 1 / ratio, owner))
+        edges[b].append((a, ratio, owner))
+
+    for tie in net.ties:
+        if tie.efficiency is not None:
+            entering, leaving, eta = tie.efficiency
+            join(entering, leaving, ca.SX(eta), tie.owner)
+        else:
+            first, *rest = tie.terms
+            for other in rest:
+                join(first, other, ca.SX(1), tie.owner)
+    for i, j in net.masses:
+        if i != j:
+            join(i, j, ca.SX(1), net.motions[i].name)
+    for friction in net.frictions:
+        first, *rest = friction.terms
+        for other in rest:
+            join(first, other, ca.SX(1), friction.owner)
+    for start in [m.index for m in reversed(net.motions)]:
+        if start in weights:
+            continue
+        weights[start] = ca.SX(1)
+        queue = [start]
+        while queue:
+            here = queue.pop()
+            for there, ratio, owner in edges[here]:
+                value = weights[here] * ratio
+                if there not in weights:
+                    weights[there] = value
+                    queue.append(there)
+                elif not _same(weights[there], value):
+                    raise StructureError(
+                        f"'{owner}' closes a loop around a gear with losses",
+                        remedy="set that gear's efficiency to 1, or put a spring into the loop",
+                    )
+    return [weights[m.index] for m in net.motions]
+
+
+def _same(a: Expression, b: Expression) -> bool:
+    """Whether two products of efficiencies agree at random values of their symbols."""
+    symbols = ca.symvar(ca.vertcat(a, b))
+    function = ca.Function("same", [ca.vertcat(*symbols)], [a - b])
+    trial = np.array([0.37 + 0.19 * i for i in range(len(symbols))])
+    return abs(float(function(trial))) < 1e-12
+
+
+def _names(motions: list[Motion], terms: Row) -> str:
+    return ", ".join(motions[i].name for i in terms)

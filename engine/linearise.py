@@ -1,0 +1,205 @@
+"""The linear model at an operating point, with the mode it belongs to.
+
+A stuck joint holds its coordinate still, so its position and speed are no states of the linear model. A contact, a dead
+zone or a saturation is linearised in the mode found at the point, or in the one asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from engine.errors import ParameterError, nearest
+from engine.model import FRICTION, TIME, Mode, Model, Vector
+from engine.start import start_values
+
+if TYPE_CHECKING:
+    import control
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """``x' = A x + B u, y = C x + D u`` for deviations from a point.
+
+    Attributes:
+        A, B, C, D: shapes (n, n), (n, r), (m, n), (m, r).
+        states, inputs, outputs: names.
+        units: name -> unit.
+        modes: mode name -> label of the mode that was linearised.
+        point: state name -> value at the operating point.
+        rate: the largest |dx/dt| at the point over the states kept: zero at an equilibrium.
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: dict[str, str]
+    modes: dict[str, str]
+    point: dict[str, float]
+    rate: float
+
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A (1/s), by magnitude."""
+        return _by_magnitude(np.linalg.eigvals(self.A))
+
+    def zeros(self, output: str | None = None, input: str | None = None) -> NDArray[np.complex128]:
+        """Invariant zeros (1/s) of one input-output pair (the first by default).
+
+        Raises:
+            ParameterError: unknown name.
+        """
+        i = _index(output, self.outputs, "output")
+        j = _index(input, self.inputs, "input")
+        return transmission_zeros(self.A, self.B[:, [j]], self.C[[i]], self.D[[i]][:, [j]])
+
+    def gain(self, frequency: float) -> NDArray[np.complex128]:
+        """Frequency response at ``frequency`` (rad/s), shape (outputs, inputs)."""
+        n = len(self.A)
+        response = self.C @ np.linalg.solve(1j * frequency * np.eye(n) - self.A, self.B.astype(complex)) + self.D
+        return np.asarray(response, dtype=complex)
+
+    def to_control(self) -> control.StateSpace:
+        """The same as a python-control system; dots in names become underscores, which python-control asks for."""
+        import control
+
+        named = {kind: [n.replace(".", "_") for n in getattr(self, kind)] for kind in ("states", "inputs", "outputs")}
+        return control.ss(self.A, self.B, self.C, self.D, **named)
+
+
+def _index(name: str | None, names: tuple[str, ...], kind: str) -> int:
+    if name is None:
+        return 0
+    if name not in names:
+        raise ParameterError(f"no {kind} '{name}'", remedy=nearest(name, names))
+    return names.index(name)
+
+
+def _by_magnitude(values: Any) -> NDArray[np.complex128]:
+    values = np.asarray(values, dtype=complex)
+    ordered: NDArray[np.complex128] = values[np.lexsort((values.imag, np.round(np.abs(values), 9)))]
+    return ordered
+
+
+def transmission_zeros(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> NDArray[np.complex128]:
+    """Finite zeros of a square system, by the generalised eigenvalues of the Rosenbrock pencil."""
+    n = len(A)
+    scale = max(np.abs(B).max(initial=0.0), 1e-300)
+    out = max(np.abs(C).max(initial=0.0), 1e-300)
+    pencil = np.block([[A, B / scale], [C / out, D / (scale * out)]])
+    mass = np.zeros_like(pencil)
+    mass[:n, :n] = np.eye(n)
+    alpha, beta = scipy.linalg.eig(pencil, mass, right=False, homogeneous_eigvals=True)
+    size = np.abs(alpha) + np.abs(beta)
+    rate = max(np.abs(A).max(initial=0.0), 1.0)
+    finite = np.abs(beta) > 1e-11 * size / rate
+    return _by_magnitude(alpha[finite] / beta[finite])
+
+
+def linearise(
+    model: Model,
+    *,
+    at: dict[str, float] | None = None,
+    inputs: dict[str, float] | None = None,
+    modes: dict[str, str] | None = None,
+    parameters: dict[str, float] | None = None,
+    time: float = 0.0,
+) -> LinearModel:
+    """Linearise at a point.
+
+    Args:
+        model: built with the inputs and outputs wanted.
+        at: motions and states at the point by name, SI units; the rest as at the model's start.
+        inputs: input values at the point, SI units; zero by default.
+        modes: mode name -> label (``stuck``, ``sliding forward``, ``inside``...) to linearise in, in place of the one
+            found at the point.
+        parameters: values that replace the model's, SI units.
+        time: instant (s), for sources.
+
+    Raises:
+        ParameterError: a name or label that does not exist.
+    """
+    p = model.parameter_vector(parameters)
+    x = start_values(model, p, at)
+    u = np.zeros(model.equations.u.numel())
+    for name, value in (inputs or {}).items():
+        u[_index(name, tuple(v.name for v in model.inputs), "input")] = value
+    for i, table in enumerate(model.tables):
+        u[len(model.inputs) + i] = np.interp(time, table.times, table.values)
+    d = np.array(model.functions["memory_start"](p).full()).ravel()
+    m = _modes_at(model, time, x, u, d, p, dict(modes or {}))
+    e = model.equations
+    key = "linear"
+    if key not in model.functions:
+        external = e.u[: len(model.inputs)]
+        blocks = [ca.jacobian(f, s) for f in (e.derivative, e.outputs) for s in (e.x, external)]
+        model.functions[key] = ca.Function(key, e.arguments, [ca.densify(b) for b in blocks])
+    A, B, C, D = (np.array(b.full()) for b in model.functions[key](time, x, u, d, m, p))
+    stuck = [
+        mode.coordinate for mode, value in zip(model.modes, m, strict=True) if mode.kind == FRICTION and value == 0
+    ]
+    gone = {*stuck, *(model.coordinates + c for c in stuck)}
+    keep = [i for i in range(len(model.states)) if i not in gone]
+    rate = np.array(model.functions["derivative"](time, x, u, d, m, p).full()).ravel()[keep]
+    names = tuple(model.states[i].name for i in keep)
+    variables = (*model.states, *model.inputs, *model.outputs)
+    return LinearModel(
+        A[np.ix_(keep, keep)],
+        B[keep],
+        C[:, keep],
+        D,
+        names,
+        tuple(v.name for v in model.inputs),
+        tuple(v.name for v in model.outputs),
+        {v.name: v.unit for v in variables},
+        {mode.name: _label(mode, v) for mode, v in zip(model.modes, m, strict=True) if mode.kind != TIME},
+        dict(zip((s.name for s in model.states), x.tolist(), strict=True)),
+        float(np.abs(rate).max(initial=0.0)),
+    )
+
+
+def _label(mode: Mode, value: float) -> str:
+    return mode.labels[int(value) + 1]
+
+
+def _modes_at(model: Model, t: float, x: Vector, u: Vector, d: Vector, p: Vector, wanted: dict[str, str]) -> Vector:
+    """Modes that agree with the point, those asked for held fixed."""
+    m = np.zeros(len(model.modes))
+    fixed = set()
+    names = [mode.name for mode in model.modes if mode.kind != TIME]
+    for name, label in wanted.items():
+        if name not in names:
+            raise ParameterError(f"no mode '{name}'", remedy=nearest(name, names))
+        k = names.index(name)
+        if label not in model.modes[k].labels:
+            raise ParameterError(f"mode '{name}' is never '{label}'", remedy=nearest(label, model.modes[k].labels))
+        m[k] = model.modes[k].labels.index(label) - 1
+        fixed.add(k)
+    following = model.functions["following"]
+    counters = [k for k, mode in enumerate(model.modes) if mode.kind == TIME]
+    for _ in range(1000):
+        due = [k for k, at in zip(counters, np.array(following(m, p).full()).ravel(), strict=True) if at <= t]
+        if not due:
+            break
+        m[due] += 1
+    for k, mode in enumerate(model.modes):
+        if mode.kind == FRICTION and k not in fixed:
+            m[k] = np.sign(x[model.coordinates + mode.coordinate])
+    for _ in range(4 * len(m) + 20):
+        g = np.array(model.functions["guards"](t, x, u, d, m, p).full()).ravel()
+        wrong = [k for k in range(len(g) // 2) if k not in fixed and max(g[2 * k], g[2 * k + 1]) > 0]
+        if not wrong:
+            break
+        k = max(wrong, key=lambda i: max(g[2 * i], g[2 * i + 1]))
+        m[k] = 0 if m[k] != 0 else (1 if g[2 * k] > 0 else -1)
+    return m

@@ -1,0 +1,224 @@
+"""The frozen model: named states, inputs, outputs, parameters and modes, and its equations as CasADi expressions."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.block import Expression
+from engine.errors import ParameterError, nearest
+from engine.quantity import Parameter
+
+Vector = NDArray[np.float64]
+
+FRICTION, SWITCH, TIME = "friction", "switch", "time"
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A named scalar of the model.
+
+    Attributes:
+        name: path such as ``link.hub.angle``.
+        unit: coherent SI unit.
+        doc: one sentence, may be empty.
+        start: starting value at the default parameters.
+    """
+
+    name: str
+    unit: str
+    doc: str = ""
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class ParameterVariable:
+    """A parameter of the model: its value and the declaration that bounds it."""
+
+    name: str
+    value: float
+    declared: Parameter
+    users: tuple[str, ...]
+
+    @property
+    def unit(self) -> str:
+        """Coherent SI unit."""
+        return self.declared.unit
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A discrete mode: a friction or switch in {-1, 0, +1}, or a counter of time events.
+
+    Attributes:
+        name: path of the block that owns it.
+        kind: ``friction``, ``switch`` or ``time``.
+        labels: what -1, 0 and +1 are called.
+        coordinate: for friction, the index of the coordinate that sticks.
+    """
+
+    name: str
+    kind: str
+    labels: tuple[str, str, str] = ("-1", "0", "+1")
+    coordinate: int = -1
+
+
+@dataclass(frozen=True)
+class SampleClock:
+    """Sample instants ``offset + k period`` in seconds."""
+
+    period: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class TableData:
+    """A recorded signal inside the model."""
+
+    name: str
+    unit: str
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+    hold: str
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The model's right-hand sides as SX expressions of ``t, x, u, d, m, p`` (and ``fire`` for the update).
+
+    Attributes:
+        t, x, u, d, m, p, fire: symbols: time, states, inputs (external, then tables), memories, modes, parameters, and
+            one flag per clock.
+        derivative: dx/dt.
+        guards: two per switching mode, positive when violated: above_0, below_0, above_1, ...
+        outputs: y.
+        update: memories after the instant at which the clocks with ``fire = 1`` tick.
+        following: instant of the next time event of each counter.
+        start: states at the start, from parameters.
+        memory_start: memories at the start, from parameters.
+        transform: motions = transform @ coordinates, from parameters.
+    """
+
+    t: Expression
+    x: Expression
+    u: Expression
+    d: Expression
+    m: Expression
+    p: Expression
+    fire: Expression
+    derivative: Expression
+    guards: Expression
+    outputs: Expression
+    update: Expression
+    following: Expression
+    start: Expression
+    memory_start: Expression
+    transform: Expression
+
+    @property
+    def arguments(self) -> list[Expression]:
+        """The symbols every function takes, in order."""
+        return [self.t, self.x, self.u, self.d, self.m, self.p]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Equations with names. Frozen: parameters' values and starts are defaults that each simulation may replace.
+
+    Attributes:
+        name, description: of the scenario.
+        states: coordinates, then their speeds, then first-order states.
+        coordinates: how many coordinates there are; ``states[:n]`` are positions and ``states[n:2n]`` speeds.
+        inputs: external inputs.
+        tables: recorded signals inside the model.
+        outputs, parameters, memories, clocks: as named.
+        modes: friction modes, then switches, then counters of time events.
+        equations: the SX expressions.
+        motions: flange name -> row of the transform.
+        initial: starting values by name, SI units; see `engine.start.start_values`.
+    """
+
+    name: str
+    description: str
+    states: tuple[Variable, ...]
+    coordinates: int
+    inputs: tuple[Variable, ...]
+    tables: tuple[TableData, ...]
+    outputs: tuple[Variable, ...]
+    parameters: tuple[ParameterVariable, ...]
+    memories: tuple[Variable, ...]
+    clocks: tuple[SampleClock, ...]
+    memory_clock: tuple[int, ...]
+    modes: tuple[Mode, ...]
+    equations: Equations
+    motions: dict[str, int]
+    initial: dict[str, float]
+
+    def count(self, kind: str) -> int:
+        """How many modes there are of a kind."""
+        return sum(mode.kind == kind for mode in self.modes)
+
+    @property
+    def parameter_values(self) -> Vector:
+        """Default parameter vector."""
+        return np.array([parameter.value for parameter in self.parameters])
+
+    def parameter_vector(self, changes: dict[str, float] | None = None) -> Vector:
+        """The parameter vector with some values replaced (SI units).
+
+        Raises:
+            ParameterError: unknown name, or a value out of bounds.
+        """
+        values = self.parameter_values
+        for name, value in (changes or {}).items():
+            index = self.parameter_index(name)
+            values[index] = self.parameters[index].declared.check(value)
+        return values
+
+    def parameter_index(self, name: str) -> int:
+        """Position of a parameter.
+
+        Raises:
+            ParameterError: unknown name.
+        """
+        try:
+            return self._parameter_positions[name]
+        except KeyError:
+            raise ParameterError(
+                f"the model has no parameter '{name}'", remedy=nearest(name, self._parameter_positions)
+            ) from None
+
+    @functools.cached_property
+    def _parameter_positions(self) -> dict[str, int]:
+        return {parameter.name: i for i, parameter in enumerate(self.parameters)}
+
+    @functools.cached_property
+    def functions(self) -> dict[str, Any]:
+        """CasADi functions of ``t, x, u, d, m, p``: derivative, guards, outputs, update, following, starts."""
+        e = self.equations
+        made = {
+            name: ca.Function(name, e.arguments, [getattr(e, name)]) for name in ("derivative", "guards", "outputs")
+        }
+        made["update"] = ca.Function("update", [*e.arguments, e.fire], [e.update])
+        made["following"] = ca.Function("following", [e.m, e.p], [e.following])
+        made["start"] = ca.Function("start", [e.p], [e.start])
+        made["transform"] = ca.Function("transform", [e.p], [e.transform])
+        made["memory_start"] = ca.Function("memory_start", [e.p], [e.memory_start])
+        return made
+
+    @functools.cached_property
+    def signature(self) -> str:
+        """Hash of the equations and names: equal for equal models."""
+        digest = hashlib.sha256()
+        for name, function in self.functions.items():
+            digest.update(name.encode())
+            digest.update(str(function.serialize()).encode())
+        digest.update(repr((self.states, self.inputs, self.outputs, self.parameters, self.modes, self.tables)).encode())
+        digest.update(repr((self.clocks, self.memory_clock, self.memories)).encode())
+        return digest.hexdigest()[:16]

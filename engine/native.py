@@ -1,0 +1,156 @@
+"""The compiled runtime: the C struct of a run, filled and called through ctypes, which holds no interpreter lock."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from ctypes import POINTER, c_double, c_int32, c_int64
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.codegen import simulation_source
+from engine.compile import library
+from engine.model import Model, Vector
+
+OK, NOT_FINITE, CHATTER, CANCELLED, NO_MODE = range(5)
+EVENTS_PER_STEP = 200
+
+
+@dataclass
+class Job:
+    """One run in the runtime's form: instants are whole ticks of ``resolution`` seconds; see ``simulate.c``."""
+
+    p: Vector
+    x0: Vector
+    d0: Vector
+    m0: Vector
+    resolution: float
+    hmax: float
+    outputs: int
+    output_ticks: int
+    period: list[int]
+    offset: list[int]
+    knot: NDArray[np.int64]
+    value: NDArray[np.float64]
+    linear: list[int]
+    record_states: bool = False
+    log_capacity: int = 0
+    t0: float = 0.0
+    cancel: Any = None
+
+
+@dataclass
+class Outcome:
+    """What a run left behind; rows of ``y``, ``states`` and ``modes`` beyond ``row`` are meaningless if it failed."""
+
+    y: NDArray[np.float64]
+    states: NDArray[np.float64] | None
+    modes: NDArray[np.float64] | None
+    x1: Vector
+    d1: Vector
+    m1: Vector
+    log: NDArray[np.float64]
+    steps: int
+    events: int
+    row: int
+    status: int
+    culprit: int
+    t1: float
+
+
+class _Job(ctypes.Structure):
+    _fields_ = (
+        *((name, POINTER(c_double)) for name in ("p", "x0", "d0", "m0")),
+        *((name, c_double) for name in ("t0", "resolution", "hmax")),
+        ("outputs", c_int64),
+        ("output_ticks", c_int64),
+        ("period", POINTER(c_int64)),
+        ("offset", POINTER(c_int64)),
+        ("knots", c_int64),
+        ("knot", POINTER(c_int64)),
+        ("value", POINTER(c_double)),
+        ("linear", POINTER(c_int32)),
+        *((name, POINTER(c_double)) for name in ("y", "states", "modes", "x1", "d1", "m1", "log")),
+        ("log_capacity", c_int64),
+        ("log_length", c_int64),
+        ("steps", c_int64),
+        ("events", c_int64),
+        ("row", c_int64),
+        ("cancel", POINTER(c_int32)),
+        ("status", c_int32),
+        ("culprit", c_int32),
+        ("t1", c_double),
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def _loaded(signature: str, source: str) -> Any:
+    function = library(source).fa_simulate
+    function.argtypes = [POINTER(_Job)]
+    function.restype = ctypes.c_int
+    return function
+
+
+_sources: dict[str, str] = {}
+
+
+def entry(model: Model) -> Any:
+    """The compiled ``fa_simulate`` of a model.
+
+    Raises:
+        CompilerUnavailable: no compiler runs.
+    """
+    source = _sources.get(model.signature)
+    if source is None:
+        source = _sources[model.signature] = simulation_source(model)
+    return _loaded(model.signature, source)
+
+
+@dataclass
+class _Keep:
+    """Arrays that must outlive the call."""
+
+    arrays: list[Any] = field(default_factory=list)
+
+    def pointer(self, values: Any, kind: Any) -> Any:
+        dtype = {c_double: np.float64, c_int64: np.int64, c_int32: np.int32}[kind]
+        array = np.ascontiguousarray(values, dtype=dtype)
+        self.arrays.append(array)
+        return array.ctypes.data_as(POINTER(kind))
+
+
+def run(model: Model, job: Job) -> Outcome:
+    """Carry out one run. The interpreter lock is free while C works.
+
+    Raises:
+        CompilerUnavailable: no compiler runs.
+    """
+    function = entry(model)
+    rows, keep = job.outputs + 1, _Keep()
+    y = np.zeros((rows, len(model.outputs)))
+    states = np.zeros((rows, len(model.states))) if job.record_states else None
+    modes = np.zeros((rows, len(model.modes))) if job.record_states else None
+    x1, d1, m1 = np.zeros(len(model.states)), np.zeros(len(model.memories)), np.zeros(len(model.modes))
+    log = np.zeros((job.log_capacity, 3))
+    c = _Job()
+    for name in ("p", "x0", "d0", "m0", "value"):
+        setattr(c, name, keep.pointer(getattr(job, name), c_double))
+    for name in ("period", "offset", "knot"):
+        setattr(c, name, keep.pointer(getattr(job, name), c_int64))
+    c.linear = keep.pointer(job.linear, c_int32)
+    c.t0, c.resolution, c.hmax = job.t0, job.resolution, job.hmax
+    c.outputs, c.output_ticks, c.knots = job.outputs, job.output_ticks, len(job.knot)
+    targets = {"y": y, "states": states, "modes": modes, "x1": x1, "d1": d1, "m1": m1, "log": log}
+    for name, array in targets.items():
+        if array is not None:
+            setattr(c, name, array.ctypes.data_as(POINTER(c_double)))
+    c.log_capacity = job.log_capacity
+    if job.cancel is not None:
+        c.cancel = ctypes.pointer(job.cancel)
+    function(ctypes.byref(c))
+    return Outcome(
+        y, states, modes, x1, d1, m1, log[: c.log_length], c.steps, c.events, c.row, c.status, c.culprit, c.t1
+    )

@@ -1,0 +1,404 @@
+"""What blocks stamp: motions, inertia, forces, ties, friction, switches, signals, memories and energy.
+
+Sign rule: a positive force or torque on a motion accelerates it in the positive sense.
+
+A `Net` only collects. `engine.assemble` eliminates the ties, solves for the accelerations and freezes a `Model`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+
+from engine.block import ROTATIONAL, Block, Expression, Port
+from engine.errors import StructureError
+from engine.quantity import Parameter
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One mechanical variable: what a set of connected flanges share, or a block's inner coordinate.
+
+    Attributes:
+        index: position in the net's list.
+        name: the block and port (or coordinate) that made it.
+        kind: ``rotational`` or ``translational``.
+        angle, speed, acceleration: CasADi symbols. For translation ``position`` is the same as ``angle``.
+        inner: True for a coordinate that no flange shows.
+    """
+
+    index: int
+    name: str
+    kind: str
+    angle: Expression
+    speed: Expression
+    acceleration: Expression
+    inner: bool = False
+
+    @property
+    def position(self) -> Expression:
+        """The position of a translational flange."""
+        return self.angle
+
+
+@dataclass
+class Tie:
+    """A linear relation ``sum coefficient * motion = 0``; see `Net.tie`."""
+
+    owner: str
+    terms: dict[int, Expression]
+    efficiency: tuple[int, int, Expression] | None = None
+
+
+@dataclass
+class Friction:
+    """Dry friction on a relative motion; see `Net.friction`."""
+
+    owner: str
+    terms: dict[int, Expression]
+    forward: Expression
+    backward: Expression
+    static_forward: Expression
+    static_backward: Expression
+    velocity: Expression
+
+
+@dataclass
+class Switch:
+    """A three-valued mode with two guards; see `Net.switch`."""
+
+    name: str
+    mode: Expression
+    above: Expression
+    below: Expression
+    labels: tuple[str, str, str]
+
+
+@dataclass
+class TimeEvent:
+    """A counter that rises by one at computed instants; see `Net.time_event`."""
+
+    name: str
+    count: Expression
+    following: Expression
+
+
+@dataclass
+class State:
+    """A first-order continuous state."""
+
+    name: str
+    unit: str
+    symbol: Expression
+    start: Expression
+    derivative: Expression | None = None
+    doc: str = ""
+
+
+@dataclass
+class Clock:
+    """Sample instants ``offset + k * period``; numbers in seconds."""
+
+    period: float
+    offset: float
+    index: int
+
+
+@dataclass
+class Memory:
+    """A value held between the instants of a clock.
+
+    ``held`` memories are outputs: they are computed first, in the order of the data flow, and others see the new value.
+    The rest are updated afterwards from the values before the instant.
+    """
+
+    name: str
+    unit: str
+    symbol: Expression
+    start: Expression
+    clock: Clock
+    held: bool
+    update: Expression | None = None
+
+
+@dataclass
+class Table:
+    """A recorded signal: ``values`` at ``times``, held or interpolated between."""
+
+    name: str
+    unit: str
+    symbol: Expression
+    times: Sequence[float]
+    values: Sequence[float]
+    hold: str
+
+
+@dataclass
+class Output:
+    """A named signal, with the blocks' inputs still unresolved in ``expression``."""
+
+    name: str
+    unit: str
+    expression: Expression
+    physical: bool
+    doc: str = ""
+
+
+@dataclass
+class Input:
+    """A block's signal input: a symbol that the wiring resolves."""
+
+    name: str
+    port: Port
+    symbol: Expression
+
+
+@dataclass
+class ModelParameter:
+    """A parameter of the model and every declaration it serves."""
+
+    name: str
+    symbol: Expression
+    value: float
+    declared: Parameter
+    users: list[str] = field(default_factory=list)
+
+
+class Net:
+    """Collects what blocks stamp. Blocks see only this class."""
+
+    def __init__(self) -> None:
+        self.motions: list[Motion] = []
+        self.masses: dict[tuple[int, int], Expression] = {}
+        self.forces: dict[int, Expression] = {}
+        self.ties: list[Tie] = []
+        self.frictions: list[Friction] = []
+        self.switches: list[Switch] = []
+        self.time_events: list[TimeEvent] = []
+        self.states: list[State] = []
+        self.clocks: list[Clock] = []
+        self.memories: list[Memory] = []
+        self.tables: list[Table] = []
+        self.outputs: dict[str, Output] = {}
+        self.inputs: dict[str, Input] = {}
+        self.parameters: dict[str, ModelParameter] = {}
+        self.stored: Expression = ca.SX(0)
+        self.dissipated: Expression = ca.SX(0)
+        self.supplied: Expression = ca.SX(0)
+        self.time: Expression = ca.SX.sym("time")
+        self._owner = ""
+        self._physical = False
+
+    # -- used by the assembly ---------------------------------------------------------------------------------------
+
+    def new_motion(self, name: str, kind: str, *, inner: bool = False) -> Motion:
+        """A fresh mechanical variable."""
+        angle, speed, acceleration = (ca.SX.sym(f"{name}.{order}") for order in ("angle", "speed", "acceleration"))
+        motion = Motion(len(self.motions), name, kind, angle, speed, acceleration, inner)
+        self.motions.append(motion)
+        return motion
+
+    def stamp(self, name: str, block: Block, bound: dict[str, Any]) -> None:
+        """Let ``block`` write its law under ``name``, its declarations bound to ``bound``."""
+        self._owner, self._physical = name, block.is_physical()
+        block.bind(bound).stamp(self)
+
+    def _name(self, local: str) -> str:
+        return f"{self._owner}.{local}"
+
+    # -- mechanics --------------------------------------------------------------------------------------------------
+
+    def coordinate(self, name: str, *, kind: str = ROTATIONAL) -> Motion:
+        """An inner degree of freedom, such as a modal coordinate. Its inertia comes from `mass` or `kinetic`."""
+        return self.new_motion(self._name(name), kind, inner=True)
+
+    def inertia(self, motion: Motion, value: Expression) -> None:
+        """Add a constant inertia (kg.m2) or mass (kg) to a motion."""
+        self.mass([motion], [[value]])
+
+    def mass(self, motions: Sequence[Motion], matrix: Any) -> None:
+        """Add a symmetric constant mass matrix over the motions (a nested list or an SX matrix)."""
+        matrix = ca.SX(matrix) if isinstance(matrix, ca.SX) else ca.vertcat(*[ca.horzcat(*row) for row in matrix])
+        for i, a in enumerate(motions):
+            for j, b in enumerate(motions):
+                entry = matrix[i, j]
+                if entry.is_zero():
+                    continue
+                key = (a.index, b.index)
+                self.masses[key] = self.masses.get(key, 0) + entry
+
+    def kinetic(self, motions: Sequence[Motion], energy: Expression) -> None:
+        """Add a kinetic energy, quadratic in the speeds; its velocity forces follow by Lagrange's equation.
+
+        Args:
+            motions: every motion the energy depends on.
+            energy: expression in their angles and speeds, joule.
+        """
+        q = ca.vertcat(*[m.angle for m in motions])
+        v = ca.vertcat(*[m.speed for m in motions])
+        momentum = ca.gradient(energy, v)
+        matrix = ca.jacobian(momentum, v)
+        self.mass(motions, matrix)
+        bias = ca.gradient(energy, q) - ca.jtimes(momentum, q, v)
+        for i, motion in enumerate(motions):
+            self.force(motion, bias[i])
+
+    def potential(self, motions: Sequence[Motion], energy: Expression) -> None:
+        """Add a potential energy (joule); its gradient pulls on the motions and it counts as stored."""
+        for motion in motions:
+            self.force(motion, -ca.gradient(energy, motion.angle))
+        self.stored += energy
+
+    def force(self, motion: Motion, value: Expression) -> None:
+        """Add a force (N) or torque (N.m) acting on a motion."""
+        self.forces[motion.index] = self.forces.get(motion.index, 0) + value
+
+    def pair(self, a: Motion, b: Motion | None, value: Expression) -> None:
+        """Add ``value`` to ``a`` and its reaction to ``b`` (None is the ground)."""
+        self.force(a, value)
+        if b is not None:
+            self.force(b, -value)
+
+    def tie(
+        self, terms: Mapping[Motion, Expression], efficiency: tuple[Motion, Motion, Expression] | None = None
+    ) -> None:
+        """Tie motions by ``sum coefficient * angle = 0``, eliminated exactly.
+
+        Args:
+            terms: coefficient of each motion.
+            efficiency: (input, output, eta): of the power that enters at ``input`` the share ``eta`` arrives at
+                ``output``.
+        """
+        lossy = None if efficiency is None else (efficiency[0].index, efficiency[1].index, efficiency[2])
+        self.ties.append(Tie(self._owner, {m.index: ca.SX(c) for m, c in terms.items()}, lossy))
+
+    def friction(
+        self,
+        terms: Mapping[Motion, Expression],
+        *,
+        forward: Any,
+        backward: Any,
+        static_forward: Expression,
+        static_backward: Expression,
+    ) -> None:
+        """Dry friction with exact stick on the relative velocity ``sum coefficient * speed``.
+
+        Args:
+            terms: coefficient of each motion, for example ``{a: 1, b: -1}``.
+            forward: function of the relative velocity giving the friction's magnitude (N or N.m) while it is positive.
+            backward: the same while it is negative.
+            static_forward: what a stuck joint withstands before it slips forward (N or N.m).
+            static_backward: the same before it slips backward.
+        """
+        velocity = sum(c * m.speed for m, c in terms.items())
+        entry = Friction(
+            self._owner,
+            {m.index: ca.SX(c) for m, c in terms.items()},
+            forward(velocity),
+            backward(velocity),
+            static_forward,
+            static_backward,
+            velocity,
+        )
+        self.frictions.append(entry)
+
+    # -- switching --------------------------------------------------------------------------------------------------
+
+    def switch(self, name: str, labels: tuple[str, str, str], guards: Any) -> Expression:
+        """A mode in {-1, 0, +1}, changed at located instants.
+
+        Args:
+            name: local name.
+            labels: what -1, 0 and +1 are called.
+            guards: function of the mode symbol giving (above, below). In mode 0, ``above > 0`` leads to +1 and
+                ``below > 0`` to -1; in modes +1 and -1, ``above > 0`` leads back to 0.
+
+        Returns:
+            The mode's symbol.
+        """
+        mode = ca.SX.sym(self._name(name))
+        above, below = guards(mode)
+        self.switches.append(Switch(self._name(name), mode, ca.SX(above), ca.SX(below), labels))
+        return mode
+
+    def time_event(self, name: str, following: Any) -> Expression:
+        """A counter 0, 1, 2, ... that rises at given instants, which the integration hits exactly.
+
+        Args:
+            name: local name.
+            following: function of the counter giving the instant (s) at which it rises next; ``inf`` for never.
+        """
+        count = ca.SX.sym(self._name(name))
+        self.time_events.append(TimeEvent(self._name(name), count, ca.SX(following(count))))
+        return count
+
+    # -- signals ----------------------------------------------------------------------------------------------------
+
+    def output(self, port: Port | str, value: Expression, unit: str = "", doc: str = "") -> None:
+        """Give an output port its value, or publish a further signal under a local name with a unit."""
+        local = port if isinstance(port, str) else port.name
+        if isinstance(port, Port):
+            unit, doc = port.unit, port.doc
+        name = self._name(local)
+        if name in self.outputs:
+            raise StructureError(f"'{name}' is given a value twice")
+        self.outputs[name] = Output(name, unit, ca.SX(value), self._physical, doc)
+
+    def state(self, name: str, unit: str, *, start: Expression = 0.0, doc: str = "") -> Expression:
+        """A continuous state; give its derivative with `derivative`."""
+        symbol = ca.SX.sym(self._name(name))
+        self.states.append(State(self._name(name), unit, symbol, ca.SX(start), doc=doc))
+        return symbol
+
+    def derivative(self, state: Expression, value: Expression) -> None:
+        """Give the time derivative of a state made by `state`."""
+        for entry in self.states:
+            if entry.symbol is state:
+                entry.derivative = ca.SX(value)
+                return
+        raise StructureError(f"{self._owner}: derivative of something that is not a state")
+
+    def clock(self, period: float, offset: float = 0.0) -> Clock:
+        """Sample instants; blocks with equal period and offset share one clock."""
+        for clock in self.clocks:
+            if clock.period == period and clock.offset == offset:
+                return clock
+        self.clocks.append(Clock(float(period), float(offset), len(self.clocks)))
+        return self.clocks[-1]
+
+    def memory(self, name: str, unit: str, clock: Clock, *, start: Expression = 0.0, held: bool = False) -> Expression:
+        """A value held between instants of ``clock``; give its new value with `update`."""
+        symbol = ca.SX.sym(self._name(name))
+        self.memories.append(Memory(self._name(name), unit, symbol, ca.SX(start), clock, held))
+        return symbol
+
+    def update(self, memory: Expression, value: Expression) -> None:
+        """Give the value a memory takes at its clock's instants."""
+        for entry in self.memories:
+            if entry.symbol is memory:
+                entry.update = ca.SX(value)
+                return
+        raise StructureError(f"{self._owner}: update of something that is not a memory")
+
+    def table(self, name: str, unit: str, times: Sequence[float], values: Sequence[float], hold: str) -> Expression:
+        """A recorded signal as an expression; ``hold`` is ``zero_order`` or ``linear``; ends are held."""
+        symbol = ca.SX.sym(self._name(name))
+        self.tables.append(Table(self._name(name), unit, symbol, times, values, hold))
+        return symbol
+
+    # -- energy -----------------------------------------------------------------------------------------------------
+
+    def store(self, energy: Expression) -> None:
+        """Count an energy (J) as stored, besides the kinetic energy, which the net counts itself."""
+        self.stored += energy
+
+    def dissipate(self, power: Expression) -> None:
+        """Count a power (W) as lost."""
+        self.dissipated += power
+
+    def supply(self, power: Expression) -> None:
+        """Count a power (W) as entering from outside."""
+        self.supplied += power

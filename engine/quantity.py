@@ -1,0 +1,299 @@
+"""Physical quantities: Modelica unit spelling, conversion by pint, declared parameters.
+
+Units are spelled as in Modelica (``N.m/rad``, ``kg.m2``). pint does the arithmetic; it is imported on first use
+because it costs a third of a second. Angles count as dimensionless in pint, so hertz against rad/s needs care:
+10 Hz is 62.83 rad/s, which pint would call 10.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Container
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from engine.errors import ParameterError
+
+if TYPE_CHECKING:
+    import pint
+
+_NUMBER = re.compile(
+    r"^\s*([-+]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:inf|nan))\s*(.*?)\s*$", re.IGNORECASE
+)
+_POWER = re.compile(r"(?<=[A-Za-z])(-?\d+)")
+_SPELLING = {"1": "dimensionless", "": "dimensionless", "%": "percent"}
+
+
+@functools.cache
+def _registry() -> pint.UnitRegistry[Any]:
+    import pint
+
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(cache_folder=None)
+    return registry
+
+
+@functools.cache
+def _unit(text: str) -> Any:
+    """The pint unit of a Modelica unit string.
+
+    Raises:
+        ParameterError: the unit is unknown.
+    """
+    spelled = _SPELLING.get(text.strip(), text.strip())
+    spelled = _POWER.sub(r"**\1", spelled.replace(" ", "*").replace("^", "**"))
+    spelled = re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", "*", spelled)
+    try:
+        return _registry().Unit(spelled)
+    except Exception as error:
+        raise ParameterError(
+            f"unknown unit '{text}'", remedy="write units as in Modelica: N.m/rad, kg.m2, rad/s, V, mm, deg"
+        ) from error
+
+
+@functools.cache
+def factor(source: str, target: str) -> float:
+    """What a number in ``source`` units is multiplied by to be in ``target`` units.
+
+    Raises:
+        ParameterError: the two measure different things, or are offset scales (degC).
+    """
+    if source == target:
+        return 1.0
+    a, b = _unit(source), _unit(target)
+    if a.dimensionality != b.dimensionality:
+        raise ParameterError(f"unit '{source}' does not fit: '{target}' is expected")
+    registry = _registry()
+    try:
+        value = float(registry.Quantity(1.0, a).to(b).magnitude)
+    except Exception as error:
+        raise ParameterError(f"unit '{source}' cannot be converted to '{target}'") from error
+    cycles = _hertz(a) - _hertz(b)
+    if cycles and (_angle(b) - _angle(a)) * cycles > 0:
+        value *= (2 * math.pi) ** cycles
+    return value
+
+
+def _hertz(unit: Any) -> int:
+    return int(sum(power for name, power in unit._units.items() if name.endswith("hertz")))
+
+
+def _angle(unit: Any) -> int:
+    angular = ("radian", "degree", "revolution", "turn")
+    return int(sum(power for name, power in unit._units.items() if name.endswith(angular)))
+
+
+@functools.cache
+def coherent(text: str) -> tuple[float, str]:
+    """Factor to, and Modelica spelling of, the coherent SI unit of the same quantity: ``mV`` gives (1e-3, ``V``).
+
+    Angles stay (``deg/V`` gives ``rad/V``) and a rate in hertz becomes rad/s, as everywhere in this library.
+
+    Raises:
+        ParameterError: the unit is unknown, or an offset scale (degC).
+    """
+    registry = _registry()
+    numerator: list[str] = []
+    denominator: list[str] = []
+    for name, power in _coherent_parts(_unit(text)).items():
+        symbol = name if name == "ohm" else registry.get_symbol(name)
+        spelled = symbol + (f"{abs(power):g}" if abs(power) != 1 else "")
+        (numerator if power > 0 else denominator).append(spelled)
+    below = ".".join(denominator) if len(denominator) < 2 else f"({'.'.join(denominator)})"
+    spelling = (".".join(numerator) or "1") + (f"/{below}" if below else "")
+    return factor(text, spelling), spelling
+
+
+def _coherent_parts(unit: Any) -> dict[str, float]:
+    """Powers of coherent unit names: each part of a unit without its prefix, or by its base units."""
+    registry = _registry()
+    parts: dict[str, float] = {}
+    for name, power in unit._units.items():
+        plain = registry.parse_unit_name(name)[0][1]
+        one = registry.Quantity(1.0, plain).to_base_units()
+        inner = one.units._units if plain == "hertz" or one.magnitude != 1.0 else {plain: 1}
+        if plain == "hertz":
+            inner = {"radian": 1, "second": -1}
+        for base, exponent in inner.items():
+            parts[base] = parts.get(base, 0) + exponent * power
+    return {name: power for name, power in parts.items() if power and name != "count"}
+
+
+def compatible(a: str, b: str) -> bool:
+    """Whether two units measure the same thing; ``*`` fits everything."""
+    if "*" in (a, b) or a == b:
+        return True
+    return bool(_unit(a).dimensionality == _unit(b).dimensionality)
+
+
+def split(text: str) -> tuple[float, str]:
+    """Number and unit of a text such as ``7.68 mN.m/A``.
+
+    Raises:
+        ParameterError: the text does not start with a number.
+    """
+    match = _NUMBER.match(text)
+    if not match:
+        raise ParameterError(f"'{text}' is not a number with a unit", remedy="write for example '7.68 mN.m/A'")
+    return float(match.group(1).replace("_", "")), match.group(2)
+
+
+def convert(value: object, unit: str) -> float:
+    """A number, or a text with a unit, as a float in ``unit``; a bare number is taken to be in ``unit``.
+
+    Where ``unit`` is ``*`` any unit fits and the result is in the coherent SI unit of what was given.
+
+    Raises:
+        ParameterError: not a number, not finite, or another kind of quantity.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ParameterError(f"{value!r} is not a number in {unit}")
+    if isinstance(value, str):
+        number, given = split(value)
+        try:
+            scale = (coherent(given)[0] if unit == "*" else factor(given, unit)) if given else 1.0
+        except ParameterError as error:
+            raise ParameterError(f"'{value}': {error.message}", remedy=error.remedy) from error
+    else:
+        try:
+            number, scale = float(value), 1.0
+        except OverflowError as error:
+            raise ParameterError("a whole number too large for a float", remedy=f"give a number in {unit}") from error
+    result = number * scale
+    if not math.isfinite(result):
+        raise ParameterError(f"{value!r} is not a finite number", remedy=f"give a number in {unit}")
+    return result
+
+
+@dataclass(frozen=True)
+class SameAs:
+    """A default that is another parameter of the same block; both then share one symbol.
+
+    Attributes:
+        other: the parameter that stands in.
+        instead: parameters that stand in before ``other`` does, the first of them that is given.
+    """
+
+    other: str
+    instead: tuple[str, ...] = ()
+
+    def choose(self, given: Container[str]) -> str:
+        """The parameter that stands in, when those in ``given`` have values of their own."""
+        return next((name for name in self.instead if name in given), self.other)
+
+    def __str__(self) -> str:
+        return " or ".join((*self.instead, self.other))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What a block says of one parameter; it feeds validation, schema, documentation, FMU variables and fitting.
+
+    Attributes:
+        name: attribute name in the block.
+        unit: coherent SI unit in Modelica spelling; values are stored in it. ``*`` takes any unit and stores the value
+            in the coherent SI unit of what was given.
+        default: value when none is given; ``...`` means it must be given; a `SameAs` means that of another parameter.
+        doc: one sentence.
+        gt, ge, lt, le: open and closed bounds.
+        tolerance: relative uncertainty that fitting may use (0.1 is 10 %); None if it is not for fitting.
+        size: name of the block's option that gives the length of a vector, or empty for a scalar.
+        structural: fixes the equations' shape, so it cannot be tuned after the model is built.
+    """
+
+    name: str
+    unit: str
+    default: Any
+    doc: str
+    gt: float | None = None
+    ge: float | None = None
+    lt: float | None = None
+    le: float | None = None
+    tolerance: float | None = None
+    size: str = ""
+    structural: bool = False
+
+    @property
+    def required(self) -> bool:
+        """Whether the user must give a value."""
+        return self.default is ...
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lower and upper bound, infinite where none is declared."""
+        low = self.gt if self.gt is not None else self.ge
+        high = self.lt if self.lt is not None else self.le
+        return (-math.inf if low is None else low, math.inf if high is None else high)
+
+    @property
+    def limits(self) -> str:
+        """The bounds in words, empty when there are none."""
+        signs = ((">", self.gt), (">=", self.ge), ("<", self.lt), ("<=", self.le))
+        return " and ".join(f"{sign} {bound:g}" for sign, bound in signs if bound is not None)
+
+    def check(self, value: object) -> float:
+        """The value in the declared unit.
+
+        Raises:
+            ParameterError: wrong kind, unit or range.
+        """
+        number = convert(value, self.unit)
+        outside = (
+            (self.gt is not None and number <= self.gt)
+            or (self.ge is not None and number < self.ge)
+            or (self.lt is not None and number >= self.lt)
+            or (self.le is not None and number > self.le)
+        )
+        if outside:
+            unit = "" if self.unit in ("1", "*") else f" {self.unit}"
+            raise ParameterError(f"{value!r} is out of range: {self.name} must be {self.limits}{unit}")
+        return number
+
+
+@dataclass(frozen=True)
+class Option:
+    """A choice that shapes a block's equations: a count, a switch, or one of several laws.
+
+    Attributes:
+        name: attribute name in the block.
+        kind: ``int``, ``bool`` or ``str``.
+        default: value when none is given; ``...`` means it must be given.
+        doc: one sentence.
+        choices: allowed texts, for ``str``.
+        ge, le: bounds, for ``int``.
+    """
+
+    name: str
+    kind: type
+    default: Any
+    doc: str
+    choices: tuple[str, ...] = ()
+    ge: int | None = None
+    le: int | None = None
+
+    @property
+    def required(self) -> bool:
+        """Whether the user must give a value."""
+        return self.default is ...
+
+    def check(self, value: object) -> Any:
+        """The value, if it is allowed.
+
+        Raises:
+            ParameterError: wrong kind or not among the choices.
+        """
+        from engine.errors import nearest
+
+        if self.kind is bool and isinstance(value, bool):
+            return value
+        if self.kind is int and isinstance(value, int) and not isinstance(value, bool):
+            if (self.ge is not None and value < self.ge) or (self.le is not None and value > self.le):
+                raise ParameterError(f"{value} is out of range: {self.name} must be in [{self.ge}, {self.le}]")
+            return value
+        if self.kind is str and isinstance(value, str):
+            if self.choices and value not in self.choices:
+                raise ParameterError(f"'{value}' is not a choice for {self.name}", remedy=nearest(value, self.choices))
+            return value
+        kinds = {bool: "true or false", int: "a whole number", str: "a text"}
+        raise ParameterError(f"{value!r} does not fit: {self.name} is {kinds[self.kind]}")

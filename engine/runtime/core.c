@@ -1,0 +1,313 @@
+/* The integrator: fixed-step RK4 with event location and exact stick. It follows the generated model code in one
+ * translation unit. Modes, in order: FA_NF frictions and FA_NS switches in {-1, 0, +1}, then FA_NT counters of time
+ * events. Each of the first two kinds has two guards, positive when violated.
+ *
+ * Everything that changes during a run lies in one struct, so copying the struct saves the state; its one pointer is the
+ * caller's log, which an FMU leaves NULL. */
+
+#define FA_SIZE(n) ((n) > 0 ? (n) : 1)
+#define FA_NG (2 * (FA_NF + FA_NS))
+#define FA_NM (FA_NF + FA_NS + FA_NT)
+#define FA_NI (FA_NU + FA_NW)
+#define FA_EVENTS_PER_STEP 200
+#define FA_SNAP 1e-12
+
+enum { FA_OK = 0, FA_NOT_FINITE = 1, FA_CHATTER = 2, FA_CANCELLED = 3, FA_NO_MODE = 4 };
+
+typedef struct {
+  double t;                                                      /* time of x */
+  double x[FA_SIZE(FA_NX)], d[FA_SIZE(FA_ND)], m[FA_SIZE(FA_NM)], p[FA_SIZE(FA_NP)];
+  double cp[FA_SIZE(FA_NCP)], cm[FA_SIZE(FA_NCM)];               /* prepared from p, and from p and m */
+  double base[FA_SIZE(FA_NI)], slope[FA_SIZE(FA_NI)], from[FA_SIZE(FA_NI)]; /* inputs: base + slope (t - from) */
+  double full[FA_SIZE(FA_NX + FA_NG)];                           /* dx/dt and guards at t */
+  double next[FA_SIZE(FA_NT)];                                   /* instants of the next time events */
+  int cursor[FA_SIZE(FA_NW)];                                    /* knot of each table that holds at t */
+  double hmax;
+  int64_t steps, events;
+  int status, culprit;                                           /* culprit: index of a state or mode */
+  double *log; int64_t log_length, log_capacity;                 /* (time, mode, new value) rows, or NULL */
+} fa_sim;
+
+static int fa_finite(const double *a, int n) {
+  double s = 0;
+  for (int i = 0; i < n; i++) s += a[i] - a[i];
+  return s == 0;
+}
+
+static void fa_inputs(const fa_sim *s, double t, double *u) {
+  for (int i = 0; i < FA_NI; i++) u[i] = s->base[i] + s->slope[i] * (t - s->from[i]);
+}
+
+static void fa_set_input(fa_sim *s, int i, double value, double slope) {
+  s->base[i] = value; s->slope[i] = slope; s->from[i] = s->t;
+}
+
+/* -- parameters, modes, time events ----------------------------------------------------------------------------- */
+
+static void fa_modes_changed(fa_sim *s) {
+  fa_prepare_modes(s->m, s->p, s->cp, s->cm);
+  if (FA_NT) fa_following(s->t, s->x, s->base, s->d, s->m, s->p, s->cp, s->cm, 0, s->next);
+}
+
+static void fa_parameters_changed(fa_sim *s) {
+  fa_prepare_parameters(s->p, s->cp);
+  fa_modes_changed(s);
+}
+
+static void fa_evaluate(fa_sim *s) {
+  double u[FA_SIZE(FA_NI)];
+  fa_inputs(s, s->t, u);
+  fa_full(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, s->full);
+}
+
+static void fa_set_mode(fa_sim *s, int k, double value) {
+  s->m[k] = value;
+  if (s->log && s->log_length < s->log_capacity) {
+    double *row = s->log + 3 * s->log_length++;
+    row[0] = s->t; row[1] = k; row[2] = value;
+  }
+}
+
+/* Change every mode whose guard is violated at the present state; of several sticking joints only the one furthest
+ * beyond its level breaks away, because its slip may relieve the others. Returns whether anything changed. */
+static int fa_switch(fa_sim *s) {
+  const double *g = s->full + FA_NX;
+  int changed = 0, breakaway = -1;
+  double worst = 0;
+  for (int k = 0; k < FA_NF + FA_NS; k++) {
+    const double above = g[2 * k], below = g[2 * k + 1];
+    if (!(above > 0) && !(below > 0)) continue;
+    if (s->m[k] != 0) {
+      if (k < FA_NF) s->x[FA_NQ + fa_stick_coordinate[k]] = 0;
+      fa_set_mode(s, k, 0);
+      changed = 1;
+    } else if (k < FA_NF) {
+      const double excess = above > below ? above : below;
+      if (excess > worst) { worst = excess; breakaway = k; }
+    } else {
+      fa_set_mode(s, k, above > 0 ? 1 : -1);
+      changed = 1;
+    }
+  }
+  if (!changed && breakaway >= 0) {
+    fa_set_mode(s, breakaway, g[2 * breakaway] > 0 ? 1 : -1);
+    changed = 1;
+  }
+  if (changed) fa_modes_changed(s);
+  return changed;
+}
+
+/* Bring the modes into agreement with the state, inputs and memories. Leaves s->full up to date. */
+static int fa_settle(fa_sim *s) {
+  for (int turn = 0; turn < 4 * FA_NM + 20; turn++) {
+    fa_evaluate(s);
+    if (!fa_switch(s)) return s->status;
+    s->events++;
+  }
+  for (int k = 0; k < FA_NF + FA_NS; k++)
+    if (s->full[FA_NX + 2 * k] > 0 || s->full[FA_NX + 2 * k + 1] > 0) s->culprit = k;
+  return s->status = FA_NO_MODE;
+}
+
+static int fa_time_events(fa_sim *s) {
+  int happened = 0;
+  for (int k = 0; k < FA_NT; k++)
+    for (int n = 0; s->next[k] <= s->t + FA_SNAP * fmax(1, fabs(s->t)); n++) {
+      if (n > FA_EVENTS_PER_STEP) { s->culprit = FA_NF + FA_NS + k; return s->status = FA_CHATTER; }
+      fa_set_mode(s, FA_NF + FA_NS + k, s->m[FA_NF + FA_NS + k] + 1);
+      fa_modes_changed(s);
+      s->events++;
+      happened = 1;
+    }
+  return happened;
+}
+
+/* Move each table's cursor to the knot that holds at s->t. */
+static int fa_table_knots(fa_sim *s) {
+  int moved = 0;
+  const double now = s->t + FA_SNAP * fmax(1, fabs(s->t));
+  for (int i = 0; i < FA_NW; i++) {
+    const int n = fa_table_length[i];
+    const double *t = fa_table_t[i], *v = fa_table_v[i];
+    int c = s->cursor[i];
+    while (c + 1 < n && t[c + 1] <= now) c++;
+    if (c == s->cursor[i]) continue;
+    moved = 1;
+    s->cursor[i] = c;
+    const int at = c < 0 ? 0 : c;
+    const int inside = c >= 0 && c + 1 < n && fa_table_linear[i];
+    s->base[FA_NU + i] = v[at];
+    s->slope[FA_NU + i] = inside ? (v[at + 1] - v[at]) / (t[at + 1] - t[at]) : 0;
+    s->from[FA_NU + i] = t[at];
+  }
+  return moved;
+}
+
+static double fa_next_knot(const fa_sim *s) {
+  double next = HUGE_VAL;
+  for (int i = 0; i < FA_NW; i++)
+    if (s->cursor[i] + 1 < fa_table_length[i] && fa_table_t[i][s->cursor[i] + 1] < next)
+      next = fa_table_t[i][s->cursor[i] + 1];
+  for (int k = 0; k < FA_NT; k++)
+    if (s->next[k] < next) next = s->next[k];
+  return next;
+}
+
+/* -- one step ------------------------------------------------------------------------------------------------- */
+
+/* x after h from the present state, with modes frozen; the derivative at the start is s->full. */
+static void fa_rk4(const fa_sim *s, double h, double *restrict x1) {
+  double k2[FA_SIZE(FA_NX)], k3[FA_SIZE(FA_NX)], k4[FA_SIZE(FA_NX)], y[FA_SIZE(FA_NX)], u[FA_SIZE(FA_NI)];
+  const double *k1 = s->full;
+  fa_inputs(s, s->t + h / 2, u);
+  for (int i = 0; i < FA_NX; i++) y[i] = s->x[i] + h / 2 * k1[i];
+  fa_derivative(s->t + h / 2, y, u, s->d, s->m, s->p, s->cp, s->cm, 0, k2);
+  for (int i = 0; i < FA_NX; i++) y[i] = s->x[i] + h / 2 * k2[i];
+  fa_derivative(s->t + h / 2, y, u, s->d, s->m, s->p, s->cp, s->cm, 0, k3);
+  for (int i = 0; i < FA_NX; i++) y[i] = s->x[i] + h * k3[i];
+  fa_inputs(s, s->t + h, u);
+  fa_derivative(s->t + h, y, u, s->d, s->m, s->p, s->cp, s->cm, 0, k4);
+  for (int i = 0; i < FA_NX; i++) x1[i] = s->x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
+}
+
+typedef struct { double h, x[FA_SIZE(FA_NX)], full[FA_SIZE(FA_NX + FA_NG)]; } fa_trial;
+
+static void fa_try(const fa_sim *s, double h, fa_trial *r) {
+  double u[FA_SIZE(FA_NI)];
+  r->h = h;
+  fa_rk4(s, h, r->x);
+  fa_inputs(s, s->t + h, u);
+  fa_full(s->t + h, r->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, r->full);
+}
+
+static double fa_worst(const double *full, int *which) {
+  double worst = -HUGE_VAL;
+  for (int k = 0; k < FA_NG; k++)
+    if (full[FA_NX + k] > worst) { worst = full[FA_NX + k]; *which = k; }
+  return worst;
+}
+
+/* Shorten the trial b, which violates a guard, to the instant of the first violation: Illinois' rule on the guard that
+ * is worst at the end, bisection where it stalls, until the bracket is 1e-13 of the step. b stays on the far side. */
+static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
+  fa_trial c;
+  double a = 0, fa, fb, wa = 1, wb = 1;
+  int which = 0, side = 0;
+  fb = fa_worst(b->full, &which);
+  fa = s->full[FA_NX + which];
+  const double tolerance = 1e-13 * whole;
+  for (int turn = 0; turn < 120 && b->h - a > tolerance; turn++) {
+    const double width = b->h - a, denominator = wb * fb - wa * fa;
+    double h = denominator > 0 && turn % 4 != 3 && fa < 0 ? a - wa * fa * width / denominator : a + width / 2;
+    if (h <= a + tolerance / 2) h = a + tolerance / 2;
+    if (h >= b->h - tolerance / 2) h = b->h - tolerance / 2;
+    int guard = 0;
+    fa_try(s, h, &c);
+    const double worst = fa_worst(c.full, &guard);
+    if (worst > 0) {
+      *b = c;
+      if (guard != which) { which = guard; fa = s->full[FA_NX + which]; wa = wb = 1; side = 0; }
+      fb = worst;
+      wb = 1;
+      wa = side > 0 ? wa / 2 : 1;
+      side = 1;
+    } else {
+      a = h;
+      fa = c.full[FA_NX + which];
+      wa = 1;
+      wb = side < 0 ? wb / 2 : 1;
+      side = -1;
+    }
+  }
+}
+
+static int fa_not_finite(fa_sim *s) {
+  s->culprit = 0;
+  for (int i = 0; i < FA_NX; i++)
+    if (!(s->x[i] - s->x[i] == 0)) { s->culprit = i; break; }
+  return s->status = FA_NOT_FINITE;
+}
+
+/* One step of length h, split at the switches inside it. Needs s->full at s->t; leaves it there for the next. */
+static int fa_step(fa_sim *s, double h) {
+  const double end = s->t + h;
+  fa_trial b;
+  for (int events = 0; events <= FA_EVENTS_PER_STEP; events++) {
+    int which = 0;
+    fa_try(s, end - s->t, &b);
+    if (!(fa_worst(b.full, &which) > 0)) {
+      memcpy(s->x, b.x, sizeof s->x);
+      memcpy(s->full, b.full, sizeof s->full);
+      s->t = end;
+      s->steps++;
+      return fa_finite(s->x, FA_NX) && fa_finite(s->full, FA_NX) ? FA_OK : fa_not_finite(s);
+    }
+    fa_locate(s, h, &b);
+    memcpy(s->x, b.x, sizeof s->x);
+    memcpy(s->full, b.full, sizeof s->full);
+    s->t = end - s->t - b.h > 1e-13 * h ? s->t + b.h : end;
+    if (!fa_finite(s->x, FA_NX)) return fa_not_finite(s);
+    fa_switch(s);
+    s->events++;
+    if (fa_settle(s)) return s->status;
+    if (s->t == end) { s->steps++; return FA_OK; }
+    s->culprit = which / 2;
+  }
+  return s->status = FA_CHATTER;
+}
+
+/* -- runs ----------------------------------------------------------------------------------------------------- */
+
+/* Start at s->t with s->x, s->d, s->p and s->m set; frictions whose mode is not finite start stuck or sliding as their
+ * speed says, other such modes start at 0. */
+static int fa_start(fa_sim *s) {
+  for (int k = 0; k < FA_NM; k++)
+    if (!(s->m[k] - s->m[k] == 0)) {
+      const double v = k < FA_NF ? s->x[FA_NQ + fa_stick_coordinate[k]] : 0;
+      s->m[k] = (double)((v > 0) - (v < 0));
+    }
+  for (int i = 0; i < FA_NW; i++) {
+    s->cursor[i] = -1;
+    s->base[FA_NU + i] = fa_table_v[i][0];
+    s->slope[FA_NU + i] = s->from[FA_NU + i] = 0;
+  }
+  fa_parameters_changed(s);
+  fa_table_knots(s);
+  if (fa_time_events(s) && s->status) return s->status;
+  if (fa_settle(s)) return s->status;
+  return fa_finite(s->full, FA_NX) ? FA_OK : fa_not_finite(s);
+}
+
+/* Integrate to t_end, hitting every knot and time event on the way. Needs s->full. */
+static int fa_integrate(fa_sim *s, double t_end) {
+  while (s->t < t_end) {
+    double target = fa_next_knot(s);
+    if (target > t_end - FA_SNAP * fmax(1, fabs(t_end))) target = t_end;
+    const double start = s->t, span = target - start;
+    const int64_t n = span > s->hmax ? (int64_t)ceil(span / s->hmax * (1 - 1e-9)) : 1;
+    for (int64_t i = 1; i <= n; i++) {
+      const double to = i < n ? start + span * ((double)i / (double)n) : target;
+      if (fa_step(s, to - s->t)) return s->status;
+      s->t = to;
+    }
+    const int knots = fa_table_knots(s), events = FA_NT ? fa_time_events(s) : 0;
+    if (s->status) return s->status;
+    if ((knots || events) && fa_settle(s)) return s->status;
+  }
+  return FA_OK;
+}
+
+/* Let the clocks flagged in fire tick: memories take their new values and the guards are checked again. */
+static int fa_tick(fa_sim *s, const double *fire) {
+  double u[FA_SIZE(FA_NI)], d[FA_SIZE(FA_ND)];
+  fa_inputs(s, s->t, u);
+  fa_update(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, d);
+  for (int i = 0; i < FA_ND; i++) s->d[i] = d[i];
+  return fa_settle(s);
+}
+
+static void fa_read(const fa_sim *s, double *y) {
+  double u[FA_SIZE(FA_NI)];
+  fa_inputs(s, s->t, u);
+  fa_outputs(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, y);
+}

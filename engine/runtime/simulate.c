@@ -1,0 +1,105 @@
+/* What Python calls: one whole simulation, without touching Python while it runs. */
+
+typedef struct {
+  const double *p, *x0, *d0, *m0;          /* m0: not finite where the run is to decide */
+  double t0, resolution, hmax;             /* seconds; instants are t0 + tick * resolution */
+  int64_t outputs, output_ticks;           /* rows after the first, ticks between rows */
+  const int64_t *period, *offset;          /* clocks, in ticks */
+  int64_t knots;                           /* rows of the driven inputs */
+  const int64_t *knot; const double *value; const int32_t *linear;
+  double *y, *states, *modes;              /* rows of outputs; states and modes may be NULL */
+  double *x1, *d1, *m1;                    /* at the end */
+  double *log; int64_t log_capacity;
+  int64_t log_length, steps, events, row;  /* row doubles as progress */
+  const volatile int32_t *cancel;
+  int32_t status, culprit;
+  double t1;
+} fa_job;
+
+#define FA_EXPORT __attribute__((visibility("default")))
+
+static void fa_drive(fa_sim *s, const fa_job *job, int64_t k) {
+  for (int i = 0; i < FA_NU; i++) {
+    const double here = job->value[k * FA_NU + i];
+    double slope = 0;
+    if (job->linear[i] && k + 1 < job->knots) {
+      const double span = (double)(job->knot[k + 1] - job->knot[k]) * job->resolution;
+      slope = (job->value[(k + 1) * FA_NU + i] - here) / span;
+    }
+    fa_set_input(s, i, here, slope);
+  }
+}
+
+static void fa_record(const fa_sim *s, fa_job *job, int64_t row) {
+  fa_read(s, job->y + row * FA_NY);
+  if (job->states) memcpy(job->states + row * FA_NX, s->x, sizeof(double) * FA_NX);
+  if (job->modes) memcpy(job->modes + row * FA_NM, s->m, sizeof(double) * FA_NM);
+  job->row = row + 1;
+}
+
+static int fa_clocks(fa_sim *s, const fa_job *job, int64_t tick) {
+  double fire[FA_SIZE(FA_NC)];
+  int any = 0;
+  for (int c = 0; c < FA_NC; c++) {
+    fire[c] = tick >= job->offset[c] && (tick - job->offset[c]) % job->period[c] == 0;
+    any |= fire[c] != 0;
+  }
+  return any ? fa_tick(s, fire) : FA_OK;
+}
+
+static int64_t fa_next_tick(const fa_job *job, int64_t tick, int64_t next_knot) {
+  int64_t next = tick - tick % job->output_ticks + job->output_ticks;
+  for (int c = 0; c < FA_NC; c++) {
+    const int64_t since = tick - job->offset[c];
+    const int64_t hit = since < 0 ? job->offset[c] : tick - since % job->period[c] + job->period[c];
+    if (hit < next) next = hit;
+  }
+  if (next_knot < job->knots && job->knot[next_knot] < next) next = job->knot[next_knot];
+  return next;
+}
+
+static int fa_run(fa_sim *s, fa_job *job) {
+  const int64_t last = job->outputs * job->output_ticks;
+  int64_t tick = 0, knot = 0;
+  if (FA_NU) while (knot < job->knots && job->knot[knot] <= 0) fa_drive(s, job, knot++);
+  if (fa_start(s) || fa_clocks(s, job, 0)) return s->status;
+  fa_record(s, job, 0);
+  while (tick < last) {
+    const int64_t next = fa_next_tick(job, tick, FA_NU ? knot : job->knots);
+    if (fa_integrate(s, job->t0 + (double)next * job->resolution)) return s->status;
+    tick = next;
+    int driven = 0;
+    if (FA_NU) while (knot < job->knots && job->knot[knot] <= tick) { fa_drive(s, job, knot++); driven = 1; }
+    if (driven && fa_settle(s)) return s->status;
+    if (fa_clocks(s, job, tick)) return s->status;
+    if (tick % job->output_ticks == 0) {
+      fa_record(s, job, tick / job->output_ticks);
+      if (job->cancel && *job->cancel) return s->status = FA_CANCELLED;
+    }
+  }
+  return FA_OK;
+}
+
+FA_EXPORT int fa_simulate(fa_job *job) {
+  fa_sim sim, *s = &sim;
+  memset(s, 0, sizeof *s);
+  s->t = job->t0;
+  s->hmax = job->hmax;
+  memcpy(s->x, job->x0, sizeof(double) * FA_NX);
+  memcpy(s->d, job->d0, sizeof(double) * FA_ND);
+  memcpy(s->m, job->m0, sizeof(double) * FA_NM);
+  memcpy(s->p, job->p, sizeof(double) * FA_NP);
+  s->log = job->log;
+  s->log_capacity = job->log_capacity;
+  fa_run(s, job);
+  memcpy(job->x1, s->x, sizeof(double) * FA_NX);
+  memcpy(job->d1, s->d, sizeof(double) * FA_ND);
+  memcpy(job->m1, s->m, sizeof(double) * FA_NM);
+  job->steps = s->steps;
+  job->events = s->events;
+  job->log_length = s->log_length;
+  job->status = s->status;
+  job->culprit = s->culprit;
+  job->t1 = s->t;
+  return s->status;
+}

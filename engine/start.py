@@ -1,0 +1,82 @@
+"""Where a simulation starts, and how fine its steps must be."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from engine.block import MOTION
+from engine.errors import ParameterError, nearest
+from engine.model import FRICTION, SWITCH, Model, Vector
+
+_ORDERS = {name: order for kind in MOTION.values() for order, (name, _) in enumerate(kind[:2])}
+STEP_PER_RATE = 0.5
+"""Internal step times the fastest rate of the model; RK4 is stable up to 2.78."""
+
+
+def start_values(model: Model, p: Vector, initial: dict[str, float] | None = None) -> Vector:
+    """States at the start.
+
+    Args:
+        model: the model.
+        p: parameter vector.
+        initial: values by name, over the model's own: a motion such as ``link.hub.angle``, or a state.
+
+    Returns:
+        x, shape (states,). Coordinates that no name fixes start at rest at zero, in the least-squares sense.
+
+    Raises:
+        ParameterError: unknown name, or values that contradict each other.
+    """
+    given = {**model.initial, **(initial or {})}
+    x = np.array(model.functions["start"](p).full()).ravel()
+    names = [state.name for state in model.states]
+    n = model.coordinates
+    transform = np.array(model.functions["transform"](p).full()).reshape(-1, n)
+    rows: dict[int, list[tuple[Vector, float, str]]] = {0: [], 1: []}
+    for name, value in given.items():
+        flange, _, quantity = name.rpartition(".")
+        if name in names and names.index(name) >= 2 * n:
+            x[names.index(name)] = value
+        elif flange in model.motions and quantity in _ORDERS:
+            rows[_ORDERS[quantity]].append((transform[model.motions[flange]], value, name))
+        elif name in names:
+            index = names.index(name)
+            rows[index // n].append((np.eye(n)[index % n], value, name))
+        else:
+            known = [*names, *(f"{flange}.{quantity}" for flange in model.motions for quantity in ("angle", "speed"))]
+            raise ParameterError(f"initial value for unknown '{name}'", remedy=nearest(name, known))
+    for order, entries in rows.items():
+        if entries:
+            matrix = np.array([row for row, _, _ in entries])
+            wanted = np.array([value for _, value, _ in entries])
+            q = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
+            wrong = np.abs(matrix @ q - wanted) > 1e-9 * (1 + np.abs(wanted))
+            if wrong.any():
+                culprit = entries[int(np.argmax(wrong))][2]
+                raise ParameterError(
+                    f"initial value of '{culprit}' contradicts the others", remedy="tied motions need matching values"
+                )
+            x[order * n : (order + 1) * n] = q
+    return x
+
+
+def fastest_rate(model: Model, p: Vector, x: Vector) -> float:
+    """The largest |eigenvalue| (1/s) of the model at ``x`` with joints sliding, over contacts open and closed."""
+    e = model.equations
+    if "jacobian" not in model.functions:
+        model.functions["jacobian"] = ca.Function("jacobian", e.arguments, [ca.jacobian(e.derivative, e.x)])
+    jacobian = model.functions["jacobian"]
+    rates = [0.0]
+    for level in (0.0, 1.0, -1.0):
+        m = [{FRICTION: 1.0, SWITCH: level}.get(mode.kind, 0.0) for mode in model.modes]
+        matrix = np.array(jacobian(0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), m, p).full())
+        if matrix.size and np.isfinite(matrix).all():
+            rates.append(float(np.abs(np.linalg.eigvals(matrix)).max()))
+    return max(rates)
+
+
+def internal_step(model: Model, p: Vector, x: Vector, step: float) -> float:
+    """A step (s) no longer than ``step`` that resolves the fastest mode."""
+    rate = fastest_rate(model, p, x)
+    return min(step, STEP_PER_RATE / rate) if rate > 0 else step

@@ -1,0 +1,145 @@
+"""A system: named blocks and the connections between them, before any equation exists."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from engine.block import MOTION, Block
+from engine.errors import ConnectionProblem, Where, nearest
+
+
+@dataclass(frozen=True)
+class Connection:
+    """An n-way node: endpoint names such as ``motor.shaft``, and where the user wrote it."""
+
+    ends: tuple[str, ...]
+    where: Where = field(default_factory=Where)
+
+
+@dataclass
+class System:
+    """Blocks, wiring and initial values.
+
+    Attributes:
+        blocks: name to block; a name may hold dots (sub-assemblies).
+        connections: the nodes.
+        shared: block name -> parameter name -> name of the common parameter that feeds it.
+        initial: motion or state name -> starting value in SI units.
+        places: block name -> where it stands in the user's file.
+        name, description: of the whole.
+    """
+
+    blocks: dict[str, Block]
+    connections: list[Connection]
+    shared: dict[str, dict[str, str]] = field(default_factory=dict)
+    initial: dict[str, float] = field(default_factory=dict)
+    places: dict[str, Where] = field(default_factory=dict)
+    name: str = "model"
+    description: str = ""
+
+    def place(self, block: str) -> Where | None:
+        """Where a block stands in the user's file."""
+        return self.places.get(block)
+
+    def split(self, endpoint: str, where: Where | None = None) -> tuple[str, str]:
+        """Block name and port name of an endpoint.
+
+        Raises:
+            ConnectionProblem: no block of that name.
+        """
+        parts = endpoint.split(".")
+        for cut in range(len(parts) - 1, 0, -1):
+            block = ".".join(parts[:cut])
+            if block in self.blocks:
+                return block, ".".join(parts[cut:])
+        raise ConnectionProblem(f"'{endpoint}' names no block", where, nearest(parts[0], self.blocks))
+
+    def observable(self, endpoint: str) -> tuple[str, str, int] | None:
+        """Block, flange and derivative order when the endpoint is the motion of a flange, else None."""
+        block, rest = self.split(endpoint)
+        port_name, _, quantity = rest.rpartition(".")
+        port = self.blocks[block].ports.get(port_name)
+        if port is None or port.role != "flange":
+            return None
+        names = [name for name, _ in MOTION[port.kind][:3]]
+        return (block, port_name, names.index(quantity)) if quantity in names else None
+
+    def is_input(self, endpoint: str) -> bool:
+        """Whether the endpoint is a signal input."""
+        block, rest = self.split(endpoint)
+        port = self.blocks[block].ports.get(rest)
+        return port is not None and port.role == "input"
+
+    def is_flange(self, endpoint: str) -> bool:
+        """Whether the endpoint is a flange."""
+        block, rest = self.split(endpoint)
+        port = self.blocks[block].ports.get(rest)
+        return port is not None and port.role == "flange"
+
+    def source_of(self, endpoint: str) -> tuple[str, Connection] | None:
+        """The signal that feeds an input, and the connection that says so."""
+        for connection in self.connections:
+            if endpoint in connection.ends:
+                for end in connection.ends:
+                    if not self.is_input(end):
+                        return end, connection
+        return None
+
+    def inputs(self) -> list[str]:
+        """Names of every signal input of every block."""
+        return [
+            f"{name}.{port.name}"
+            for name, block in self.blocks.items()
+            for port in block.ports.values()
+            if port.role == "input"
+        ]
+
+
+def bypass(system: System, inputs: list[str]) -> tuple[System, list[str]]:
+    """Free some inputs from the connections that fed them, dropping blocks that fed nothing else.
+
+    Args:
+        system: the system.
+        inputs: endpoints of signal inputs.
+
+    Returns:
+        The system without those connections, and the names of the blocks dropped.
+
+    Raises:
+        ConnectionProblem: an endpoint is not a signal input.
+    """
+    known = system.inputs()
+    for endpoint in inputs:
+        if endpoint not in known:
+            raise ConnectionProblem(f"'{endpoint}' is not an input", remedy=nearest(endpoint, known))
+    connections = []
+    for connection in system.connections:
+        ends = tuple(end for end in connection.ends if end not in inputs)
+        if len(ends) == len(connection.ends) or any(system.is_input(end) for end in ends):
+            connections.append(replace(connection, ends=ends))
+    blocks = dict(system.blocks)
+    dropped: list[str] = []
+    before = _feeders(system, system.connections)
+    while True:
+        trial = replace(system, blocks=blocks, connections=connections)
+        feeding = _feeders(trial, connections)
+        gone = [name for name in blocks if name in before and name not in feeding and not blocks[name].is_physical()]
+        if not gone:
+            return trial, dropped
+        dropped += gone
+        blocks = {name: block for name, block in blocks.items() if name not in gone}
+        connections = [c for c in connections if not any(_owner(system, end) in gone for end in c.ends)]
+
+
+def _owner(system: System, endpoint: str) -> str:
+    return system.split(endpoint)[0]
+
+
+def _feeders(system: System, connections: list[Connection]) -> set[str]:
+    """Blocks whose outputs feed some input."""
+    return {
+        _owner(system, end)
+        for connection in connections
+        for end in connection.ends
+        if not system.is_input(end) and not system.is_flange(end)
+    }

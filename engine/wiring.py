@@ -1,0 +1,252 @@
+"""Resolving signals: which expression feeds each input, algebraic loops, and the order inside a sample instant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+
+from engine.block import MOTION, Expression
+from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
+from engine.net import Memory, Motion, Net
+from engine.quantity import compatible
+from engine.system import System
+
+
+@dataclass
+class Source:
+    """What feeds an input."""
+
+    name: str
+    expression: Expression
+    unit: str
+    physical: bool
+    doc: str = ""
+
+
+class Wiring:
+    """Signals of a stamped net.
+
+    Args:
+        system: blocks and connections.
+        net: what they stamped.
+        flanges: (block, port) -> motion.
+        free: inputs driven from outside -> their symbol.
+    """
+
+    def __init__(
+        self, system: System, net: Net, flanges: dict[tuple[str, str], Motion], free: dict[str, Expression]
+    ) -> None:
+        self.system, self.net, self.flanges, self.free = system, net, flanges, free
+        self.sources: dict[str, Source | None] = {name: self._source(name) for name in net.inputs}
+        self._resolved: dict[str, Expression] = {}
+        self._active: list[str] = []
+        self._acceleration: dict[int, Expression] = {}
+        self._solve: Callable[[], list[Expression]] | None = None
+        self._input_of = {hash_symbol(entry.symbol): name for name, entry in net.inputs.items()}
+        self._motion_of = {hash_symbol(m.acceleration): m for m in net.motions}
+        self._memory_of = {hash_symbol(entry.symbol): entry for entry in net.memories}
+        self._check_units()
+
+    # -- naming -----------------------------------------------------------------------------------------------------
+
+    def signal(self, name: str) -> Source:
+        """The signal of a given name: a block's output, the motion of a flange, or an input's own value.
+
+        Raises:
+            ConnectionProblem: no such signal.
+        """
+        if name in self.net.outputs:
+            output = self.net.outputs[name]
+            return Source(name, output.expression, self.unit(name), output.physical, output.doc)
+        seen = self.system.observable(name)
+        if seen is not None:
+            block, port, order = seen
+            motion = self.flanges[block, port]
+            symbol = (motion.angle, motion.speed, motion.acceleration)[order]
+            return Source(name, symbol, MOTION[motion.kind][order][1], True)
+        if name in self.net.inputs:
+            return Source(name, self.net.inputs[name].symbol, self.unit(name), False)
+        raise ConnectionProblem(f"'{name}' names no signal", remedy=nearest(name, self.names()))
+
+    def names(self) -> list[str]:
+        """Every signal that can be recorded."""
+        motions = [
+            f"{block}.{port}.{quantity}"
+            for (block, port), motion in self.flanges.items()
+            for quantity, _ in MOTION[motion.kind][:3]
+        ]
+        return [*self.net.outputs, *motions, *self.net.inputs]
+
+    def _source(self, name: str) -> Source | None:
+        if name in self.free:
+            return None
+        found = self.system.source_of(name)
+        if found is None:
+            port = self.net.inputs[name].port
+            if port.default is None:
+                block = self.system.split(name)[0]
+                raise ConnectionProblem(
+                    f"'{name}' is not connected ({port.doc})",
+                    self.system.place(block),
+                    f"connect a signal in {port.unit} to it, or declare it as an input of the analysis",
+                )
+            return None
+        end, connection = found
+        try:
+            return self.signal(end)
+        except FlexarmError as error:
+            raise error.at(connection.where) from None
+
+    def unit(self, name: str, depth: int = 0) -> str:
+        """Unit of a signal; one that fits any takes the unit of what feeds the same block."""
+        if name in self.net.outputs:
+            unit = self.net.outputs[name].unit
+            if unit != "*" or depth > 50:
+                return unit
+            block = self.system.split(name)[0]
+            for other in self.net.inputs:
+                if self.system.split(other)[0] == block and self.net.inputs[other].port.unit == "*":
+                    return self.unit(other, depth + 1)
+            return "*"
+        if name not in self.net.inputs:
+            return self.signal(name).unit
+        unit = self.net.inputs[name].port.unit
+        if unit != "*" or depth > 50:
+            return unit
+        found = self.system.source_of(name) if name not in self.free else None
+        return self.unit(found[0], depth + 1) if found else "*"
+
+    def _check_units(self) -> None:
+        for name, source in self.sources.items():
+            wanted = self.net.inputs[name].port.unit
+            if source is not None and not compatible(source.unit, wanted):
+                found = self.system.source_of(name)
+                raise ConnectionProblem(
+                    f"'{source.name}' is in {source.unit} but '{name}' takes {wanted}",
+                    found[1].where if found else None,
+                    "connect a signal of the right unit, or put a Gain or a sensor between",
+                )
+
+    # -- continuous resolution --------------------------------------------------------------------------------------
+
+    def solve_accelerations(self, solve: Callable[[], list[Expression]]) -> None:
+        """Say how accelerations are found once the forces are resolved: one expression per motion."""
+        self._solve = solve
+
+    def resolve(self, expression: Expression) -> Expression:
+        """The expression without inputs or accelerations: only states, memories, modes, parameters, time, motions.
+
+        Raises:
+            StructureError: an algebraic loop, with every signal in order.
+        """
+        old, new = [], []
+        for symbol in ca.symvar(ca.SX(expression)):
+            key = hash_symbol(symbol)
+            if key in self._input_of:
+                old.append(symbol)
+                new.append(self._input(self._input_of[key]))
+            elif key in self._motion_of:
+                old.append(symbol)
+                new.append(self.accelerations()[self._motion_of[key].index])
+        return ca.substitute(ca.SX(expression), ca.vertcat(*old), ca.vertcat(*new)) if old else ca.SX(expression)
+
+    def _input(self, name: str) -> Expression:
+        if name in self.free:
+            return self.free[name]
+        source = self.sources[name]
+        if source is None:
+            return ca.SX(self.net.inputs[name].port.default or 0.0)
+        if name not in self._resolved:
+            with _Step(self, name):
+                self._resolved[name] = self.resolve(source.expression)
+        return self._resolved[name]
+
+    def accelerations(self) -> list[Expression]:
+        """Acceleration of each motion, in coordinates."""
+        if not self._acceleration:
+            if self._solve is None:
+                raise StructureError("accelerations are not available here")
+            with _Step(self, "the accelerations of the mechanism"):
+                self._acceleration = dict(enumerate(self._solve()))
+        return [self._acceleration[i] for i in range(len(self._acceleration))]
+
+    # -- sample instants --------------------------------------------------------------------------------------------
+
+    def updates(self, fire: Expression) -> list[Expression]:
+        """Each memory after an instant at which the clocks flagged in ``fire`` tick.
+
+        Plant signals are sampled with the memories as they were before the instant; signals between controllers carry
+        the new held values, in the order of the data flow.
+        """
+        held: dict[str, Expression] = {}
+
+        def new(memory: Memory) -> Expression:
+            if memory.name not in held:
+                with _Step(self, memory.name):
+                    value = at_instant(memory.update)
+                held[memory.name] = ca.if_else(fire[memory.clock.index], value, memory.symbol)
+            return held[memory.name]
+
+        def at_instant(expression: Expression) -> Expression:
+            old, values = [], []
+            for symbol in ca.symvar(ca.SX(expression)):
+                name = self._input_of.get(hash_symbol(symbol))
+                if name is not None:
+                    old.append(symbol)
+                    values.append(signal(name))
+            return ca.substitute(ca.SX(expression), ca.vertcat(*old), ca.vertcat(*values)) if old else expression
+
+        def signal(name: str) -> Expression:
+            source = self.sources[name]
+            if name in self.free or source is None or source.physical:
+                return self._input(name)
+            old, values = [], []
+            with _Step(self, name):
+                for symbol in ca.symvar(ca.SX(source.expression)):
+                    key = hash_symbol(symbol)
+                    memory = self._memory_of.get(key)
+                    if key in self._input_of:
+                        old.append(symbol)
+                        values.append(signal(self._input_of[key]))
+                    elif memory is not None and memory.held:
+                        old.append(symbol)
+                        values.append(new(memory))
+            expression = ca.SX(source.expression)
+            return ca.substitute(expression, ca.vertcat(*old), ca.vertcat(*values)) if old else expression
+
+        results = []
+        for memory in self.net.memories:
+            if memory.update is None:
+                raise StructureError(f"memory '{memory.name}' is never given a value")
+            after = new(memory) if memory.held else at_instant(memory.update)
+            results.append(after if memory.held else ca.if_else(fire[memory.clock.index], after, memory.symbol))
+        return results
+
+
+class _Step:
+    """One step along the signal graph; meeting the same step again is an algebraic loop."""
+
+    def __init__(self, wiring: Wiring, name: str) -> None:
+        self.wiring, self.name = wiring, name
+
+    def __enter__(self) -> None:
+        active = self.wiring._active
+        if self.name in active:
+            loop = [*active[active.index(self.name) :], self.name]
+            block = next((self.wiring.system.place(n.rsplit(".", 1)[0]) for n in loop if "." in n), None)
+            raise StructureError(
+                f"algebraic loop: {' <- '.join(loop)}",
+                block,
+                "break it with a block that has a state or a memory: a LowPass, an inductance, a sampled controller",
+            )
+        active.append(self.name)
+
+    def __exit__(self, *_: object) -> None:
+        self.wiring._active.pop()
+
+
+def hash_symbol(symbol: Expression) -> int:
+    """Identity of a scalar CasADi symbol."""
+    return int(symbol.element_hash())
