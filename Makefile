@@ -1,0 +1,76 @@
+# flexarm: everything runs from here. Needs Python 3.11 or later and make; the rest goes into .venv.
+
+PYTHON ?= python3
+WORKERS ?= 2
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+DOCS_READY := $(VENV)/.ready-docs
+
+# Threads of numerical libraries would compete with the test workers. Figures go to files, not to a screen.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+export MPLBACKEND ?= Agg
+
+.PHONY: help setup demo test test-full lint format bench docs lock clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make setup      create .venv and install flexarm with its tools"
+	@echo "make demo       run the demonstration; results go to ./demo-results"
+	@echo "make test       ruff, mypy, import-linter and the quick tests"
+	@echo "make test-full  the same with the slow tests"
+	@echo "make lint       ruff, mypy and import-linter alone"
+	@echo "make format     let ruff format and repair"
+	@echo "make bench      run benchmarks/bench_*.py"
+	@echo "make docs       build the documentation into ./site"
+	@echo "make lock       resolve the dependencies again and write requirements.lock"
+	@echo "make clean      remove caches, builds and results; keeps .venv"
+	@echo "Variables: PYTHON (now $(PYTHON)), WORKERS (parallel tests, now $(WORKERS))"
+
+setup: $(READY)
+	@echo "$(VENV) is ready"
+
+$(READY): pyproject.toml requirements.lock tools/install.py
+	@$(PYTHON) tools/install.py $(VENV) -c requirements.lock -e ".[dev]"
+	@touch $@
+
+$(DOCS_READY): $(READY)
+	@$(PYTHON) tools/install.py $(VENV) -c requirements.lock -e ".[docs]"
+	@touch $@
+
+demo: $(READY)
+	@$(BIN)/python -m flexarm.demo
+
+lint: $(READY)
+	@echo "== ruff check";  $(BIN)/ruff check .
+	@echo "== ruff format"; $(BIN)/ruff format --check .
+	@echo "== mypy";        $(BIN)/mypy
+	@echo "== import floors"; $(BIN)/lint-imports > $(VENV)/lint-imports.log 2>&1 \
+		&& tail -n 1 $(VENV)/lint-imports.log || { cat $(VENV)/lint-imports.log; exit 1; }
+
+test: lint
+	@echo "== pytest"; $(BIN)/pytest -n $(WORKERS)
+
+test-full: lint
+	@echo "== pytest, slow tests included"; $(BIN)/pytest -n $(WORKERS) -m "slow or not slow"
+
+format: $(READY)
+	@$(BIN)/ruff format .
+	@$(BIN)/ruff check --fix .
+
+bench: $(READY)
+	@for file in benchmarks/bench_*.py; do \
+		if [ -e "$$file" ]; then echo "== $$file"; $(BIN)/python "$$file" || exit 1; \
+		else echo "there is no benchmarks/bench_*.py yet"; fi; \
+	done
+
+docs: $(DOCS_READY)
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo "documentation: site/index.html"
+
+lock:
+	@$(PYTHON) tools/lock.py
+
+clean:
+	@rm -rf build dist site demo-results .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@find . -path ./$(VENV) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
