@@ -66,7 +66,7 @@ class Mechanics:
         if not motions:
             return expression
         old = ca.vertcat(*[m.angle for m in motions], *[m.speed for m in motions])
-        return ca.substitute(expression, old, ca.vertcat(self.T @ self.q, self.T @ self.v))
+        return ca.substitute(expression, old, ca.densify(ca.vertcat(self.T @ self.q, self.T @ self.v)))
 
     def _forces(self) -> Expression:
         f = ca.SX.zeros(len(self.net.motions), 1)

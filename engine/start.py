@@ -32,7 +32,7 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
     x = np.array(model.functions["start"](p).full()).ravel()
     names = [state.name for state in model.states]
     n = model.coordinates
-    transform = np.array(model.functions["transform"](p).full()).reshape(-1, n)
+    transform = np.array(model.functions["transform"](p).full())
     rows: dict[int, list[tuple[Vector, float, str]]] = {0: [], 1: []}
     for name, value in given.items():
         flange, _, quantity = name.rpartition(".")

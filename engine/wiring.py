@@ -150,7 +150,7 @@ class Wiring:
             elif key in self._motion_of:
                 old.append(symbol)
                 new.append(self.accelerations()[self._motion_of[key].index])
-        return ca.substitute(ca.SX(expression), ca.vertcat(*old), ca.vertcat(*new)) if old else ca.SX(expression)
+        return _replace(ca.SX(expression), old, new)
 
     def _input(self, name: str) -> Expression:
         if name in self.free:
@@ -196,7 +196,7 @@ class Wiring:
                 if name is not None:
                     old.append(symbol)
                     values.append(signal(name))
-            return ca.substitute(ca.SX(expression), ca.vertcat(*old), ca.vertcat(*values)) if old else expression
+            return _replace(ca.SX(expression), old, values)
 
         def signal(name: str) -> Expression:
             source = self.sources[name]
@@ -213,8 +213,7 @@ class Wiring:
                     elif memory is not None and memory.held:
                         old.append(symbol)
                         values.append(new(memory))
-            expression = ca.SX(source.expression)
-            return ca.substitute(expression, ca.vertcat(*old), ca.vertcat(*values)) if old else expression
+            return _replace(ca.SX(source.expression), old, values)
 
         results = []
         for memory in self.net.memories:
@@ -245,6 +244,11 @@ class _Step:
 
     def __exit__(self, *_: object) -> None:
         self.wiring._active.pop()
+
+
+def _replace(expression: Expression, old: list[Expression], new: list[Expression]) -> Expression:
+    """Substitute all at once."""
+    return ca.substitute(expression, ca.vertcat(*old), ca.densify(ca.vertcat(*new))) if old else expression
 
 
 def hash_symbol(symbol: Expression) -> int:
