@@ -229,6 +229,11 @@ def _array(ctype: str, name: str, values: list[str]) -> str:
 
 def model_code(model: Model) -> str:
     """C source of a model's sizes, tables and functions, without the runtime."""
+    return _sizes(model) + "\n\n" + _emitter(model).text()
+
+
+def _emitter(model: Model) -> Emitter:
+    """The functions that every run needs."""
     e = model.equations
     emitter = Emitter()
     arguments = [*e.arguments, e.fire]
@@ -237,6 +242,11 @@ def model_code(model: Model) -> str:
     emitter.add("outputs", arguments, e.outputs)
     emitter.add("update", arguments, e.update)
     emitter.add("following", arguments, e.following)
+    return emitter
+
+
+def _sizes(model: Model) -> str:
+    """Sizes, patterns and tables as C constants."""
     frictions = [mode for mode in model.modes if mode.kind == FRICTION]
     sizes = {
         "FA_NQ": model.coordinates,
@@ -264,7 +274,7 @@ def model_code(model: Model) -> str:
     lines.append("static double fa_min(double a, double b) { return a < b ? a : b; }")
     lines.append("static double fa_max(double a, double b) { return a > b ? a : b; }")
     lines.append("static double fa_sign(double a) { return (double)((a > 0) - (a < 0)); }")
-    return "\n".join(lines) + "\n\n" + emitter.text()
+    return "\n".join(lines)
 
 
 def runtime(name: str) -> str:
@@ -272,7 +282,37 @@ def runtime(name: str) -> str:
     return (_RUNTIME / name).read_text(encoding="utf-8")
 
 
+_INCLUDES = "#include <math.h>\n#include <string.h>\n#include <stdint.h>\n"
+
+
 def simulation_source(model: Model) -> str:
-    """One translation unit: the model, the integrator and the entry points that Python calls."""
-    head = "#include <math.h>\n#include <string.h>\n#include <stdint.h>\n"
-    return head + model_code(model) + runtime("core.c") + runtime("simulate.c")
+    """One translation unit: the model, the integrator and the entry point that Python calls."""
+    return _INCLUDES + model_code(model) + runtime("core.c") + runtime("simulate.c")
+
+
+def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -> str:
+    """The same with tangents.
+
+    Args:
+        model: the model.
+        parameters: indices of the parameters that are directions; they come first.
+        directions: how many directions there are, starting values included.
+    """
+    e = model.equations
+    emitter = _emitter(model)
+    arguments = [*e.arguments, e.fire]
+    seeds = ca.vertcat(e.x, e.t, e.u, e.d, *[e.p[i] for i in parameters])
+    lines = [f"#define FA_DIRS {directions}"]
+    for name in ("derivative", "guards", "update", "outputs", "following"):
+        jacobian = ca.jacobian(getattr(e, name), seeds)
+        values = ca.vertcat(*jacobian.nonzeros())
+        row, column = (list(part) for part in jacobian.sparsity().get_triplet())
+        lines.append(f"#define FA_{name.upper()}_NNZ {len(row)}")
+        lines.append(_array("int", f"fa_{name}_row", [str(i) for i in row]))
+        lines.append(_array("int", f"fa_{name}_col", [str(i) for i in column]))
+        if name == "derivative":
+            emitter.add("stage_values", arguments, ca.vertcat(e.derivative, values))
+        else:
+            emitter.add(f"{name}_values", arguments, values if row else ca.SX(0, 1))
+    rules = runtime("core.c") + runtime("simulate.c") + runtime("tangent_rules.c")
+    return "\n".join([_INCLUDES, _sizes(model), *lines, emitter.text(), runtime("tangent.c")]) + rules

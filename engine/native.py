@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Callable
 from ctypes import POINTER, c_double, c_int32, c_int64
 from dataclasses import dataclass, field
 from typing import Any
@@ -89,7 +90,7 @@ class _Job(ctypes.Structure):
 @functools.lru_cache(maxsize=64)
 def _loaded(signature: str, source: str) -> Any:
     function = library(source).fa_simulate
-    function.argtypes = [POINTER(_Job)]
+    function.argtypes = [POINTER(_Job), ctypes.c_void_p]
     function.restype = ctypes.c_int
     return function
 
@@ -129,6 +130,11 @@ def run(model: Model, job: Job) -> Outcome:
         CompilerUnavailable: no compiler runs.
     """
     function = entry(model)
+    return call(model, job, lambda c: function(ctypes.byref(c), None))
+
+
+def call(model: Model, job: Job, function: Callable[[Any], int]) -> Outcome:
+    """Fill the C struct of a run, hand it to ``function`` and collect what it left."""
     rows, keep = job.outputs + 1, _Keep()
     y = np.zeros((rows, len(model.outputs)))
     states = np.zeros((rows, len(model.states))) if job.record_states else None
@@ -150,7 +156,7 @@ def run(model: Model, job: Job) -> Outcome:
     c.log_capacity = job.log_capacity
     if job.cancel is not None:
         c.cancel = ctypes.pointer(job.cancel)
-    function(ctypes.byref(c))
+    function(c)
     return Outcome(
         y, states, modes, x1, d1, m1, log[: c.log_length], c.steps, c.events, c.row, c.status, c.culprit, c.t1
     )

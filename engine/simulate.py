@@ -153,6 +153,13 @@ def simulate(
     used, outcome = _execute(model, job, backend)
     if outcome.status:
         raise SimulationError(explain(model, outcome))
+    return as_result(model, job, outcome, step, used, parameters)
+
+
+def as_result(
+    model: Model, job: Job, outcome: Outcome, step: float, backend: str, parameters: dict[str, float] | None
+) -> Result:
+    """A finished run with its names."""
     names = [mode.name for mode in model.modes]
     return Result(
         model=model,
@@ -167,7 +174,7 @@ def simulate(
         final_state=outcome.x1,
         final_memory=outcome.d1,
         final_modes=outcome.m1,
-        backend=used,
+        backend=backend,
         parameters=dict(parameters or {}),
     )
 

@@ -14,6 +14,12 @@ STEP_PER_RATE = 0.5
 """Internal step times the fastest rate of the model; RK4 is stable up to 2.78."""
 
 
+def starting_names(model: Model) -> list[str]:
+    """Every name that may be given a starting value: states, and the motions of flanges."""
+    motions = [f"{flange}.{quantity}" for flange in model.motions for quantity in _ORDERS]
+    return list(dict.fromkeys([*(state.name for state in model.states), *motions]))
+
+
 def start_values(model: Model, p: Vector, initial: dict[str, float] | None = None) -> Vector:
     """States at the start.
 
@@ -44,8 +50,7 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
             index = names.index(name)
             rows[index // n].append((np.eye(n)[index % n], value, name))
         else:
-            known = [*names, *(f"{flange}.{quantity}" for flange in model.motions for quantity in ("angle", "speed"))]
-            raise ParameterError(f"initial value for unknown '{name}'", remedy=nearest(name, known))
+            raise ParameterError(f"initial value for unknown '{name}'", remedy=nearest(name, starting_names(model)))
     for order, entries in rows.items():
         if entries:
             matrix = np.array([row for row, _, _ in entries])

@@ -2,8 +2,16 @@
  * translation unit. Modes, in order: FA_NF frictions and FA_NS switches in {-1, 0, +1}, then FA_NT counters of time
  * events. Each of the first two kinds has two guards, positive when violated.
  *
- * Everything that changes during a run lies in one struct, so copying the struct saves the state; its one pointer is the
- * caller's log, which an FMU leaves NULL. */
+ * Everything that changes during a run lies in one struct, so copying the struct saves the state; its pointers are the
+ * caller's log and listener, which an FMU leaves NULL. */
+
+/* What tangents need to hear of; nothing otherwise. See tangent.c. */
+#ifndef FA_HOOKS
+#define FA_ON_TARGET(s, event, i, n) /* the next step ends at part i of n of the way to a fixed or event instant */
+#define FA_ON_STEP(s, h, guard)      /* a step of length h is about to be taken; guard >= 0 if it ends on that guard */
+#define FA_ON_STOP(s, coordinate)    /* a sliding coordinate's speed was set to zero */
+#define FA_ON_TICK(s, fire)          /* memories are about to be updated */
+#endif
 
 #define FA_SIZE(n) ((n) > 0 ? (n) : 1)
 #define FA_NG (2 * (FA_NF + FA_NS))
@@ -26,6 +34,7 @@ typedef struct {
   int64_t steps, events;
   int status, culprit;                                           /* culprit: index of a state or mode */
   double *log; int64_t log_length, log_capacity;                 /* (time, mode, new value) rows, or NULL */
+  void *listener;                                                /* whose the hooks are */
 } fa_sim;
 
 static int fa_finite(const double *a, int n) {
@@ -78,7 +87,10 @@ static int fa_switch(fa_sim *s) {
     const double above = g[2 * k], below = g[2 * k + 1];
     if (!(above > 0) && !(below > 0)) continue;
     if (s->m[k] != 0) {
-      if (k < FA_NF) s->x[FA_NQ + fa_stick_coordinate[k]] = 0;
+      if (k < FA_NF) {
+        s->x[FA_NQ + fa_stick_coordinate[k]] = 0;
+        FA_ON_STOP(s, fa_stick_coordinate[k]);
+      }
       fa_set_mode(s, k, 0);
       changed = 1;
     } else if (k < FA_NF) {
@@ -143,13 +155,15 @@ static int fa_table_knots(fa_sim *s) {
   return moved;
 }
 
-static double fa_next_knot(const fa_sim *s) {
+/* The next instant that must be hit; *event is its time event, or -1. */
+static double fa_next_knot(const fa_sim *s, int *event) {
   double next = HUGE_VAL;
+  *event = -1;
   for (int i = 0; i < FA_NW; i++)
     if (s->cursor[i] + 1 < fa_table_length[i] && fa_table_t[i][s->cursor[i] + 1] < next)
       next = fa_table_t[i][s->cursor[i] + 1];
   for (int k = 0; k < FA_NT; k++)
-    if (s->next[k] < next) next = s->next[k];
+    if (s->next[k] < next) { next = s->next[k]; *event = k; }
   return next;
 }
 
@@ -236,6 +250,7 @@ static int fa_step(fa_sim *s, double h) {
     int which = 0;
     fa_try(s, end - s->t, &b);
     if (!(fa_worst(b.full, &which) > 0)) {
+      FA_ON_STEP(s, b.h, -1);
       memcpy(s->x, b.x, sizeof s->x);
       memcpy(s->full, b.full, sizeof s->full);
       s->t = end;
@@ -243,6 +258,8 @@ static int fa_step(fa_sim *s, double h) {
       return fa_finite(s->x, FA_NX) && fa_finite(s->full, FA_NX) ? FA_OK : fa_not_finite(s);
     }
     fa_locate(s, h, &b);
+    fa_worst(b.full, &which);
+    FA_ON_STEP(s, b.h, which);
     memcpy(s->x, b.x, sizeof s->x);
     memcpy(s->full, b.full, sizeof s->full);
     s->t = end - s->t - b.h > 1e-13 * h ? s->t + b.h : end;
@@ -250,7 +267,11 @@ static int fa_step(fa_sim *s, double h) {
     fa_switch(s);
     s->events++;
     if (fa_settle(s)) return s->status;
-    if (s->t == end) { s->steps++; return FA_OK; }
+    if (s->t == end) {
+      FA_ON_STEP(s, 0.0, -1);
+      s->steps++;
+      return FA_OK;
+    }
     s->culprit = which / 2;
   }
   return s->status = FA_CHATTER;
@@ -281,12 +302,17 @@ static int fa_start(fa_sim *s) {
 /* Integrate to t_end, hitting every knot and time event on the way. Needs s->full. */
 static int fa_integrate(fa_sim *s, double t_end) {
   while (s->t < t_end) {
-    double target = fa_next_knot(s);
-    if (target > t_end - FA_SNAP * fmax(1, fabs(t_end))) target = t_end;
+    int event;
+    double target = fa_next_knot(s, &event);
+    if (target > t_end - FA_SNAP * fmax(1, fabs(t_end))) {
+      if (target > t_end + FA_SNAP * fmax(1, fabs(t_end))) event = -1;
+      target = t_end;
+    }
     const double start = s->t, span = target - start;
     const int64_t n = span > s->hmax ? (int64_t)ceil(span / s->hmax * (1 - 1e-9)) : 1;
     for (int64_t i = 1; i <= n; i++) {
       const double to = i < n ? start + span * ((double)i / (double)n) : target;
+      FA_ON_TARGET(s, event, i, n);
       if (fa_step(s, to - s->t)) return s->status;
       s->t = to;
     }
@@ -300,6 +326,7 @@ static int fa_integrate(fa_sim *s, double t_end) {
 /* Let the clocks flagged in fire tick: memories take their new values and the guards are checked again. */
 static int fa_tick(fa_sim *s, const double *fire) {
   double u[FA_SIZE(FA_NI)], d[FA_SIZE(FA_ND)];
+  FA_ON_TICK(s, fire);
   fa_inputs(s, s->t, u);
   fa_update(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, d);
   for (int i = 0; i < FA_ND; i++) s->d[i] = d[i];

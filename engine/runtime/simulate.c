@@ -16,6 +16,9 @@ typedef struct {
   double t1;
 } fa_job;
 
+#ifndef FA_ON_RECORD
+#define FA_ON_RECORD(s, row)
+#endif
 #define FA_EXPORT __attribute__((visibility("default")))
 
 static void fa_drive(fa_sim *s, const fa_job *job, int64_t k) {
@@ -32,6 +35,7 @@ static void fa_drive(fa_sim *s, const fa_job *job, int64_t k) {
 
 static void fa_record(const fa_sim *s, fa_job *job, int64_t row) {
   fa_read(s, job->y + row * FA_NY);
+  FA_ON_RECORD(s, row);
   if (job->states) memcpy(job->states + row * FA_NX, s->x, sizeof(double) * FA_NX);
   if (job->modes) memcpy(job->modes + row * FA_NM, s->m, sizeof(double) * FA_NM);
   job->row = row + 1;
@@ -80,7 +84,7 @@ static int fa_run(fa_sim *s, fa_job *job) {
   return FA_OK;
 }
 
-FA_EXPORT int fa_simulate(fa_job *job) {
+FA_EXPORT int fa_simulate(fa_job *job, void *listener) {
   fa_sim sim, *s = &sim;
   memset(s, 0, sizeof *s);
   s->t = job->t0;
@@ -91,6 +95,7 @@ FA_EXPORT int fa_simulate(fa_job *job) {
   memcpy(s->p, job->p, sizeof(double) * FA_NP);
   s->log = job->log;
   s->log_capacity = job->log_capacity;
+  s->listener = listener;
   fa_run(s, job);
   memcpy(job->x1, s->x, sizeof(double) * FA_NX);
   memcpy(job->d1, s->d, sizeof(double) * FA_ND);

@@ -1,0 +1,155 @@
+"""Sensitivities of a run's outputs to parameters and starting values, carried through every located event.
+
+The derivative is that of the discrete algorithm, so it agrees with differences of runs as closely as rounding allows,
+as long as both runs switch in the same order. Where the order changes there is no gradient; `reordered` finds out.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from ctypes import POINTER, c_double
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine import native
+from engine.codegen import tangent_source
+from engine.compile import library
+from engine.errors import ParameterError, SimulationError, nearest
+from engine.model import Model, Vector
+from engine.simulate import Drive, Result, as_result, explain, prepare
+from engine.start import start_values, starting_names
+
+GRAZING = 1e-9
+"""A guard met at a rate below this share of its parts is grazed: its instant has no usable derivative."""
+
+
+@dataclass(frozen=True)
+class Tangents:
+    """A run and its derivatives.
+
+    Attributes:
+        result: the run.
+        wrt: names of the directions.
+        values: d output / d direction, shape (rows, outputs, directions), SI units.
+        grazing: whether some guard was met tangentially, so that derivatives after it are doubtful.
+    """
+
+    result: Result
+    wrt: tuple[str, ...]
+    values: NDArray[np.float64]
+    grazing: bool
+
+    def of(self, output: str, direction: str) -> Vector:
+        """One derivative over time, shape (rows,).
+
+        Raises:
+            ParameterError: unknown name.
+        """
+        for name, names in ((output, self.result.names), (direction, list(self.wrt))):
+            if name not in names:
+                raise ParameterError(f"no derivative for '{name}'", remedy=nearest(name, names))
+        return np.asarray(self.values[:, self.result.names.index(output), self.wrt.index(direction)])
+
+
+@functools.lru_cache(maxsize=32)
+def _compiled(model: Model, indices: tuple[int, ...], directions: int) -> Any:
+    function = library(tangent_source(model, indices, directions)).fa_simulate_tangents
+    function.argtypes = [ctypes.c_void_p, *[POINTER(c_double)] * 4]
+    function.restype = ctypes.c_int
+    return function
+
+
+def tangents(
+    model: Model,
+    stop: float,
+    step: float = 1e-3,
+    *,
+    wrt: list[str],
+    parameters: dict[str, float] | None = None,
+    drive: Drive | None = None,
+    initial: dict[str, float] | None = None,
+    internal_step: float | None = None,
+) -> Tangents:
+    """Simulate with sensitivities; needs a C compiler.
+
+    Args:
+        model: the model.
+        stop: end (s).
+        step: time between rows (s).
+        wrt: parameters, and motions or states whose starting value is meant.
+        parameters: values that replace the model's, SI units.
+        drive: the external inputs.
+        initial: starting values by name, SI units.
+        internal_step: longest integration step (s).
+
+    Raises:
+        ParameterError: a name that is neither a parameter nor a starting value.
+        SimulationError: the run diverged or chattered.
+        CompilerUnavailable: no compiler runs.
+    """
+    known = [parameter.name for parameter in model.parameters]
+    starting = starting_names(model)
+    for name in wrt:
+        if name not in known and name not in starting:
+            raise ParameterError(f"no parameter or starting value '{name}'", remedy=nearest(name, [*known, *starting]))
+    ordered = [name for name in wrt if name in known] + [name for name in wrt if name not in known]
+    indices = tuple(known.index(name) for name in ordered if name in known)
+    job = prepare(model, stop, step, parameters=parameters, drive=drive, initial=initial, internal_step=internal_step)
+    S0, D0 = _seeds(model, job.p, dict(initial or {}), ordered, indices)
+    rows = np.zeros((job.outputs + 1, len(model.outputs), len(ordered)))
+    least = np.zeros(1)
+    function = _compiled(model, indices, len(ordered))
+    extra = [a.ctypes.data_as(POINTER(c_double)) for a in (S0, D0, rows, least)]
+    outcome = native.call(model, job, lambda c: function(ctypes.addressof(c), *extra))
+    if outcome.status:
+        raise SimulationError(explain(model, outcome))
+    back = [ordered.index(name) for name in wrt]
+    result = as_result(model, job, outcome, step, "c", parameters)
+    return Tangents(result, tuple(wrt), rows[:, :, back], bool(least[0] < GRAZING))
+
+
+def _seeds(
+    model: Model, p: Vector, initial: dict[str, float], names: list[str], indices: tuple[int, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """dx0/dq and dd0/dq. Starting values are smooth, nearly linear functions: central differences are exact enough."""
+    S0 = np.zeros((len(model.states), len(names)))
+    D0 = np.zeros((len(model.memories), len(names)))
+
+    def memories(q: Vector) -> Vector:
+        return np.array(model.functions["memory_start"](q).full()).ravel()
+
+    for j, name in enumerate(names):
+        if j < len(indices):
+            up, down = p.copy(), p.copy()
+            delta = 1e-6 * max(abs(p[indices[j]]), 1e-12)
+            up[indices[j]] += delta
+            down[indices[j]] -= delta
+            width = up[indices[j]] - down[indices[j]]
+            S0[:, j] = (start_values(model, up, initial) - start_values(model, down, initial)) / width
+            D0[:, j] = (memories(up) - memories(down)) / width
+        else:
+            value = {**model.initial, **initial}.get(name, 0.0)
+            up_x, down_x = (start_values(model, p, {**initial, name: value + s}) for s in (0.5, -0.5))
+            S0[:, j] = up_x - down_x
+    return S0, D0
+
+
+def reordered(one: Result, other: Result) -> str:
+    """How the order of events differs between two runs; empty if it does not.
+
+    Time shifts alone are no difference. Where the order differs, no gradient connects the two runs.
+    """
+    for i, (a, b) in enumerate(zip(one.events, other.events, strict=False)):
+        if a[1:] != b[1:]:
+            return f"event {i + 1}: '{a[1]}' to {a[2]:g} at {a[0]:.6g} s against '{b[1]}' to {b[2]:g} at {b[0]:.6g} s"
+    if len(one.events) != len(other.events):
+        longer = max(one.events, other.events, key=len)
+        time, name, value = longer[min(len(one.events), len(other.events))]
+        return (
+            f"{len(one.events)} events against {len(other.events)}: '{name}' to {value:g} at {time:.6g} s in one only"
+        )
+    return ""
