@@ -223,7 +223,8 @@ class _Assembly:
             following=self._stack([entry.following for entry in net.time_events]),
             start=self._stack([ca.SX.zeros(2 * n, 1), *[s.start for s in net.states], *[ca.SX(0) for _ in accounts]]),
             memory_start=self._stack([entry.start for entry in net.memories]),
-            transform=ca.densify(mechanics.T),
+            transform=ca.densify(mechanics.T[:, mechanics.free]),
+            imposed=mechanics.imposed_motion(),
         )
         inputs = tuple(Variable(name, self.wiring.unit(name), net.inputs[name].port.doc) for name in self.free_names)
         return Model(
@@ -276,7 +277,7 @@ class _Assembly:
 
     def _state_names(self) -> tuple[Variable, ...]:
         mechanics = self.mechanics
-        names = list(zip(mechanics.coordinates.names, mechanics.coordinates.kinds, strict=True))
+        names = [(mechanics.coordinates.names[c], mechanics.coordinates.kinds[c]) for c in mechanics.free]
         rows = [Variable(f"{name}.{MOTION[kind][0][0]}", MOTION[kind][0][1]) for name, kind in names]
         rows += [Variable(f"{name}.{MOTION[kind][1][0]}", MOTION[kind][1][1]) for name, kind in names]
         rows += [Variable(state.name, state.unit, state.doc) for state in self.net.states]
@@ -289,7 +290,7 @@ class _Assembly:
         for coordinate in self.mechanics.friction_modes:
             owners = [entry.owner for entry, _ in self.mechanics.coordinates.frictions[coordinate]]
             labels = ("sliding backward", "stuck", "sliding forward")
-            rows.append(Mode(" + ".join(owners), FRICTION, labels, coordinate))
+            rows.append(Mode(" + ".join(owners), FRICTION, labels, self.mechanics.free.index(coordinate)))
         rows += [Mode(entry.name, SWITCH, entry.labels) for entry in self.net.switches]
         rows += [Mode(entry.name, TIME) for entry in self.net.time_events]
         return tuple(rows)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from engine.block import Expression
 from engine.errors import StructureError
-from engine.net import Friction, Motion, Net
+from engine.net import Friction, Motion, Net, Prescription
 
 Row = dict[int, Expression]
 _ZERO = 1e-12
@@ -30,6 +30,7 @@ class Coordinates:
         kinds: ``rotational`` or ``translational``.
         rows: for each motion, coordinate index -> coefficient.
         weights: for each motion, the efficiency weight of its balance.
+        prescribed: coordinate index -> (prescription, scale): the prescribed motion is scale times the coordinate.
         frictions: coordinate index -> list of (friction, scale): its velocity is scale times the coordinate's.
     """
 
@@ -37,6 +38,7 @@ class Coordinates:
     kinds: list[str]
     rows: list[Row]
     weights: list[Expression]
+    prescribed: dict[int, tuple[Prescription, Expression]]
     frictions: dict[int, list[tuple[Friction, Expression]]]
 
     def transform(self) -> Expression:
@@ -115,9 +117,12 @@ def choose(net: Net, symbols: Expression, values: NDArray[np.float64]) -> Coordi
         pivot = basis.pick(form, set())
         lead = form.pop(pivot)
         basis.substitute(pivot, {b: -c / lead for b, c in form.items()})
+    prescribed: dict[int, tuple[Prescription, Expression]] = {}
+    for prescription in net.prescriptions:
+        _impose(basis, prescription, prescribed)
     taken: dict[int, list[tuple[Friction, Expression]]] = {}
     for friction in net.frictions:
-        _place(basis, friction, taken)
+        _place(basis, friction, taken, set(prescribed))
     kept = sorted({b for row in basis.rows for b in row})
     position = {b: i for i, b in enumerate(kept)}
     return Coordinates(
@@ -125,11 +130,41 @@ def choose(net: Net, symbols: Expression, values: NDArray[np.float64]) -> Coordi
         [basis.kinds[b] for b in kept],
         [{position[b]: c for b, c in row.items()} for row in basis.rows],
         _weights(net),
+        {position[b]: entry for b, entry in prescribed.items()},
         {position[b]: entries for b, entries in taken.items()},
     )
 
 
-def _place(basis: _Basis, friction: Friction, taken: dict[int, list[tuple[Friction, Expression]]]) -> None:
+def _impose(basis: _Basis, entry: Prescription, prescribed: dict[int, tuple[Prescription, Expression]]) -> None:
+    """Make a prescribed motion a coordinate of its own."""
+    form = basis.reduce({entry.motion: ca.SX(1)})
+    if all(b in prescribed for b in form):
+        others = [prescribed[b][0].owner for b in form] or ["the ground"]
+        raise StructureError(
+            f"'{entry.owner}' imposes a motion that {' and '.join(others)} fixes already",
+            remedy="remove one of them, or put a spring between",
+        )
+    pivot = basis.pick(form, set(prescribed))
+    if len(form) == 1:
+        prescribed[pivot] = (entry, form[pivot])
+        return
+    prescribed[_relative(basis, form, pivot, f"{entry.owner}.imposed", basis.kinds[pivot])] = (entry, ca.SX(1))
+
+
+def _relative(basis: _Basis, form: Row, pivot: int, name: str, kind: str) -> int:
+    """Replace the pivot by the linear form itself as a new basis element."""
+    form = dict(form)
+    lead = form.pop(pivot)
+    new = basis.free
+    basis.free += 1
+    basis.names[new], basis.kinds[new] = name, kind
+    basis.substitute(pivot, {new: 1 / lead, **{b: -c / lead for b, c in form.items()}})
+    return new
+
+
+def _place(
+    basis: _Basis, friction: Friction, taken: dict[int, list[tuple[Friction, Expression]]], imposed: set[int]
+) -> None:
     """Give a friction edge its coordinate, sharing one when the edges move together."""
     form = basis.reduce(friction.terms)
     if not form:
@@ -141,23 +176,23 @@ def _place(basis: _Basis, friction: Friction, taken: dict[int, list[tuple[Fricti
         coordinate, scale = next(iter(form.items()))
         taken[coordinate].append((friction, scale))
         return
-    if all(b in taken for b in form):
-        owners = sorted({entry.owner for b in form for entry, _ in taken[b]})
+    if all(b in imposed for b in form):
+        raise StructureError(
+            f"friction '{friction.owner}' acts between imposed motions, which it cannot hold",
+            remedy="remove it, or impose the motion through a spring",
+        )
+    if all(b in taken or b in imposed for b in form):
+        owners = sorted({entry.owner for b in form for entry, _ in taken.get(b, [])})
         raise StructureError(
             f"friction '{friction.owner}' closes a loop with {', '.join(owners)}",
             remedy="several stuck joints in a loop have no unique reaction; remove one, or put a spring in the loop",
         )
-    pivot = basis.pick(form, set(taken))
+    pivot = basis.pick(form, set(taken) | imposed)
     if len(form) == 1:
         taken[pivot] = [(friction, form[pivot])]
         return
-    lead = form.pop(pivot)
-    new = basis.free
-    basis.free += 1
-    basis.names[new] = f"{friction.owner}.relative"
-    basis.kinds[new] = basis.net.motions[next(iter(friction.terms))].kind
-    basis.substitute(pivot, {new: 1 / lead, **{b: -c / lead for b, c in form.items()}})
-    taken[new] = [(friction, ca.SX(1))]
+    kind = basis.net.motions[next(iter(friction.terms))].kind
+    taken[_relative(basis, form, pivot, f"{friction.owner}.relative", kind)] = [(friction, ca.SX(1))]
 
 
 def _weights(net: Net) -> list[Expression]:

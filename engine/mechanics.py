@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from engine.block import Expression
 from engine.coordinates import choose
 from engine.errors import StructureError
-from engine.net import Motion, Net
+from engine.net import Motion, Net, Prescription
 from engine.system import System
-from engine.wiring import Wiring
+from engine.wiring import Wiring, hash_symbol
 
 
 class Mechanics:
@@ -44,16 +44,19 @@ class Mechanics:
         self.system, self.net, self.wiring, self.flanges = system, net, wiring, flanges
         self.p, self.values = p, values
         self.coordinates = choose(net, p, values)
-        self.count = len(self.coordinates.names)
+        self.free = [c for c in range(len(self.coordinates.names)) if c not in self.coordinates.prescribed]
+        self.count = len(self.free)
         self.q = ca.SX.sym("q", self.count)
         self.v = ca.SX.sym("v", self.count)
+        self._imposed: list[Expression] | None = None
+        self.reactions: list[Expression] = []
         self.T = self.coordinates.transform()
         self.friction_modes = {c: ca.SX.sym(f"stick{c}") for c in sorted(self.coordinates.frictions)}
         self.guards: dict[int, Expression] = {}
         self.lost = ca.SX(0)
         self.kinetic_energy = ca.SX(0)
         self.acceleration = ca.SX(0, 1)
-        wiring.solve_accelerations(self._solve)
+        wiring.solve_accelerations(self._solve, lambda: self.reactions)
 
     def solved(self) -> Expression:
         """Accelerations of the coordinates, shape (n, 1)."""
@@ -66,7 +69,52 @@ class Mechanics:
         if not motions:
             return expression
         old = ca.vertcat(*[m.angle for m in motions], *[m.speed for m in motions])
-        return ca.substitute(expression, old, ca.densify(ca.vertcat(self.T @ self.q, self.T @ self.v)))
+        new = ca.vertcat(self.T @ self._all(self.q, 0), self.T @ self._all(self.v, 1))
+        return ca.substitute(expression, old, ca.densify(new))
+
+    def _all(self, free: Expression, order: int) -> Expression:
+        """All coordinates (or their derivative of that order) from the free ones and what is imposed."""
+        if not self.coordinates.prescribed:
+            return free
+        if self._imposed is None:
+            pairs = self.coordinates.prescribed.values()
+            self._imposed = [self._motion(entry) / scale for entry, scale in pairs]
+        full: Expression = ca.SX(len(self.coordinates.names), 1)
+        for i, c in enumerate(self.free):
+            full[c] = free[i]
+        for c, motion in zip(self.coordinates.prescribed, self._imposed, strict=True):
+            full[c] = motion[order]
+        return full
+
+    def imposed_motion(self) -> Expression:
+        """What impositions add to the motions' angles, then to their speeds; shape (2 * motions, 1)."""
+        none = ca.SX.zeros(self.count, 1)
+        return ca.densify(ca.vertcat(self.T @ self._all(none, 0), self.T @ self._all(none, 1)))
+
+    def _motion(self, entry: Prescription) -> Expression:
+        """Angle, speed and acceleration of an imposed motion, as one column."""
+        angle = self.wiring.resolve(entry.angle)
+        if entry.speed is not None and entry.acceleration is not None:
+            rows = ca.vertcat(angle, self.wiring.resolve(entry.speed), self.wiring.resolve(entry.acceleration))
+        else:
+            counters = [event.count for event in self.net.time_events]
+            known = {hash_symbol(s) for s in [self.net.time, *counters, *ca.symvar(self.p)]}
+            if any(hash_symbol(s) not in known for s in ca.symvar(angle)):
+                raise StructureError(
+                    f"the motion that '{entry.owner}' imposes cannot be differentiated",
+                    self.system.place(entry.owner),
+                    "impose a formula of time, or let the block filter its input",
+                )
+            speed = ca.jacobian(angle, self.net.time)
+            rows = ca.vertcat(angle, speed, ca.jacobian(speed, self.net.time))
+        own = {hash_symbol(m.angle) for m in self.net.motions} | {hash_symbol(m.speed) for m in self.net.motions}
+        if any(hash_symbol(s) in own for s in ca.symvar(rows)):
+            raise StructureError(
+                f"the motion that '{entry.owner}' imposes depends on the mechanism's own motion",
+                self.system.place(entry.owner),
+                "impose it through a filter, or use a torque and a controller",
+            )
+        return rows
 
     def _forces(self) -> Expression:
         f = ca.SX.zeros(len(self.net.motions), 1)
@@ -98,43 +146,58 @@ class Mechanics:
         return force, forward_level, backward_level, power
 
     def _solve(self) -> list[Expression]:
-        """Accelerations of the motions; also fills the residuals of the friction coordinates and the losses."""
-        if self.count == 0:
-            self.acceleration = ca.SX(0, 1)
+        """Accelerations of the motions; also fills guards, reactions, energy and losses."""
+        names, free = self.coordinates.names, self.free
+        if not names:
             return [ca.SX(0) for _ in self.net.motions]
         weights = ca.diag(ca.vertcat(*self.coordinates.weights))
         mass0, force0 = self.in_coordinates(self._mass()), self.in_coordinates(self._forces())
-        mass = self.T.T @ weights @ mass0 @ self.T
-        self._check_mass(mass)
+        whole = self.T.T @ weights @ mass0 @ self.T
         force = self.T.T @ weights @ force0
+        imposed = self._all(ca.SX.zeros(self.count, 1), 2)
+        mass, push = whole[free, free], (force - whole @ imposed)[free]
+        self._check_mass(mass)
         dry_power = ca.SX(0)
         levels: dict[int, tuple[Expression, Expression]] = {}
         slip = ca.SX.ones(self.count, 1)
         for c, mode in self.friction_modes.items():
             dry, ahead, behind, power = (self.in_coordinates(self.wiring.resolve(e)) for e in self._dry(c))
-            weight = self._weight(c)
-            force[c] -= weight * dry
+            weight, i = self._weight(c), free.index(c)
+            push[i] -= weight * dry
             levels[c] = (weight * ahead, weight * behind)
             dry_power += power
-            slip[c] = mode * mode
+            slip[i] = mode * mode
         masked = mass
         if self.friction_modes:
             masked = ca.diag(slip) @ mass @ ca.diag(slip) + ca.diag(1 - slip)
-        factor = ca.ldl(ca.sparsify(masked))
-        acceleration = ca.ldl_solve(slip * force, *factor)
+        self.acceleration = ca.SX(0, 1)
+        if free:
+            self.acceleration = ca.ldl_solve(slip * push, *ca.ldl(ca.sparsify(masked)))
         for c, (ahead, behind) in levels.items():
-            residual = force[c] - mass[c, :] @ acceleration
-            mode = self.friction_modes[c]
-            above = ca.if_else(mode == 0, residual - ahead, -mode * self.v[c])
+            i, mode = free.index(c), self.friction_modes[c]
+            residual = push[i] - mass[i, :] @ self.acceleration
+            above = ca.if_else(mode == 0, residual - ahead, -mode * self.v[i])
             below = ca.if_else(mode == 0, -residual - behind, -1)
             self.guards[c] = ca.vertcat(above, below)
-        motions = self.T @ acceleration
-        self.acceleration = acceleration
-        speed = self.T @ self.v
+        everything = self._all(self.acceleration, 2)
+        motions = self.T @ everything
+        balance = whole @ everything - force
+        self.reactions = [
+            balance[c] / (scale * self.coordinates.weights[entry.motion])
+            for c, (entry, scale) in self.coordinates.prescribed.items()
+        ]
+        speed = self.T @ self._all(self.v, 1)
         self.kinetic_energy = ca.dot(speed, mass0 @ speed) / 2
         self.lost = dry_power
         if any(tie.efficiency is not None for tie in self.net.ties):
-            self.lost = ca.dot(speed, force0 - mass0 @ motions)
+            work = sum(
+                (
+                    r * speed[e.motion]
+                    for r, (e, _) in zip(self.reactions, self.coordinates.prescribed.values(), strict=True)
+                ),
+                ca.SX(0),
+            )
+            self.lost = ca.dot(speed, force0 - mass0 @ motions) + work
         return [motions[i] for i in range(len(self.net.motions))]
 
     def _weight(self, coordinate: int) -> Expression:
@@ -151,11 +214,12 @@ class Mechanics:
                 raise self._massless(i, "has no inertia")
         scale = 1 / np.sqrt(diagonal)
         eigenvalues, vectors = np.linalg.eigh(scale[:, None] * numbers * scale[None, :])
-        if eigenvalues[0] < 1e-12:
+        if len(eigenvalues) and eigenvalues[0] < 1e-12:
             raise self._massless(int(np.argmax(np.abs(vectors[:, 0]))), "has no inertia of its own")
 
     def _massless(self, coordinate: int, what: str) -> StructureError:
-        movers = [m.name for m, row in zip(self.net.motions, self.coordinates.rows, strict=True) if coordinate in row]
+        rows = zip(self.net.motions, self.coordinates.rows, strict=True)
+        movers = [motion.name for motion, row in rows if self.free[coordinate] in row]
         flanges = [
             f"{block}.{port}" for (block, port), motion in self.flanges.items() if motion.name in movers
         ] or movers

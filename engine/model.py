@@ -102,7 +102,8 @@ class Equations:
         following: instant of the next time event of each counter.
         start: states at the start, from parameters.
         memory_start: memories at the start, from parameters.
-        transform: motions = transform @ coordinates, from parameters.
+        transform: motions = transform @ coordinates + imposed, from parameters.
+        imposed: what imposed motions add to all angles, then to all speeds.
     """
 
     t: Expression
@@ -120,6 +121,7 @@ class Equations:
     start: Expression
     memory_start: Expression
     transform: Expression
+    imposed: Expression
 
     @property
     def arguments(self) -> list[Expression]:
@@ -203,7 +205,8 @@ class Model:
         """CasADi functions of ``t, x, u, d, m, p``: derivative, guards, outputs, update, following, starts."""
         e = self.equations
         made = {
-            name: ca.Function(name, e.arguments, [getattr(e, name)]) for name in ("derivative", "guards", "outputs")
+            name: ca.Function(name, e.arguments, [getattr(e, name)])
+            for name in ("derivative", "guards", "outputs", "imposed")
         }
         made["update"] = ca.Function("update", [*e.arguments, e.fire], [e.update])
         made["following"] = ca.Function("following", [e.m, e.p], [e.following])

@@ -67,6 +67,18 @@ class Friction:
 
 
 @dataclass
+class Prescription:
+    """A motion imposed from outside; see `Net.prescribe`."""
+
+    owner: str
+    motion: int
+    angle: Expression
+    speed: Expression | None
+    acceleration: Expression | None
+    reaction: Expression
+
+
+@dataclass
 class Switch:
     """A three-valued mode with two guards; see `Net.switch`."""
 
@@ -176,6 +188,7 @@ class Net:
         self.forces: dict[int, Expression] = {}
         self.ties: list[Tie] = []
         self.frictions: list[Friction] = []
+        self.prescriptions: list[Prescription] = []
         self.switches: list[Switch] = []
         self.time_events: list[TimeEvent] = []
         self.states: list[State] = []
@@ -304,6 +317,25 @@ class Net:
             velocity,
         )
         self.frictions.append(entry)
+
+    def prescribe(
+        self, motion: Motion, angle: Expression, speed: Expression | None = None, acceleration: Expression | None = None
+    ) -> Expression:
+        """Impose a motion.
+
+        Args:
+            motion: what is moved.
+            angle: its angle or position over time.
+            speed: time derivative of ``angle``; with ``acceleration`` left out too, both are derived, which needs an
+                ``angle`` that depends on time, parameters and time events only.
+            acceleration: time derivative of ``speed``.
+
+        Returns:
+            The effort that imposes it (N.m or N), positive where it accelerates the motion in the positive sense.
+        """
+        reaction = ca.SX.sym(self._name("reaction"))
+        self.prescriptions.append(Prescription(self._owner, motion.index, angle, speed, acceleration, reaction))
+        return reaction
 
     # -- switching --------------------------------------------------------------------------------------------------
 

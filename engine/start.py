@@ -39,13 +39,15 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
     names = [state.name for state in model.states]
     n = model.coordinates
     transform = np.array(model.functions["transform"](p).full())
+    offset = _imposed(model, p, x)
     rows: dict[int, list[tuple[Vector, float, str]]] = {0: [], 1: []}
     for name, value in given.items():
         flange, _, quantity = name.rpartition(".")
         if name in names and names.index(name) >= 2 * n:
             x[names.index(name)] = value
         elif flange in model.motions and quantity in _ORDERS:
-            rows[_ORDERS[quantity]].append((transform[model.motions[flange]], value, name))
+            order, row = _ORDERS[quantity], model.motions[flange]
+            rows[order].append((transform[row], value - offset[order][row], name))
         elif name in names:
             index = names.index(name)
             rows[index // n].append((np.eye(n)[index % n], value, name))
@@ -64,6 +66,13 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
                 )
             x[order * n : (order + 1) * n] = q
     return x
+
+
+def _imposed(model: Model, p: Vector, x: Vector) -> Vector:
+    """Angles and speeds that impositions add at time 0, shape (2, motions)."""
+    e = model.equations
+    u, d, m = np.zeros(e.u.numel()), np.array(model.functions["memory_start"](p).full()), np.zeros(e.m.numel())
+    return np.array(model.functions["imposed"](0, x, u, d, m, p).full()).reshape(2, -1)
 
 
 def fastest_rate(model: Model, p: Vector, x: Vector) -> float:

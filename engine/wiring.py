@@ -45,6 +45,8 @@ class Wiring:
         self._acceleration: dict[int, Expression] = {}
         self._solve: Callable[[], list[Expression]] | None = None
         self._input_of = {hash_symbol(entry.symbol): name for name, entry in net.inputs.items()}
+        self._reaction_of = {hash_symbol(e.reaction): i for i, e in enumerate(net.prescriptions)}
+        self._reactions: Callable[[], list[Expression]] | None = None
         self._motion_of = {hash_symbol(m.acceleration): m for m in net.motions}
         self._memory_of = {hash_symbol(entry.symbol): entry for entry in net.memories}
         self._check_units()
@@ -131,9 +133,11 @@ class Wiring:
 
     # -- continuous resolution --------------------------------------------------------------------------------------
 
-    def solve_accelerations(self, solve: Callable[[], list[Expression]]) -> None:
-        """Say how accelerations are found once the forces are resolved: one expression per motion."""
-        self._solve = solve
+    def solve_accelerations(
+        self, solve: Callable[[], list[Expression]], reactions: Callable[[], list[Expression]]
+    ) -> None:
+        """Say how accelerations are found, one expression per motion, and then the reactions of imposed motions."""
+        self._solve, self._reactions = solve, reactions
 
     def resolve(self, expression: Expression) -> Expression:
         """The expression without inputs or accelerations: only states, memories, modes, parameters, time, motions.
@@ -150,6 +154,10 @@ class Wiring:
             elif key in self._motion_of:
                 old.append(symbol)
                 new.append(self.accelerations()[self._motion_of[key].index])
+            elif key in self._reaction_of and self._reactions is not None:
+                self.accelerations()
+                old.append(symbol)
+                new.append(self._reactions()[self._reaction_of[key]])
         return _replace(ca.SX(expression), old, new)
 
     def _input(self, name: str) -> Expression:

@@ -218,6 +218,30 @@ class Rest(Block):
         net.force(self.shaft, -(mode > 0) * face(1.0)[1] + (mode < 0) * face(-1.0)[1])
 
 
+class Imposed(Block):
+    """Imposes an angle that is a formula of time."""
+
+    value = signal_in("rad", "angle", name="in")
+    reaction = signal_out("N.m", "torque that imposes it")
+    shaft = flange("moved")
+
+    def stamp(self, net: Net) -> None:
+        torque = net.prescribe(self.shaft, self.value)
+        net.output(self.reaction, torque)
+        net.supply(torque * self.shaft.speed)
+
+
+class Swing(Block):
+    """Sine angle."""
+
+    amplitude = parameter("rad", 1.0, "amplitude")
+    frequency = parameter("rad/s", 1.0, "angular frequency")
+    out = signal_out("rad", "sine")
+
+    def stamp(self, net: Net) -> None:
+        net.output(self.out, self.amplitude * ca.sin(self.frequency * net.time))
+
+
 def system(blocks: dict[str, Block], *wires: tuple[str, ...], **more: object) -> System:
     """A system whose connections know a line each."""
     connections = [Connection(ends, Where("test.yaml", 10 + i, f"connect[{i}]")) for i, ends in enumerate(wires)]

@@ -1,0 +1,189 @@
+"""Many runs of one model over all cores: in order, streamed, interruptible, resumable.
+
+Threads suffice, because the compiled runtime holds no interpreter lock. Each run is computed by itself, so the results
+do not depend on how many threads there are. Only a bounded number of runs is in flight at a time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from engine import interpret, native
+from engine.errors import CompilerUnavailable, SimulationError
+from engine.model import Model
+from engine.simulate import Drive, Result, as_result, explain, prepare
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of a batch: what differs from the model's own values.
+
+    Attributes:
+        parameters: values by name, SI units.
+        drive: external inputs.
+        initial: starting values by name, SI units.
+    """
+
+    parameters: dict[str, float] = field(default_factory=dict)
+    drive: Drive | None = None
+    initial: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A run that could not be carried to its end, in the place of its result."""
+
+    case: Case
+    reason: str
+
+
+def batch(
+    model: Model,
+    cases: Iterable[Case],
+    stop: float,
+    step: float = 1e-3,
+    *,
+    internal_step: float | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    log_capacity: int = 1000,
+) -> Iterator[Result | Failure]:
+    """Run the cases and yield their results in the order of the cases.
+
+    Args:
+        model: the model.
+        cases: read as they are needed, so they may be a generator of any length.
+        stop: end of every run (s).
+        step: time between rows (s).
+        internal_step: longest integration step (s); chosen for each case if None.
+        workers: threads; as many as cores if None.
+        progress: called with the number of results yielded so far.
+        log_capacity: events kept per run.
+
+    Yields:
+        A `Result`, or a `Failure` where a run diverged or chattered. Closing the generator, or interrupting it, cancels
+        the runs in flight.
+    """
+    cancel = ctypes.c_int32(0)
+    count = workers or os.cpu_count() or 1
+    guard = threading.Lock()
+
+    def one(case: Case) -> Result | Failure:
+        job = prepare(
+            model,
+            stop,
+            step,
+            parameters=case.parameters,
+            drive=case.drive,
+            initial=case.initial,
+            internal_step=internal_step,
+            log_capacity=log_capacity,
+        )
+        job.cancel = cancel
+        backend = "c"
+        try:
+            with guard:
+                native.entry(model)
+            outcome = native.run(model, job)
+        except CompilerUnavailable:
+            backend, outcome = "interpreter", interpret.run(model, job)
+        if outcome.status:
+            return Failure(case, explain(model, outcome))
+        return as_result(model, job, outcome, step, backend, case.parameters)
+
+    waiting: deque[Future[Result | Failure]] = deque()
+    source, done = iter(cases), 0
+    with ThreadPoolExecutor(count, thread_name_prefix="flexarm-batch") as pool:
+        try:
+            for case in source:
+                waiting.append(pool.submit(one, case))
+                if len(waiting) >= 4 * count:
+                    yield waiting.popleft().result()
+                    done += 1
+                    if progress:
+                        progress(done)
+            while waiting:
+                yield waiting.popleft().result()
+                done += 1
+                if progress:
+                    progress(done)
+        finally:
+            cancel.value = 1
+            for future in waiting:
+                future.cancel()
+
+
+def resumable(
+    folder: Path,
+    model: Model,
+    cases: Iterable[Case],
+    stop: float,
+    step: float = 1e-3,
+    *,
+    reduce: Callable[[Result], dict[str, float]],
+    **settings: Any,
+) -> Iterator[dict[str, float]]:
+    """A batch whose rows are kept in a folder; started again after an interruption, it computes only what is missing.
+
+    Args:
+        folder: made if it does not exist; one small file per case, renamed into place when whole.
+        model: the model.
+        cases: as for `batch`.
+        stop: end of every run (s).
+        step: time between rows (s).
+        reduce: turns a run into the numbers to keep, so that memory and disk stay bounded.
+        settings: further arguments of `batch`.
+
+    Yields:
+        The numbers of each case, in order; ``{}`` never: a failed run raises.
+
+    Raises:
+        SimulationError: a run failed; the others' rows are kept.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    listed = list(cases)
+    keys = [_key(model, case, stop, step, settings.get("internal_step")) for case in listed]
+    missing = [i for i, key in enumerate(keys) if not (folder / f"{key}.json").exists()]
+    fresh = batch(model, (listed[i] for i in missing), stop, step, **settings)
+    pending = iter(missing)
+    upcoming = next(pending, None)
+    for i, key in enumerate(keys):
+        target = folder / f"{key}.json"
+        if i == upcoming:
+            result = next(fresh)
+            if isinstance(result, Failure):
+                raise SimulationError(f"case {i}: {result.reason}")
+            _write(target, reduce(result))
+            upcoming = next(pending, None)
+        yield json.loads(target.read_text(encoding="utf-8"))
+
+
+def _write(target: Path, row: dict[str, float]) -> None:
+    scratch = target.with_suffix(f".{os.getpid()}.tmp")
+    scratch.write_text(json.dumps(row), encoding="utf-8")
+    scratch.replace(target)
+
+
+def _key(model: Model, case: Case, stop: float, step: float, internal_step: float | None) -> str:
+    digest = hashlib.sha256(f"{model.signature} {stop!r} {step!r} {internal_step!r}".encode())
+    digest.update(repr(sorted(case.parameters.items())).encode())
+    digest.update(repr(sorted(case.initial.items())).encode())
+    if case.drive is not None:
+        digest.update(np.asarray(case.drive.time, dtype=float).tobytes())
+        digest.update(np.asarray(case.drive.values, dtype=float).tobytes())
+        digest.update(repr(case.drive.hold).encode())
+    return digest.hexdigest()[:32]

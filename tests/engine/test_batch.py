@@ -1,0 +1,78 @@
+"""Batches: order, determinism, bounded work in flight, failures in place, interruption and resumption."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from engine.assemble import build
+from engine.batch import Case, Failure, batch, resumable
+from engine.simulate import Drive, simulate
+from tests.engine.parts import Body, Dry, Push, system
+
+
+@pytest.fixture(scope="module")
+def model():
+    plant = system({"t": Push(), "m": Body(inertia=2.0), "f": Dry(level=3.0)}, ("t.shaft", "m.shaft", "f.shaft"))
+    return build(plant, inputs=["t.in"], outputs=["m.shaft.angle"])
+
+
+def cases(n=40):
+    for i in range(n):
+        yield Case({"f.level": 1.0 + 0.1 * i}, Drive([0.0, 0.1], [[5.0 + i], [0.0]]), {"m.shaft.speed": 0.1 * i})
+
+
+def test_results_come_in_order_and_do_not_depend_on_the_number_of_threads(model):
+    runs = {n: [r.values.tobytes() for r in batch(model, cases(), 1.0, 1e-2, workers=n)] for n in (1, 2, 7)}
+    assert runs[1] == runs[2] == runs[7]
+    alone = [simulate(model, 1.0, 1e-2, parameters=c.parameters, drive=c.drive, initial=c.initial) for c in cases()]
+    assert runs[1] == [r.values.tobytes() for r in alone]
+
+
+def test_cases_are_read_as_needed(model):
+    read = []
+
+    def many():
+        for i in range(10_000):
+            read.append(i)
+            yield Case()
+
+    stream = batch(model, many(), 0.1, 1e-2, workers=2)
+    for _ in range(5):
+        next(stream)
+    stream.close()
+    assert len(read) < 20
+
+
+def test_a_failing_run_keeps_its_place(model):
+    bad = Case(initial={"m.shaft.speed": 1e308})
+    good = Case()
+    results = list(batch(model, [good, bad, good], 1000.0, 100.0, workers=2))
+    assert [isinstance(r, Failure) for r in results] == [False, True, False]
+    assert "diverged" in results[1].reason
+    assert "m.shaft" in results[1].reason or "t.shaft" in results[1].reason
+
+
+def test_an_interrupted_batch_resumes_where_it_stopped(model, tmp_path):
+    calls = []
+
+    def reduce(result):
+        calls.append(1)
+        return {"end": float(result["m.shaft.angle"][-1])}
+
+    first = resumable(tmp_path, model, cases(), 1.0, 1e-2, reduce=reduce, workers=2)
+    kept = [next(first) for _ in range(15)]
+    first.close()
+    assert len(calls) == 15
+    again = list(resumable(tmp_path, model, cases(), 1.0, 1e-2, reduce=reduce, workers=2))
+    assert len(calls) == 40
+    assert again[:15] == kept
+    assert not list(tmp_path.glob("*.tmp"))
+    alone = [simulate(model, 1.0, 1e-2, parameters=c.parameters, drive=c.drive, initial=c.initial) for c in cases()]
+    assert np.array([row["end"] for row in again]) == pytest.approx([r["m.shaft.angle"][-1] for r in alone], rel=0)
+
+
+def test_progress_counts_every_result(model):
+    seen = []
+    list(batch(model, cases(9), 0.1, 1e-2, workers=2, progress=seen.append))
+    assert seen == list(range(1, 10))
