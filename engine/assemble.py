@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from typing import Any
 
 import casadi as ca
@@ -24,7 +25,7 @@ from engine.model import (
 )
 from engine.net import Input, ModelParameter, Motion, Net
 from engine.system import System, bypass
-from engine.wiring import Wiring
+from engine.wiring import Wiring, hash_symbol
 
 
 def build(
@@ -161,6 +162,8 @@ class _Assembly:
         alias = block.same_as(name)
         if alias is not None:
             return self._parameter(block_name, alias)
+        if declared.unit == "*":
+            declared = replace(declared, unit=block.unit_of(name))
         own = f"{block_name}.{name}"
         common = self.system.shared.get(block_name, {}).get(name)
         if declared.size:
@@ -226,6 +229,7 @@ class _Assembly:
             transform=ca.densify(mechanics.T[:, mechanics.free]),
             imposed=mechanics.imposed_motion(),
         )
+        equations, parameters = self._used(equations)
         inputs = tuple(Variable(name, self.wiring.unit(name), net.inputs[name].port.doc) for name in self.free_names)
         return Model(
             name=self.system.name,
@@ -236,8 +240,7 @@ class _Assembly:
             tables=tuple(TableData(t.name, t.unit, tuple(t.times), tuple(t.values), t.hold) for t in net.tables),
             outputs=tuple(variable for variable, _ in outputs),
             parameters=tuple(
-                ParameterVariable(entry.name, entry.value, entry.declared, tuple(entry.users))
-                for entry in net.parameters.values()
+                ParameterVariable(entry.name, entry.value, entry.declared, tuple(entry.users)) for entry in parameters
             ),
             memories=tuple(Variable(entry.name, entry.unit) for entry in net.memories),
             clocks=tuple(SampleClock(clock.period, clock.offset) for clock in net.clocks),
@@ -247,6 +250,14 @@ class _Assembly:
             motions={f"{block}.{port}": motion.index for (block, port), motion in self.flanges.items()},
             initial=dict(self.system.initial),
         )
+
+    def _used(self, equations: Equations) -> tuple[Equations, list[ModelParameter]]:
+        """The equations with only those parameters that some equation reads; the rest could be tuned in vain."""
+        skip = ("t", "x", "u", "d", "m", "p", "fire")
+        rows = [getattr(equations, f.name) for f in fields(equations) if f.name not in skip]
+        read = {hash_symbol(symbol) for symbol in ca.symvar(ca.vertcat(*[ca.vec(ca.SX(row)) for row in rows]))}
+        kept = [entry for entry in self.net.parameters.values() if hash_symbol(entry.symbol) in read]
+        return replace(equations, p=self._stack([entry.symbol for entry in kept])), kept
 
     def _books(self, accounts: list[Expression]) -> list[tuple[Variable, Expression]]:
         """Outputs that show where the energy went."""

@@ -7,6 +7,7 @@ shared between the functions, and a division by a lower-level value becomes a pr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -227,12 +228,17 @@ def _array(ctype: str, name: str, values: list[str]) -> str:
     return f"static const {ctype} {name}[] = {{{', '.join(values) or '0'}}};"
 
 
-def model_code(model: Model) -> str:
-    """C source of a model's sizes, tables and functions, without the runtime."""
-    return _sizes(model) + "\n\n" + _emitter(model).text()
+def model_code(model: Model, extra: Sequence[tuple[str, list[Expression], Expression]] = ()) -> str:
+    """C source of a model's sizes, tables and functions, without the runtime.
+
+    Args:
+        model: the model.
+        extra: further functions: name, arguments (as those of `Emitter.add`; the last may be any symbol) and result.
+    """
+    return _sizes(model) + "\n\n" + _emitter(model, extra).text()
 
 
-def _emitter(model: Model) -> Emitter:
+def _emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expression]] = ()) -> Emitter:
     """The functions that every run needs."""
     e = model.equations
     emitter = Emitter()
@@ -242,6 +248,8 @@ def _emitter(model: Model) -> Emitter:
     emitter.add("outputs", arguments, e.outputs)
     emitter.add("update", arguments, e.update)
     emitter.add("following", arguments, e.following)
+    for name, symbols, result in extra:
+        emitter.add(name, symbols, result)
     return emitter
 
 

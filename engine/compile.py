@@ -18,6 +18,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from engine.errors import CompilerUnavailable
@@ -140,3 +141,36 @@ def library(source: str) -> ctypes.CDLL:
             _build(source, target)
             return ctypes.CDLL(str(target))
     return ctypes.CDLL(str(target))
+
+
+def binary(files: Mapping[str, str], arguments: Sequence[str], suffix: str) -> bytes:
+    """A compiled library for any platform, as bytes; compiled only if the cache has none.
+
+    Args:
+        files: text of each source file by name; the first is compiled, the others are what it includes.
+        arguments: what follows `FLAGS`, such as a target.
+        suffix: of the library's file name.
+
+    Raises:
+        CompilerUnavailable: no compiler runs, or it fails.
+    """
+    parts = [*(part for item in files.items() for part in item), *FLAGS, *arguments, " ".join(compiler()), version()]
+    target = cache_folder() / f"{hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:32]}{suffix}"
+    with contextlib.suppress(OSError):
+        return target.read_bytes()
+    log.info("compiling for %s; the very first time for a platform takes up to some minutes", " ".join(arguments))
+    with tempfile.TemporaryDirectory(prefix="flexarm-", ignore_cleanup_errors=True) as name:
+        folder, main = Path(name), next(iter(files))
+        for file, text in files.items():
+            (folder / file).write_text(text, encoding="utf-8")
+        made = folder / f"library{suffix}"
+        run_compiler([*FLAGS, *arguments, "-o", made.name, main, "-lm"], folder)
+        content = made.read_bytes()
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=target.parent, delete=False) as file_made:
+            file_made.write(content)
+        Path(file_made.name).replace(target)
+    except OSError as error:
+        log.info("the cache %s cannot be written (%s)", target.parent, error)
+    return content

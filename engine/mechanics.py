@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from engine.block import Expression
 from engine.coordinates import choose
 from engine.errors import StructureError
+from engine.factor import solve
 from engine.net import Motion, Net, Prescription
 from engine.system import System
 from engine.wiring import Wiring, hash_symbol
@@ -79,12 +80,9 @@ class Mechanics:
         if self._imposed is None:
             pairs = self.coordinates.prescribed.values()
             self._imposed = [self._motion(entry) / scale for entry, scale in pairs]
-        full: Expression = ca.SX(len(self.coordinates.names), 1)
-        for i, c in enumerate(self.free):
-            full[c] = free[i]
-        for c, motion in zip(self.coordinates.prescribed, self._imposed, strict=True):
-            full[c] = motion[order]
-        return full
+        rows = {c: motion[order] for c, motion in zip(self.coordinates.prescribed, self._imposed, strict=True)}
+        rows |= {c: free[i] for i, c in enumerate(self.free)}
+        return ca.vertcat(*[rows[c] for c in range(len(rows))])
 
     def imposed_motion(self) -> Expression:
         """What impositions add to the motions' angles, then to their speeds; shape (2 * motions, 1)."""
@@ -95,7 +93,9 @@ class Mechanics:
         """Angle, speed and acceleration of an imposed motion, as one column."""
         angle = self.wiring.resolve(entry.angle)
         if entry.speed is not None and entry.acceleration is not None:
-            rows = ca.vertcat(angle, self.wiring.resolve(entry.speed), self.wiring.resolve(entry.acceleration))
+            rows: Expression = ca.vertcat(
+                angle, self.wiring.resolve(entry.speed), self.wiring.resolve(entry.acceleration)
+            )
         else:
             counters = [event.count for event in self.net.time_events]
             known = {hash_symbol(s) for s in [self.net.time, *counters, *ca.symvar(self.p)]}
@@ -172,7 +172,7 @@ class Mechanics:
             masked = ca.diag(slip) @ mass @ ca.diag(slip) + ca.diag(1 - slip)
         self.acceleration = ca.SX(0, 1)
         if free:
-            self.acceleration = ca.ldl_solve(slip * push, *ca.ldl(ca.sparsify(masked)))
+            self.acceleration = solve(masked, slip * push, self.p, list(self.friction_modes.values()))
         for c, (ahead, behind) in levels.items():
             i, mode = free.index(c), self.friction_modes[c]
             residual = push[i] - mass[i, :] @ self.acceleration

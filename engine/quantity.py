@@ -120,6 +120,17 @@ def _coherent_parts(unit: Any) -> dict[str, float]:
     return {name: power for name, power in parts.items() if power and name != "count"}
 
 
+@functools.cache
+def base_units(text: str) -> tuple[float, dict[str, float]]:
+    """Factor to base units, and the power of each base unit by pint's name; radians count.
+
+    Raises:
+        ParameterError: the unit is unknown.
+    """
+    one: Any = _registry().Quantity(1.0, _unit(text)).to_base_units()
+    return float(one.magnitude), {str(name): float(power) for name, power in one.units._units.items()}
+
+
 def compatible(a: str, b: str) -> bool:
     """Whether two units measure the same thing; ``*`` fits everything."""
     if "*" in (a, b) or a == b:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -15,8 +15,9 @@ from engine import interpret, native
 from engine.errors import CompilerUnavailable, ParameterError, SimulationError, nearest
 from engine.model import Model, Vector
 from engine.native import Job, Outcome
-from engine.start import internal_step as choose_step
 from engine.start import start_values
+from engine.step import fastest
+from engine.step import internal_step as choose_step
 
 _warned: set[str] = set()
 
@@ -91,15 +92,17 @@ class Result:
         return np.asarray(self.values[:, names.index(name)])
 
 
-def _rational(value: float) -> Fraction:
+def rational(value: float) -> Fraction:
+    """The fraction meant by a decimal number of seconds such as 0.001."""
+    """A time as the fraction that was meant, so that 0.1 is a tenth."""
     return Fraction(value).limit_denominator(10**9)
 
 
-def _resolution(instants: list[float]) -> Fraction:
+def common_tick(instants: list[float]) -> Fraction:
     """The longest tick of which all given instants are whole multiples."""
     tick = Fraction(0)
     for value in instants:
-        fraction = _rational(value)
+        fraction = rational(value)
         if fraction:
             tick = Fraction(
                 math.gcd(tick.numerator * fraction.denominator, fraction.numerator * tick.denominator),
@@ -120,6 +123,7 @@ def simulate(
     record_states: bool = False,
     backend: str = "auto",
     log_capacity: int = 100_000,
+    step_tolerance: float | None = None,
 ) -> Result:
     """Simulate from rest, or from the initial values, at time 0.
 
@@ -134,6 +138,8 @@ def simulate(
         record_states: also keep states and modes at every row.
         backend: ``c``, ``interpreter`` or ``auto`` (c where a compiler works).
         log_capacity: how many events are kept.
+        step_tolerance: if given, the run is repeated with half the internal step, and a warning names the fastest mode
+            if some output changes by more than this share of its range.
 
     Raises:
         ParameterError: a name or value that does not fit.
@@ -153,7 +159,29 @@ def simulate(
     used, outcome = _execute(model, job, backend)
     if outcome.status:
         raise SimulationError(explain(model, outcome))
-    return as_result(model, job, outcome, step, used, parameters)
+    result = as_result(model, job, outcome, step, used, parameters)
+    if step_tolerance is not None:
+        _check_step(model, job, result, used, step_tolerance)
+    return result
+
+
+def _check_step(model: Model, job: Job, result: Result, backend: str, tolerance: float) -> None:
+    """Warn if half the internal step gives other outputs."""
+    finer = _execute(model, replace(job, hmax=job.hmax / 2), backend)[1]
+    if finer.status:
+        return
+    span = np.ptp(finer.y, axis=0)
+    change = np.abs(finer.y - result.values).max(axis=0) / np.where(span > 0, span, 1.0)
+    worst = int(np.argmax(change)) if change.size else 0
+    if change.size and change[worst] > tolerance:
+        mode = fastest(model, job.p, job.x0)
+        warnings.warn(
+            f"half the internal step of {job.hmax:.3g} s changes '{result.names[worst]}' by {change[worst]:.2g} of its "
+            f"range, more than {tolerance:.2g}; the fastest mode moves '{mode.state}' at {mode.rate:.4g} 1/s: give a "
+            f"shorter internal_step",
+            RuntimeWarning,
+            stacklevel=3,
+        )
 
 
 def as_result(
@@ -163,7 +191,7 @@ def as_result(
     names = [mode.name for mode in model.modes]
     return Result(
         model=model,
-        time=np.arange(job.outputs + 1, dtype=np.float64) * np.float64(_rational(step)),
+        time=np.arange(job.outputs + 1, dtype=np.float64) * np.float64(rational(step)),
         values=outcome.y,
         states=outcome.states,
         modes=outcome.modes,
@@ -201,12 +229,14 @@ def prepare(
     x0 = start_values(model, p, initial)
     knots, values, linear = _driven(model, drive)
     instants = [step, *[c.period for c in model.clocks], *[c.offset for c in model.clocks]]
-    tick = _resolution([*instants, *([1e-9] if len(knots) > 1 else [])])
+    tick = common_tick(instants)
+    if (np.abs(knots - np.round(knots / float(tick)) * float(tick)) > 0.5e-9).any():
+        tick = common_tick([*instants, 1e-9])
     if tick < Fraction(1, 10**13):
         raise ParameterError(
             f"step and sample periods {instants} have no common tick", remedy="make them multiples of one another"
         )
-    outputs = int(Fraction(stop + 1e-9 * step) / _rational(step))
+    outputs = int(Fraction(stop + 1e-9 * step) / rational(step))
     if outputs > 200_000_000:
         raise ParameterError(f"{outputs} rows are too many", remedy="give a longer step or an earlier stop")
     return Job(
@@ -217,9 +247,9 @@ def prepare(
         resolution=float(tick),
         hmax=internal_step or choose_step(model, p, x0, step),
         outputs=outputs,
-        output_ticks=int(_rational(step) / tick),
-        period=[int(_rational(c.period) / tick) for c in model.clocks],
-        offset=[int(_rational(c.offset) / tick) for c in model.clocks],
+        output_ticks=int(rational(step) / tick),
+        period=[int(rational(c.period) / tick) for c in model.clocks],
+        offset=[int(rational(c.offset) / tick) for c in model.clocks],
         knot=np.round(knots / float(tick)).astype(np.int64),
         value=values,
         linear=linear,

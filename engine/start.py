@@ -1,17 +1,14 @@
-"""Where a simulation starts, and how fine its steps must be."""
+"""Where a simulation starts."""
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 
 from engine.block import MOTION
 from engine.errors import ParameterError, nearest
-from engine.model import FRICTION, SWITCH, Model, Vector
+from engine.model import Model, Vector
 
 _ORDERS = {name: order for kind in MOTION.values() for order, (name, _) in enumerate(kind[:2])}
-STEP_PER_RATE = 0.5
-"""Internal step times the fastest rate of the model; RK4 is stable up to 2.78."""
 
 
 def starting_names(model: Model) -> list[str]:
@@ -73,24 +70,3 @@ def _imposed(model: Model, p: Vector, x: Vector) -> Vector:
     e = model.equations
     u, d, m = np.zeros(e.u.numel()), np.array(model.functions["memory_start"](p).full()), np.zeros(e.m.numel())
     return np.array(model.functions["imposed"](0, x, u, d, m, p).full()).reshape(2, -1)
-
-
-def fastest_rate(model: Model, p: Vector, x: Vector) -> float:
-    """The largest |eigenvalue| (1/s) of the model at ``x`` with joints sliding, over contacts open and closed."""
-    e = model.equations
-    if "jacobian" not in model.functions:
-        model.functions["jacobian"] = ca.Function("jacobian", e.arguments, [ca.jacobian(e.derivative, e.x)])
-    jacobian = model.functions["jacobian"]
-    rates = [0.0]
-    for level in (0.0, 1.0, -1.0):
-        m = [{FRICTION: 1.0, SWITCH: level}.get(mode.kind, 0.0) for mode in model.modes]
-        matrix = np.array(jacobian(0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), m, p).full())
-        if matrix.size and np.isfinite(matrix).all():
-            rates.append(float(np.abs(np.linalg.eigvals(matrix)).max()))
-    return max(rates)
-
-
-def internal_step(model: Model, p: Vector, x: Vector, step: float) -> float:
-    """A step (s) no longer than ``step`` that resolves the fastest mode."""
-    rate = fastest_rate(model, p, x)
-    return min(step, STEP_PER_RATE / rate) if rate > 0 else step

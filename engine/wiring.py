@@ -206,10 +206,18 @@ class Wiring:
                     values.append(signal(name))
             return _replace(ca.SX(expression), old, values)
 
+        def sampled(expression: Expression) -> Expression:
+            """What a sampled sensor has just taken in."""
+            taken = [self._memory_of.get(hash_symbol(symbol)) for symbol in ca.symvar(ca.SX(expression))]
+            held = [memory for memory in taken if memory is not None and memory.held]
+            return _replace(ca.SX(expression), [memory.symbol for memory in held], [new(memory) for memory in held])
+
         def signal(name: str) -> Expression:
             source = self.sources[name]
-            if name in self.free or source is None or source.physical:
+            if name in self.free or source is None:
                 return self._input(name)
+            if source.physical:
+                return self.resolve(sampled(source.expression))
             old, values = [], []
             with _Step(self, name):
                 for symbol in ca.symvar(ca.SX(source.expression)):
