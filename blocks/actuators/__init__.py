@@ -1,0 +1,1 @@
+"""What moves a mechanism, and what stands between the motor and the link."""

@@ -1,0 +1,1 @@
+"""Signal blocks: what a controller is made of."""

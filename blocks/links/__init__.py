@@ -1,0 +1,1 @@
+"""Bodies: rigid inertias and flexible links."""

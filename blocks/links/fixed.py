@@ -1,0 +1,28 @@
+"""The ground."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from engine.block import TRANSLATIONAL, Block, flange
+
+if TYPE_CHECKING:
+    from engine.net import Net
+
+
+class Fixed(Block):
+    """Ground of rotation: angle of the shaft = 0. It takes any torque and does no work."""
+
+    shaft = flange("what is held")
+
+    def stamp(self, net: Net) -> None:
+        net.tie({self.shaft: 1})
+
+
+class TranslationalFixed(Block):
+    """Ground of translation: position of the flange = 0. It takes any force and does no work."""
+
+    flange = flange("what is held", kind=TRANSLATIONAL)
+
+    def stamp(self, net: Net) -> None:
+        net.tie({self.flange: 1})

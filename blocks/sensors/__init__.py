@@ -1,0 +1,1 @@
+"""What a controller or a recording sees of a motion."""

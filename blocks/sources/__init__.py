@@ -1,0 +1,1 @@
+"""What drives a system: signals that come from nowhere."""
