@@ -15,9 +15,11 @@ import logging
 import os
 import platform
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -36,6 +38,7 @@ FLAGS = (
     "-Wno-unused-function",
 )
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}
+_STALE = 3600.0
 
 
 @functools.cache
@@ -85,18 +88,43 @@ def cache_folder() -> Path:
     chosen = os.environ.get("FLEXARM_CACHE")
     if chosen:
         return Path(chosen)
+    return _user_cache() / "flexarm"
+
+
+def _user_cache() -> Path:
     base = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "flexarm"
+    return Path(base) if base else Path.home() / ".cache"
 
 
 def _build(source: str, target: Path) -> None:
     """Compile into ``target`` in a folder of its own, then rename."""
     target.parent.mkdir(parents=True, exist_ok=True)
+    _sweep(target.parent)
     with tempfile.TemporaryDirectory(dir=target.parent, prefix="build-") as folder:
         code, made = Path(folder) / "model.c", Path(folder) / target.name
         code.write_text(source, encoding="utf-8")
         run_compiler([*FLAGS, "-o", str(made), str(code), "-lm"], Path(folder))
         made.replace(target)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what compilations that were killed left behind."""
+    for stale in folder.glob("build-*"):
+        with contextlib.suppress(OSError):
+            if time.time() - stale.stat().st_mtime > _STALE:
+                shutil.rmtree(stale, ignore_errors=True)
+
+
+def _scratch(folder: Path) -> dict[str, str]:
+    """Where zig keeps its own files: its usual cache if that can be written, else a temporary one."""
+    own = Path(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or _user_cache() / "zig")
+    try:
+        own.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=own):
+            pass
+    except OSError:
+        own = Path(tempfile.gettempdir()) / f"flexarm-zig-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+    return {"ZIG_LOCAL_CACHE_DIR": str(folder / "zig-cache"), "ZIG_GLOBAL_CACHE_DIR": str(own)}
 
 
 def run_compiler(arguments: list[str], folder: Path) -> None:
@@ -105,7 +133,7 @@ def run_compiler(arguments: list[str], folder: Path) -> None:
     Raises:
         CompilerUnavailable: it cannot be run or reports an error.
     """
-    environment = dict(os.environ, ZIG_LOCAL_CACHE_DIR=str(folder / "zig-cache"))
+    environment = os.environ | _scratch(folder)
     try:
         run = subprocess.run(
             [*compiler(), *arguments], capture_output=True, text=True, env=environment, cwd=folder, check=False
@@ -134,8 +162,8 @@ def library(source: str) -> ctypes.CDLL:
     log.info("compiling the model; the very first time fills the compiler's own cache and takes some seconds")
     try:
         _build(source, target)
-    except OSError as error:
-        log.info("the cache %s cannot be written (%s); compiling for this process only", target.parent, error)
+    except (OSError, CompilerUnavailable) as error:
+        log.info("no use of the cache %s (%s); compiling for this process only", target.parent, error)
         with tempfile.TemporaryDirectory(prefix="flexarm-", ignore_cleanup_errors=True) as folder:
             target = Path(folder) / target.name
             _build(source, target)
