@@ -150,6 +150,11 @@ def split(text: str) -> tuple[float, str]:
     return float(match.group(1).replace("_", "")), match.group(2)
 
 
+def _in(unit: str) -> str:
+    """The unit in a sentence, where there is one to name."""
+    return "" if unit in ("1", "*", "") else f" in {unit}"
+
+
 def convert(value: object, unit: str) -> float:
     """A number, or a text with a unit, as a float in ``unit``; a bare number is taken to be in ``unit``.
 
@@ -159,7 +164,7 @@ def convert(value: object, unit: str) -> float:
         ParameterError: not a number, not finite, or another kind of quantity.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ParameterError(f"{value!r} is not a number in {unit}")
+        raise ParameterError(f"{value!r} is not a number{_in(unit)}")
     if isinstance(value, str):
         number, given = split(value)
         try:
@@ -170,10 +175,10 @@ def convert(value: object, unit: str) -> float:
         try:
             number, scale = float(value), 1.0
         except OverflowError as error:
-            raise ParameterError("a whole number too large for a float", remedy=f"give a number in {unit}") from error
+            raise ParameterError("a whole number too large for a float", remedy=f"give a number{_in(unit)}") from error
     result = number * scale
     if not math.isfinite(result):
-        raise ParameterError(f"{value!r} is not a finite number", remedy=f"give a number in {unit}")
+        raise ParameterError(f"{value!r} is not a finite number", remedy=f"give a number{_in(unit)}")
     return result
 
 
@@ -209,7 +214,8 @@ class Parameter:
         doc: one sentence.
         gt, ge, lt, le: open and closed bounds.
         tolerance: relative uncertainty that fitting may use (0.1 is 10 %); None if it is not for fitting.
-        size: name of the block's option that gives the length of a vector, or empty for a scalar.
+        size: name of the block's option that gives the length of a vector (by its sum, if it is a vector itself), or
+            empty for a scalar.
         structural: fixes the equations' shape, so it cannot be tuned after the model is built.
     """
 
@@ -268,11 +274,12 @@ class Option:
 
     Attributes:
         name: attribute name in the block.
-        kind: ``int``, ``bool`` or ``str``.
+        kind: ``int``, ``bool``, ``str``, or ``list`` for a matrix, kept as a tuple of rows.
         default: value when none is given; ``...`` means it must be given.
         doc: one sentence.
         choices: allowed texts, for ``str``.
         ge, le: bounds, for ``int``.
+        size: name of an option declared before that gives the length of a vector, or empty for a single value.
     """
 
     name: str
@@ -282,6 +289,7 @@ class Option:
     choices: tuple[str, ...] = ()
     ge: int | None = None
     le: int | None = None
+    size: str = ""
 
     @property
     def required(self) -> bool:
@@ -306,5 +314,21 @@ class Option:
             if self.choices and value not in self.choices:
                 raise ParameterError(f"'{value}' is not a choice for {self.name}", remedy=nearest(value, self.choices))
             return value
+        if self.kind is list:
+            return self._matrix(value)
         kinds = {bool: "true or false", int: "a whole number", str: "a text"}
         raise ParameterError(f"{value!r} does not fit: {self.name} is {kinds[self.kind]}")
+
+    def _matrix(self, value: Any) -> tuple[tuple[float, ...], ...]:
+        """Rows of numbers; a list of numbers is one row, a number is one row of one."""
+        value = value.tolist() if hasattr(value, "tolist") else value
+        rows = list(value) if isinstance(value, list | tuple) else [value]
+        if not any(isinstance(row, list | tuple) for row in rows):
+            rows = [rows] if rows else []
+        lengths = [len(row) if isinstance(row, list | tuple) else 0 for row in rows]
+        if rows and (min(lengths) == 0 or min(lengths) != max(lengths)):
+            raise ParameterError(
+                f"{self.name} is not a matrix: its rows have lengths {', '.join(map(str, lengths))}",
+                remedy="write rows of equal length: [[1, 2], [3, 4]]",
+            )
+        return tuple(tuple(convert(item, "1") for item in row) for row in rows)

@@ -109,6 +109,8 @@ def bypass(system: System, inputs: list[str]) -> tuple[System, list[str]]:
         ConnectionProblem: an endpoint is not a signal input.
     """
     known = system.inputs()
+    if len(set(inputs)) < len(inputs):
+        raise ConnectionProblem(f"an input is named twice: {', '.join(inputs)}", remedy="name each once")
     for endpoint in inputs:
         if endpoint not in known:
             raise ConnectionProblem(f"'{endpoint}' is not an input", remedy=nearest(endpoint, known))
@@ -126,6 +128,12 @@ def bypass(system: System, inputs: list[str]) -> tuple[System, list[str]]:
         gone = [name for name in blocks if name in before and name not in feeding and not blocks[name].is_physical()]
         if not gone:
             return trial, dropped
+        for endpoint in inputs:
+            if _owner(system, endpoint) in gone:
+                raise ConnectionProblem(
+                    f"input '{endpoint}' would drive nothing: what it feeds is driven from outside too",
+                    remedy=f"leave '{endpoint}' out",
+                )
         dropped += gone
         blocks = {name: block for name, block in blocks.items() if name not in gone}
         connections = [c for c in connections if not any(_owner(system, end) in gone for end in c.ends)]

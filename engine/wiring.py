@@ -9,7 +9,7 @@ import casadi as ca
 
 from engine.block import MOTION, Expression
 from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
-from engine.net import Memory, Motion, Net
+from engine.net import External, Memory, Motion, Net
 from engine.quantity import compatible
 from engine.system import System
 
@@ -89,10 +89,11 @@ class Wiring:
             port = self.net.inputs[name].port
             if port.default is None:
                 block = self.system.split(name)[0]
+                kind = "" if port.unit in ("1", "*") else f" in {port.unit}"
                 raise ConnectionProblem(
                     f"'{name}' is not connected ({port.doc})",
                     self.system.place(block),
-                    f"connect a signal in {port.unit} to it, or declare it as an input of the analysis",
+                    f"connect a signal{kind} to it, or declare it as an input of the analysis",
                 )
             return None
         end, connection = found
@@ -117,8 +118,27 @@ class Wiring:
         unit = self.net.inputs[name].port.unit
         if unit != "*" or depth > 50:
             return unit
-        found = self.system.source_of(name) if name not in self.free else None
+        if name in self.free:
+            return self._unit_downstream(name, depth)
+        found = self.system.source_of(name)
         return self.unit(found[0], depth + 1) if found else "*"
+
+    def _unit_downstream(self, name: str, depth: int) -> str:
+        """Unit of a freed input that fits any: that of the inputs its block feeds with a signal that fits any."""
+        if depth > 50:
+            return "*"
+        block = self.system.split(name)[0]
+        for target in self.net.inputs:
+            found = self.system.source_of(target) if target not in self.free else None
+            if found is None or self.system.split(found[0])[0] != block:
+                continue
+            own = self.net.outputs.get(found[0])
+            if own is not None and own.unit == "*":
+                unit = self.net.inputs[target].port.unit
+                unit = self._unit_downstream(target, depth + 1) if unit == "*" else unit
+                if unit != "*":
+                    return unit
+        return "*"
 
     def _check_units(self) -> None:
         for name, source in self.sources.items():
@@ -182,18 +202,29 @@ class Wiring:
 
     # -- sample instants --------------------------------------------------------------------------------------------
 
-    def updates(self, fire: Expression) -> list[Expression]:
-        """Each memory after an instant at which the clocks flagged in ``fire`` tick.
+    def updates(self, fire: Expression) -> tuple[list[Expression], list[tuple[External, Expression]]]:
+        """What happens at an instant at which the clocks flagged in ``fire`` tick.
 
         Plant signals are sampled with the memories as they were before the instant; signals between controllers carry
         the new held values, in the order of the data flow.
+
+        Returns:
+            Each memory after the instant, and the external functions in the order of their calls with what each is
+            given. Both may depend on what the functions called before return.
         """
         held: dict[str, Expression] = {}
+        calls: dict[str, tuple[External, Expression]] = {}
+        external_of = {hash_symbol(symbol): entry for entry in self.net.externals for symbol in entry.returned}
 
         def new(memory: Memory) -> Expression:
             if memory.name not in held:
+                update = ca.SX(memory.update)
+                external = external_of.get(hash_symbol(update)) if update.is_symbolic() else None
                 with _Step(self, memory.name):
-                    value = at_instant(memory.update)
+                    if external is not None and external.name not in calls:
+                        given = at_instant(external.inputs)
+                        calls[external.name] = external, given
+                    value = at_instant(update)
                 held[memory.name] = ca.if_else(fire[memory.clock.index], value, memory.symbol)
             return held[memory.name]
 
@@ -231,13 +262,14 @@ class Wiring:
                         values.append(new(memory))
             return _replace(ca.SX(source.expression), old, values)
 
-        results = []
         for memory in self.net.memories:
             if memory.update is None:
                 raise StructureError(f"memory '{memory.name}' is never given a value")
+        results = []
+        for memory in self.net.memories:
             after = new(memory) if memory.held else at_instant(memory.update)
             results.append(after if memory.held else ca.if_else(fire[memory.clock.index], after, memory.symbol))
-        return results
+        return results, list(calls.values())
 
 
 class _Step:

@@ -1,0 +1,333 @@
+"""Recordings: what was measured, in SI units on a checked time axis, and frequency-response tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.columns import Columns, RecordingError, Vector, read_columns
+from engine.errors import ParameterError, Where
+from engine.quantity import coherent, convert, factor, split
+
+if TYPE_CHECKING:
+    from scenarios.load import Scenario
+    from scenarios.schema import FrequencyRecording, TimeRecording
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A recorded signal.
+
+    Attributes:
+        name: the signal or input of the model.
+        unit: coherent SI unit of the values; empty if the file does not say.
+        values: shape (samples,).
+        column: where it came from.
+        hold: for a drive, ``zero_order`` or ``linear``.
+        tap: for a drive, where it was logged.
+        from_first: count from the first sample, here and in the simulation.
+        noise: standard deviation in ``unit``; None if it is to be estimated.
+    """
+
+    name: str
+    unit: str
+    values: Vector
+    column: str = ""
+    hold: str = "zero_order"
+    tap: str = "after_limit"
+    from_first: bool = False
+    noise: float | None = None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Signals over time.
+
+    Attributes:
+        name: of the recording.
+        file: where it was read.
+        time: seconds from the first sample, shape (samples,), rising.
+        drive: inputs of the model.
+        measurements: signals to compare.
+        free: states that a fit may choose for this recording.
+        loop, role: as the scenario states them.
+        notes: what was done to the data, in sentences.
+    """
+
+    name: str
+    file: str
+    time: Vector
+    drive: tuple[Channel, ...]
+    measurements: tuple[Channel, ...]
+    free: tuple[str, ...] = ()
+    loop: str = "open"
+    role: str = "train"
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FrequencyTable:
+    """A frequency response: one row per sine.
+
+    Attributes:
+        name, file: as in `Recording`.
+        drive: the input that the sine drives.
+        frequency: rad/s, shape (rows,).
+        amplitude: of the sine, in ``amplitude_unit``, shape (rows,).
+        responses: measured amplitudes (half the peak to peak), each of shape (rows,).
+        largest_step: bound on the integration step (s), or None.
+    """
+
+    name: str
+    file: str
+    drive: str
+    frequency: Vector
+    amplitude: Vector
+    amplitude_unit: str
+    responses: tuple[Channel, ...]
+    largest_step: float | None = None
+    role: str = "train"
+    notes: tuple[str, ...] = ()
+
+
+@dataclass
+class Reader:
+    """One file and the place in the scenario that describes it."""
+
+    columns: Columns
+    scenario: Scenario | None = None
+    path: tuple[str, ...] = ()
+    notes: list[str] = field(default_factory=list)
+
+    def where(self, *keys: str) -> Where | None:
+        """The place of a key of the recording's description."""
+        return self.scenario.where(*self.path, *keys) if self.scenario is not None else None
+
+    def column(self, name: str, *keys: str) -> Vector:
+        """A column as numbers; ``keys`` lead to what asks for it."""
+        return self.columns.number(name, self.where(*keys, "column"))
+
+    def factor(self, unit: str, scale: Any, *keys: str) -> tuple[float, str]:
+        """Factor to SI, and the SI unit, of a column in ``unit`` that is multiplied by ``scale``."""
+        try:
+            number, scale_unit = split(scale) if isinstance(scale, str) else (float(scale), "")
+            combined = f"({scale_unit})*({unit})" if scale_unit else unit
+            conversion, spelled = coherent(combined) if combined else (1.0, "")
+        except ParameterError as error:
+            raise error.at(self.where(*keys) or Where(self.columns.file)) from None
+        return number * conversion, spelled
+
+    def rows(self, bad: NDArray[np.bool_]) -> str:
+        """The rows that are marked, as text."""
+        numbers = self.columns.rows[bad]
+        shown = ", ".join(str(number) for number in numbers[:8])
+        more = f" and {len(numbers) - 8} more" if len(numbers) > 8 else ""
+        return f"{self.columns.row}{'s' if len(numbers) > 1 else ''} {shown}{more}"
+
+    def convert(self, value: object, unit: str, *keys: str) -> float:
+        """A value of the description as a number in ``unit``."""
+        try:
+            return convert(value, unit)
+        except ParameterError as error:
+            raise error.at(self.where(*keys) or Where(self.columns.file)) from None
+
+    def first(self, bad: NDArray[np.bool_]) -> Where:
+        """The place of the first marked row."""
+        return Where(self.columns.file, int(self.columns.rows[bad][0]))
+
+
+def from_scenario(scenario: Scenario, name: str) -> Recording | FrequencyTable:
+    """A recording that the scenario maps.
+
+    Raises:
+        FlexarmError: a missing file or column, a unit that does not fit, rows that cannot be used.
+    """
+    from scenarios.schema import FrequencyRecording
+
+    made = scenario.recordings[name]
+    path = ("recordings", name)
+    columns = read_columns(scenario.path.parent / made.file, scenario.where(*path, "file"))
+    reader = Reader(columns, scenario, path)
+    if isinstance(made, FrequencyRecording):
+        return _frequency(reader, name, made, scenario)
+    return _time(reader, name, made, scenario)
+
+
+def _time(reader: Reader, name: str, made: TimeRecording, scenario: Scenario) -> Recording:
+    try:
+        seconds = factor(made.time.unit, "s")
+    except ParameterError as error:
+        raise error.at(scenario.where("recordings", name, "time", "unit")) from None
+    time = reader.column(made.time.column, "time") * seconds
+    raw: dict[str, Vector] = {made.time.column: time}
+    drives, measured = [], []
+    for end, given in made.drive.items():
+        keys = ("drive", end)
+        values = raw[given.column] = reader.column(given.column, *keys)
+        scale, si_unit = reader.factor(given.unit, given.scale, *keys, "unit")
+        drives.append(
+            Channel(scenario.resolve(end), si_unit, values * (scale * given.sign), given.column, given.hold, given.tap)
+        )
+    for signal, meant in made.measurements.items():
+        keys = ("measurements", signal)
+        values = raw[meant.column] = reader.column(meant.column, *keys)
+        if meant.counts_per_rev is not None:
+            scale, si_unit = 2 * math.pi / reader.convert(meant.counts_per_rev, "1", *keys, "counts_per_rev"), "rad"
+        else:
+            scale, si_unit = reader.factor(meant.unit, meant.scale, *keys, "unit")
+        values = values * (scale * meant.sign)
+        if meant.wrap:
+            finite = np.isfinite(values)
+            values = values.copy()
+            values[finite] = np.unwrap(values[finite])
+        noise = None
+        if meant.noise != "auto":
+            noise = abs(scale) * reader.convert(meant.noise, meant.unit, *keys, "noise")
+        measured.append(
+            Channel(
+                scenario.resolve(signal),
+                si_unit,
+                values,
+                meant.column,
+                from_first=meant.zero == "first",
+                noise=noise,
+            )
+        )
+    return checked(
+        Recording(
+            name,
+            reader.columns.file,
+            time,
+            tuple(drives),
+            tuple(measured),
+            tuple(made.initial.free),
+            made.loop,
+            made.role,
+        ),
+        reader,
+        made.gaps == "skip",
+        raw,
+        made.time.column,
+    )
+
+
+def checked(recording: Recording, reader: Reader, skip: bool, raw: dict[str, Vector], time_column: str) -> Recording:
+    """The recording with gaps refused or skipped, time rising and starting from zero, and no dead column."""
+    bad = np.zeros(len(reader.columns), dtype=bool)
+    for column, values in raw.items():
+        holes = ~np.isfinite(values)
+        if holes.any() and not skip:
+            raise RecordingError(
+                f"column '{column}' holds no finite number in {reader.rows(holes)}",
+                reader.first(holes),
+                "repair the rows, or write 'gaps: skip' in the recording to leave them out",
+            )
+        bad |= holes
+    if bad.any():
+        reader.notes.append(f"{int(bad.sum())} of {len(bad)} rows hold no number and are left out: {reader.rows(bad)}")
+    keep = ~bad
+    time, rows = recording.time[keep], reader.columns.rows[keep]
+    if len(time) < 2:
+        raise RecordingError(
+            f"{len(time)} usable row{'s' if len(time) != 1 else ''}; a recording needs at least two",
+            Where(reader.columns.file),
+            "is it cut off, or are all other rows gaps?",
+        )
+    wrong = np.flatnonzero(np.diff(time) <= 0)
+    if len(wrong):
+        i = int(wrong[0]) + 1
+        what = "runs backwards" if time[i] < time[i - 1] else "stands still"
+        raise RecordingError(
+            f"time {what} in column '{time_column}', {reader.columns.row} {rows[i]}: "
+            f"{time[i]:g} s after {time[i - 1]:g} s",
+            Where(reader.columns.file, int(rows[i])),
+            "sort the rows, or give each sample its own time",
+        )
+    measured = []
+    for channel in recording.measurements:
+        values = channel.values[keep]
+        if np.ptp(values) == 0:
+            raise RecordingError(
+                f"column '{channel.column}' is constant ({values[0]:g} {channel.unit} in all {len(values)} rows), "
+                "so there is nothing to compare",
+                Where(reader.columns.file),
+                f"leave '{channel.name}' out of the measurements",
+            )
+        if channel.from_first:
+            values = values - values[0]
+        measured.append(_with(channel, values))
+    if time[0] != 0:
+        reader.notes.append(f"time begins at {time[0]:g} s in the file and is counted from there")
+    return Recording(
+        recording.name,
+        recording.file,
+        time - time[0],
+        tuple(_with(channel, channel.values[keep]) for channel in recording.drive),
+        tuple(measured),
+        recording.free,
+        recording.loop,
+        recording.role,
+        (*recording.notes, *reader.notes),
+    )
+
+
+def _with(channel: Channel, values: Vector) -> Channel:
+    from dataclasses import replace
+
+    return replace(channel, values=values)
+
+
+def _frequency(reader: Reader, name: str, made: FrequencyRecording, scenario: Scenario) -> FrequencyTable:
+    where = scenario.where
+    frequency = reader.column(made.frequency.column, "frequency")
+    try:
+        frequency = frequency * factor(made.frequency.unit, "rad/s")
+    except ParameterError as error:
+        raise error.at(where("recordings", name, "frequency", "unit")) from None
+    raw = {made.frequency.column: frequency}
+    given = made.amplitude
+    if (given.column is None) == (given.value is None):
+        raise RecordingError(
+            "the amplitude needs either a column or a value", where("recordings", name, "amplitude"), "give one of them"
+        )
+    if given.column is not None:
+        raw[given.column] = amplitude = reader.column(given.column, "amplitude")
+        scale, amplitude_unit = reader.factor(given.unit, 1.0, "amplitude")
+        amplitude = amplitude * scale
+    else:
+        text = given.value if isinstance(given.value, str) else f"{given.value} {given.unit}"
+        number, unit = split(text)
+        scale, amplitude_unit = reader.factor(unit, 1.0, "amplitude")
+        amplitude = np.full(len(frequency), number * scale)
+    responses = []
+    for signal, meant in made.response.items():
+        raw[meant.column] = values = reader.column(meant.column, "response", signal)
+        scale, unit = reader.factor(meant.unit, meant.scale, "response", signal)
+        responses.append(Channel(scenario.resolve(signal), unit, values * scale, meant.column))
+    for column, values in raw.items():
+        wrong = ~np.isfinite(values) | (np.nan_to_num(values) <= 0)
+        if wrong.any():
+            raise RecordingError(
+                f"column '{column}' holds no positive number in {reader.rows(wrong)}",
+                reader.first(wrong),
+                "repair or remove the rows",
+            )
+    step = None
+    if made.internal_step is not None:
+        step = reader.convert(made.internal_step, "s", "internal_step")
+    return FrequencyTable(
+        name,
+        reader.columns.file,
+        scenario.resolve(made.drive),
+        frequency,
+        amplitude,
+        amplitude_unit,
+        tuple(responses),
+        step,
+        made.role,
+        tuple(reader.notes),
+    )

@@ -1,0 +1,113 @@
+"""flexarm: flexible-link robot arms and servo drives as composable blocks.
+
+    import flexarm
+
+    scenario = flexarm.load("quanser-single-link", ["gear.ratio=14"])
+    result = flexarm.simulate(scenario)
+    result["link.hub.angle"]
+
+Names are imported on first use, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from diagnosis.compare import Comparison
+    from diagnosis.recording import FrequencyTable, Recording
+    from engine.assemble import build
+    from engine.block import Block, flange, option, parameter, signal_in, signal_out
+    from engine.errors import FlexarmError
+    from engine.linearise import LinearModel
+    from engine.model import Model
+    from engine.net import Net
+    from engine.simulate import Drive, Result
+    from engine.system import Connection, System
+    from flexarm.api import compare, export, linearise, simulate
+    from flexarm.plot import plot
+    from scenarios.jsonschema import json_schema
+    from scenarios.load import Scenario, load
+
+_PLACES = {
+    "Block": "engine.block",
+    "Comparison": "diagnosis.compare",
+    "Connection": "engine.system",
+    "Drive": "engine.simulate",
+    "FlexarmError": "engine.errors",
+    "FrequencyTable": "diagnosis.recording",
+    "LinearModel": "engine.linearise",
+    "Model": "engine.model",
+    "Net": "engine.net",
+    "Recording": "diagnosis.recording",
+    "Result": "engine.simulate",
+    "Scenario": "scenarios.load",
+    "System": "engine.system",
+    "build": "engine.assemble",
+    "compare": "flexarm.api",
+    "export": "flexarm.api",
+    "flange": "engine.block",
+    "json_schema": "scenarios.jsonschema",
+    "linearise": "flexarm.api",
+    "load": "scenarios.load",
+    "option": "engine.block",
+    "parameter": "engine.block",
+    "plot": "flexarm.plot",
+    "signal_in": "engine.block",
+    "signal_out": "engine.block",
+    "simulate": "flexarm.api",
+}
+
+__all__ = [
+    "Block",
+    "Comparison",
+    "Connection",
+    "Drive",
+    "FlexarmError",
+    "FrequencyTable",
+    "LinearModel",
+    "Model",
+    "Net",
+    "Recording",
+    "Result",
+    "Scenario",
+    "System",
+    "build",
+    "compare",
+    "export",
+    "flange",
+    "json_schema",
+    "linearise",
+    "load",
+    "option",
+    "parameter",
+    "plot",
+    "signal_in",
+    "signal_out",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return version()
+    if name not in _PLACES:
+        raise AttributeError(f"module 'flexarm' has no attribute '{name}'")
+    found = getattr(importlib.import_module(_PLACES[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]
+
+
+def version() -> str:
+    """Version of the installed distribution."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("flexarm")
+    except metadata.PackageNotFoundError:
+        return "0+source"

@@ -1,0 +1,283 @@
+"""The verbs of the public API on scenarios: simulate, linearise, export, compare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from engine.errors import FlexarmError, ParameterError, Where, nearest
+from engine.model import TIME, Mode, Model
+from engine.simulate import Drive, Result
+from engine.simulate import simulate as run_model
+from engine.system import bypass
+from scenarios.load import AnalysisSettings, Scenario, Simulation, load, si
+from scenarios.validate import ScenarioError
+
+if TYPE_CHECKING:
+    from diagnosis.compare import Comparison
+    from diagnosis.recording import FrequencyTable, Recording
+    from engine.linearise import LinearModel
+
+Source = Scenario | str | Path
+
+
+def _scenario(source: Source) -> Scenario:
+    return source if isinstance(source, Scenario) else load(source)
+
+
+def simulate(
+    source: Source | Model,
+    stop: float | None = None,
+    step: float | None = None,
+    *,
+    parameters: dict[str, float] | None = None,
+    drive: Drive | None = None,
+    initial: dict[str, float] | None = None,
+    internal_step: float | None = None,
+    record_states: bool = False,
+    backend: str = "auto",
+) -> Result:
+    """Simulate a scenario as its file says, or a model.
+
+    Args:
+        source: a scenario, its file or shipped name, or a model built from one.
+        stop: end (s); that of the scenario if None.
+        step: time between rows (s); that of the scenario, or 1 ms, if None.
+        parameters: values that replace the model's, SI units.
+        drive: external inputs of a model built with inputs.
+        initial: starting values by name, SI units.
+        internal_step: longest integration step (s).
+        record_states: also keep states and modes at every row.
+        backend: ``c``, ``interpreter`` or ``auto``.
+
+    Raises:
+        FlexarmError: the scenario or a value does not fit, or the simulation diverges.
+    """
+    if isinstance(source, Model):
+        model = source
+    else:
+        scenario = _scenario(source)
+        model = scenario.build()
+        planned = scenario.simulation
+        if planned is not None:
+            stop = planned.stop if stop is None else stop
+            step = planned.step if step is None else step
+            internal_step = planned.internal_step if internal_step is None else internal_step
+        elif stop is None:
+            raise ScenarioError(
+                "the scenario does not say how long to simulate",
+                Where(scenario.document.file),
+                "add 'simulate: {stop: 4 s}', or give a stop time",
+            )
+    if stop is None:
+        raise ParameterError("no stop time is given", remedy="give one in seconds")
+    return run_model(
+        model,
+        stop,
+        1e-3 if step is None else step,
+        parameters=parameters,
+        drive=drive,
+        initial=initial,
+        internal_step=internal_step,
+        record_states=record_states,
+        backend=backend,
+    )
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A scenario's model with external inputs, and the blocks those inputs replace."""
+
+    model: Model
+    bypassed: tuple[str, ...]
+    settings: AnalysisSettings
+    simulation: Simulation | None = None
+
+
+def cut(
+    source: Source,
+    kind: str,
+    analysis: str | None = None,
+    *,
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+) -> Cut:
+    """Free a scenario's inputs for an analysis.
+
+    Args:
+        source: a scenario, its file or shipped name.
+        kind: ``linearise`` or ``export``.
+        analysis: name of an analysis in the file; the first of that kind if None.
+        inputs: signal inputs that replace those of the analysis.
+        outputs: signals that replace those of the analysis.
+
+    Raises:
+        FlexarmError: no such analysis, input or output.
+    """
+    scenario = _scenario(source)
+    settings = _settings(scenario, kind, analysis, inputs, outputs)
+    model = scenario.build(settings.inputs, settings.outputs)
+    # A mode that the file asks for is gone when its friction is set to zero; a name that is no block stays wrong.
+    kept = {
+        name: value for name, value in settings.modes.items() if _mode(model, name) or not _is_block(scenario, name)
+    }
+    settings = replace(settings, modes=kept)
+    dropped = bypass(scenario.system, list(settings.inputs))[1]
+    return Cut(model, tuple(dropped), settings, scenario.simulation)
+
+
+def _is_block(scenario: Scenario, name: str) -> bool:
+    parts = name.split(".")
+    return any(".".join(parts[:cut]) in scenario.system.blocks for cut in range(len(parts), 0, -1))
+
+
+def _mode(model: Model, name: str) -> Mode | None:
+    """A mode by its name, or by one of the frictions that share it (``a + b``)."""
+    found = [mode for mode in model.modes if mode.kind != TIME and name in (mode.name, *mode.name.split(" + "))]
+    return found[0] if found else None
+
+
+def _settings(
+    scenario: Scenario, kind: str, analysis: str | None, inputs: Iterable[str] | None, outputs: Iterable[str] | None
+) -> AnalysisSettings:
+    fitting = {name: found for name, found in scenario.analyses.items() if found.kind == kind}
+    if analysis is not None and analysis not in fitting:
+        raise ScenarioError(
+            f"the scenario has no analysis '{analysis}' of kind {kind}",
+            scenario.where("analyses"),
+            nearest(analysis, fitting),
+        )
+    # Any analysis names inputs and outputs, so one of the other kind will do where there is none of this.
+    candidates = list(fitting.values()) or list(scenario.analyses.values())
+    found = fitting[analysis] if analysis is not None else candidates[0] if candidates else None
+    given_inputs = None if inputs is None else tuple(scenario.resolve(name) for name in inputs)
+    given_outputs = None if outputs is None else tuple(scenario.resolve(name) for name in outputs)
+    if found is None:
+        if not given_inputs or not given_outputs:
+            raise ScenarioError(
+                f"the scenario describes no analysis of kind {kind}",
+                Where(scenario.document.file),
+                "add one under 'analyses:', or give inputs and outputs",
+            )
+        return AnalysisSettings("", kind, given_inputs, given_outputs)
+    return AnalysisSettings(
+        found.name,
+        kind,
+        given_inputs or found.inputs,
+        given_outputs or found.outputs,
+        found.modes,
+        found.at,
+    )
+
+
+def linearise(
+    source: Source | Cut,
+    analysis: str | None = None,
+    *,
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    modes: Mapping[str, int | str] | None = None,
+    at: Mapping[str, Any] | None = None,
+) -> LinearModel:
+    """The linear model of a scenario.
+
+    Args:
+        source: a scenario, its file or shipped name, or the result of `cut`.
+        analysis: name of an analysis in the file; the first of kind ``linearise`` if None.
+        inputs: signal inputs in place of those of the analysis.
+        outputs: signals in place of those of the analysis.
+        modes: mode name -> label (``stuck``, ``inside``, ...), or -1, 0 or 1, over those of the analysis.
+        at: states, motions and inputs at the point, over those of the analysis: SI numbers or texts with a unit.
+
+    Raises:
+        FlexarmError: a name, label or unit that does not fit.
+    """
+    from engine.linearise import linearise as linear
+
+    made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
+    model = made.model
+    wanted: dict[str, int | str] = {**made.settings.modes, **(modes or {})}
+    labels = dict(_label(model, name, value) for name, value in wanted.items())
+    point: dict[str, Any] = {**made.settings.at, **(at or {})}
+    input_units = {variable.name: variable.unit for variable in model.inputs}
+    state_units = _motion_units(model)
+    given = {name: si(value, {**state_units, **input_units}, name) for name, value in point.items()}
+    return linear(
+        model,
+        at={name: value for name, value in given.items() if name not in input_units},
+        inputs={name: value for name, value in given.items() if name in input_units},
+        modes=labels,
+    )
+
+
+def _motion_units(model: Model) -> dict[str, str]:
+    """Units of everything that has a value at an operating point."""
+    units = {state.name: state.unit for state in model.states}
+    for flange in model.motions:
+        for quantity, unit in (("angle", "rad"), ("speed", "rad/s"), ("position", "m")):
+            units.setdefault(f"{flange}.{quantity}", unit)
+    return units
+
+
+def _label(model: Model, name: str, value: int | str) -> tuple[str, str]:
+    """Full name of a mode, and the label of the value asked for."""
+    found = _mode(model, name)
+    if found is None:
+        raise ParameterError(f"no mode '{name}'", remedy=nearest(name, [m.name for m in model.modes if m.kind != TIME]))
+    if isinstance(value, str) and value not in ("-1", "0", "1", "+1"):
+        return found.name, value
+    number = int(value)
+    if number not in (-1, 0, 1):
+        raise ParameterError(f"mode '{name}' cannot be {number}", remedy="-1, 0, 1, or " + ", ".join(found.labels))
+    return found.name, found.labels[number + 1]
+
+
+def export(
+    source: Source | Cut,
+    path: str | Path,
+    analysis: str | None = None,
+    *,
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    platforms: Iterable[str] | None = None,
+) -> Path:
+    """Write a scenario's model as an FMU, whose default experiment is that of the scenario.
+
+    Args:
+        source: a scenario, its file or shipped name, or the result of `cut`.
+        path: the file to write.
+        analysis: name of an analysis in the file; the first of kind ``export`` if None.
+        inputs: signal inputs in place of those of the analysis.
+        outputs: signals in place of those of the analysis.
+        platforms: what to compile for, such as ``linux64`` and ``win64``; those of `fmu.export` if None.
+
+    Returns:
+        The path written.
+
+    Raises:
+        FlexarmError: a name that does not fit, or no compiler.
+    """
+    from fmu import export as write_fmu
+
+    made = source if isinstance(source, Cut) else cut(source, "export", analysis, inputs=inputs, outputs=outputs)
+    settings: dict[str, Any] = {} if platforms is None else {"platforms": tuple(platforms)}
+    if made.simulation is not None:
+        settings |= {"step": made.simulation.step, "stop": made.simulation.stop}
+    return write_fmu(made.model, path, **settings)
+
+
+def compare(
+    source: Source,
+    recording: Recording | FrequencyTable | str | Path,
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> Comparison:
+    """Hold a scenario against a recording; see `diagnosis.compare.compare`."""
+    from diagnosis.compare import compare as run
+
+    return run(_scenario(source), recording, progress=progress)
+
+
+__all__ = ["Cut", "FlexarmError", "compare", "cut", "export", "linearise", "simulate"]

@@ -1,0 +1,381 @@
+"""The command ``flexarm``. Heavy imports happen inside the commands, so that help comes at once.
+
+Exit code 0: done. 1: a problem with what the user gave, explained on stderr. 2: wrong usage.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
+
+import typer
+
+from engine.errors import FlexarmError, ParameterError, Where
+
+if TYPE_CHECKING:
+    from engine.model import Model
+    from flexarm.api import Cut
+    from scenarios.load import Scenario
+
+app = typer.Typer(
+    name="flexarm",
+    help="Flexible-link robot arms and servo drives: simulate, linearise, export, compare.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped scenario.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", "-s", metavar="KEY=VALUE", help="Change a value, such as gear.ratio=14; repeatable."),
+]
+AnalysisOption = Annotated[
+    str | None, typer.Option("--analysis", "-a", metavar="NAME", help="An analysis of the file; the first by default.")
+]
+InputsOption = Annotated[
+    list[str] | None,
+    typer.Option("--inputs", "-u", metavar="NAME", help="Inputs in place of the file's; repeatable, or with commas."),
+]
+OutputsOption = Annotated[
+    list[str] | None,
+    typer.Option("--outputs", "-y", metavar="NAME", help="Outputs in place of the file's; repeatable, or with commas."),
+]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        import flexarm
+
+        typer.echo(f"flexarm {flexarm.version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _all(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def _seconds(text: str | None, option: str) -> float | None:
+    if text is None:
+        return None
+    from engine.quantity import convert
+
+    try:
+        number = convert(text, "s")
+    except ParameterError as error:
+        raise error.at(Where(option)) from None
+    if number <= 0:
+        raise ParameterError(f"'{text}' is not a positive time", Where(option), f"write for example {option} '10 s'")
+    return number
+
+
+def _pairs(given: list[str] | None, option: str) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for text in given or []:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise FlexarmError(f"'{text}' sets nothing", Where(option), "write NAME=VALUE")
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+def _names(given: list[str] | None) -> list[str] | None:
+    if given is None:
+        return None
+    return [name.strip() for text in given for name in text.split(",") if name.strip()]
+
+
+def _load(scenario: str, overrides: list[str] | None) -> Scenario:
+    from scenarios.load import load
+
+    return load(scenario, overrides or ())
+
+
+def _file_name(scenario: Scenario) -> str:
+    """The scenario's name without what a file name cannot hold."""
+    return "".join(c if c.isalnum() or c in "-_. " else "_" for c in scenario.name).strip(". ") or "scenario"
+
+
+def _say_bypassed(blocks: tuple[str, ...], by: str) -> None:
+    if blocks:
+        typer.echo(f"bypassed by {by}: {', '.join(blocks)}")
+
+
+@app.command()
+def run(
+    scenario: ScenarioArgument,
+    overrides: SetOption = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="[PNG]", help="Draw the result; NAME.png without a file name.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write .csv, .parquet or .mat.")
+    ] = None,
+    stop: Annotated[str | None, typer.Option(metavar="TIME", help="End, such as '10 s'.")] = None,
+    step: Annotated[str | None, typer.Option(metavar="TIME", help="Interval between rows, such as '1 ms'.")] = None,
+) -> None:
+    """Simulate a scenario."""
+    import time
+
+    from flexarm.api import simulate
+    from flexarm.output import TABLES, check_suffix, write_result
+    from flexarm.plot import FIGURES
+    from flexarm.plot import plot as draw
+    from flexarm.text import columns, number, plural
+
+    if output is not None:
+        check_suffix(output, TABLES)
+    loaded = _load(scenario, overrides)
+    if plot is not None and str(plot) == AUTOMATIC:
+        plot = Path(f"{_file_name(loaded)}.png")
+    if plot is not None:
+        check_suffix(plot, FIGURES)
+    begun = time.perf_counter()
+    result = simulate(loaded, _seconds(stop, "--stop"), _seconds(step, "--step"))
+    spent = time.perf_counter() - begun
+    typer.echo(f"{loaded.name}: {loaded.description}" if loaded.description else loaded.name)
+    typer.echo(
+        f"{number(result.time[-1])} s in {len(result.time)} rows, {result.steps} steps of at most "
+        f"{number(result.internal_step)} s, {plural(result.event_count, 'switch')}, {spent:.2f} s of work"
+    )
+    rows = [
+        [name, unit, number(values[-1]), number(values.min()), number(values.max())]
+        for name, unit, values in ((n, result.units[n], result[n]) for n in result.names)
+    ]
+    typer.echo(columns(["signal", "unit", "end", "least", "greatest"], rows))
+    if output is not None:
+        write_result(output, result, loaded)
+        typer.echo(f"written: {output}")
+    if plot is not None:
+        typer.echo(f"written: {draw(result, plot, loaded.name)}")
+
+
+@app.command()
+def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
+    """Read and assemble a scenario with its analyses and recordings, and report problems."""
+    from diagnosis.compare import verify
+    from diagnosis.recording import FrequencyTable, from_scenario
+    from flexarm.api import cut
+    from flexarm.api import linearise as linear_model
+    from flexarm.text import columns, plural
+
+    loaded = _load(scenario, overrides)
+    model = loaded.build()
+    typer.echo(f"{loaded.name}: {loaded.description}" if loaded.description else loaded.name)
+    typer.echo(
+        ", ".join(
+            plural(count, word)
+            for count, word in (
+                (len(loaded.system.blocks), "block"),
+                (len(loaded.system.connections), "connection"),
+                (len(model.states), "state"),
+                (len(model.memories), "memory"),
+                (len(model.modes), "mode"),
+                (len(model.parameters), "parameter"),
+            )
+        )
+    )
+    typer.echo(columns(["state", "unit"], [[state.name, state.unit] for state in model.states]))
+    for name, analysis in loaded.analyses.items():
+        made = cut(loaded, analysis.kind, name)
+        if analysis.kind == "linearise":
+            linear_model(made)
+        _say_bypassed(made.bypassed, f"analysis {name}")
+    for name in loaded.recordings:
+        recording = from_scenario(loaded, name)
+        verify(loaded, recording)
+        rows = len(recording.frequency) if isinstance(recording, FrequencyTable) else len(recording.time)
+        typer.echo(f"recording {name}: {plural(rows, 'row')} of {recording.file}")
+        for note in recording.notes:
+            typer.echo(f"  {note}")
+    typer.echo("no problems found")
+
+
+@app.command()
+def blocks(name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A block.")] = None) -> None:
+    """List the blocks, or show one: its law, parameters and connectors."""
+    from blocks.registry import find, registry
+    from flexarm.text import block_page, columns
+
+    if name is not None:
+        typer.echo(block_page(name, find(name)))
+        return
+    typer.echo(columns(["block", "what it is"], [[key, cls.summary()] for key, cls in sorted(registry().items())]))
+
+
+@app.command()
+def schema(
+    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write it to a file.")] = None,
+) -> None:
+    """Print the JSON Schema of scenario files, for editors."""
+    from flexarm.output import writing
+    from scenarios.jsonschema import json_schema
+
+    text = json.dumps(json_schema(), indent=2)
+    if output is None:
+        typer.echo(text)
+        return
+    with writing(output, (".json",)) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+    typer.echo(f"written: {output}")
+
+
+@app.command()
+def linearise(
+    scenario: ScenarioArgument,
+    overrides: SetOption = None,
+    analysis: AnalysisOption = None,
+    inputs: InputsOption = None,
+    outputs: OutputsOption = None,
+    mode: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="State of a friction or contact: its label, or -1, 0, 1; repeatable."),
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Operating point, such as 'link.hub.angle=10 deg'; repeatable."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write .json, .npz, .mat or .m.")
+    ] = None,
+) -> None:
+    """Print and write the linear model at an operating point."""
+    from flexarm.api import cut
+    from flexarm.api import linearise as linear_model
+    from flexarm.output import LINEAR, check_suffix, write_linear
+    from flexarm.text import linear_page
+
+    if output is not None:
+        check_suffix(output, LINEAR)
+    loaded = _load(scenario, overrides)
+    made = cut(loaded, "linearise", analysis, inputs=_names(inputs), outputs=_names(outputs))
+    linear = linear_model(made, modes=_pairs(mode, "--mode"), at=_pairs(at, "--at"))
+    typer.echo(f"{loaded.name}, linearised")
+    _say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
+    typer.echo(linear_page(linear))
+    if output is not None:
+        write_linear(output, linear, loaded.name)
+        typer.echo(f"written: {output}")
+
+
+@app.command()
+def export(
+    scenario: ScenarioArgument,
+    overrides: SetOption = None,
+    analysis: AnalysisOption = None,
+    inputs: InputsOption = None,
+    outputs: OutputsOption = None,
+    platform: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="What to compile for: linux64, win64, ...; repeatable.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FMU", help="The file; NAME.fmu by default.")
+    ] = None,
+) -> None:
+    """Write the model as an FMU."""
+    from flexarm.api import cut
+    from flexarm.api import export as write_fmu
+    from flexarm.output import check_suffix
+
+    if output is not None:
+        check_suffix(output, (".fmu",))
+    loaded = _load(scenario, overrides)
+    made = cut(loaded, "export", analysis, inputs=_names(inputs), outputs=_names(outputs))
+    _say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
+    path = write_fmu(
+        made, output if output is not None else Path(f"{_file_name(loaded)}.fmu"), platforms=_names(platform)
+    )
+    _describe(made, path)
+
+
+def _describe(made: Cut, path: Path) -> None:
+    model: Model = made.model
+    typer.echo(f"inputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.inputs)}")
+    typer.echo(f"outputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.outputs)}")
+    typer.echo(f"written: {path}")
+
+
+@app.command()
+def compare(
+    scenario: ScenarioArgument,
+    recordings: Annotated[
+        list[str], typer.Argument(metavar="RECORDING...", help="Recordings of the scenario, by name, or files.")
+    ],
+    overrides: SetOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
+    rows: Annotated[bool, typer.Option("--rows", help="Also print every row of a frequency-response table.")] = False,
+) -> None:
+    """Simulate with a recording's own input and print the error of every signal."""
+    from diagnosis.compare import find_recording
+    from flexarm.api import compare as compare_one
+    from flexarm.progress import Progress
+    from flexarm.text import comparison_page
+
+    loaded = _load(scenario, overrides)
+    found = [find_recording(loaded, given) for given in recordings]
+    done: list[dict[str, Any]] = []
+    for recording in found:
+        with Progress(f"{loaded.name} against {recording.name}") as progress:
+            comparison = compare_one(loaded, recording, progress=progress.update)
+        done.append(comparison.numbers())
+        if not as_json:
+            typer.echo(comparison_page(comparison, rows))
+    if as_json:
+        typer.echo(
+            json.dumps({"scenario": loaded.name, "overrides": list(loaded.overrides), "recordings": done}, indent=2)
+        )
+
+
+AUTOMATIC = ":automatic:"
+"""Stands for ``--plot`` without a file name."""
+
+
+def _with_default_plot(arguments: list[str]) -> list[str]:
+    """Let ``--plot`` stand alone: what follows is its file only if it ends like a figure."""
+    made = []
+    for i, argument in enumerate(arguments):
+        made.append(argument)
+        following = arguments[i + 1] if i + 1 < len(arguments) else ""
+        if argument == "--plot" and not following.lower().endswith((".png", ".pdf", ".svg")):
+            made[-1] = f"--plot={AUTOMATIC}"
+    return made
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    sys.stderr.write(f"warning: {message}\n")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line; ends the process with 0, 1 or 2."""
+    warnings.showwarning = _show_warning
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        app(args=_with_default_plot(given), prog_name="flexarm")
+    except FlexarmError as error:
+        sys.stderr.write(f"error: {error}\n")
+        sys.exit(1)
+    except MemoryError:
+        sys.stderr.write("error: the results do not fit into memory\n  record fewer signals, or use a longer step\n")
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,144 @@
+"""What the command prints: aligned plain text that survives a pipe."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from engine.block import Block
+
+if TYPE_CHECKING:
+    from diagnosis.compare import Comparison
+    from engine.linearise import LinearModel
+
+
+def number(value: float) -> str:
+    """A number in six digits."""
+    return f"{value:.6g}"
+
+
+def plural(count: int, word: str) -> str:
+    """A count and its word: ``1 state``, ``3 states``, ``2 memories``."""
+    several = f"{word[:-1]}ies" if word.endswith("y") else f"{word}es" if word.endswith("ch") else f"{word}s"
+    return f"{count} {word if count == 1 else several}"
+
+
+def columns(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Rows under their heads, columns of numbers to the right."""
+    if not rows:
+        return ""
+    right = [all(_numeric(row[k]) for row in rows) for k in range(len(heads))]
+    widths = [max(len(heads[k]), *(len(row[k]) for row in rows)) for k in range(len(heads))]
+
+    def line(cells: Sequence[str]) -> str:
+        padded = (c.rjust(w) if r else c.ljust(w) for c, w, r in zip(cells, widths, right, strict=True))
+        return ("  " + "  ".join(padded)).rstrip()
+
+    return "\n".join([line(heads), *(line(row) for row in rows)])
+
+
+def _numeric(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def block_page(name: str, cls: type[Block]) -> str:
+    """Law, parameters and connectors of a block."""
+    parts = [name, "", inspect.cleandoc(cls.__doc__ or "")]
+    if cls.parameters:
+        rows = []
+        for key, made in cls.parameters.items():
+            value = made.default
+            default = "required" if made.required else f"{value:g}" if isinstance(value, int | float) else f"as {value}"
+            tolerance = "" if made.tolerance is None else f"{100 * made.tolerance:g} %"
+            doc = made.doc + (f" (one per {made.size}, or one for all)" if made.size else "")
+            rows.append([key, "any" if made.unit == "*" else made.unit, default, made.limits, tolerance, doc])
+        parts += ["", columns(["parameter", "unit", "default", "bounds", "tolerance", "meaning"], rows)]
+    if cls.options:
+        rows = []
+        for key, choice in cls.options.items():
+            kinds = {int: "whole number", bool: "true or false", str: "text", list: "matrix"}
+            allowed = " | ".join(choice.choices) or kinds[choice.kind]
+            empty = choice.default in ("", ())
+            default = "required" if choice.required else "none" if empty else str(choice.default).lower()
+            doc = choice.doc + (f" (one per {choice.size}, or one for all)" if choice.size else "")
+            rows.append([key, allowed, default, doc])
+        parts += ["", columns(["option", "allowed", "default", "meaning"], rows)]
+    rows = []
+    for port in cls.ports.values():
+        kind = f"{port.kind} flange" if port.role == "flange" else f"{port.role} signal"
+        unit = "" if port.role == "flange" else "any" if port.unit == "*" else port.unit
+        doc = port.doc + (f" ({port.default:g} if not connected)" if port.default is not None else "")
+        rows.append([port.name, kind, unit, doc])
+    parts += ["", columns(["connector", "kind", "unit", "meaning"], rows)]
+    return "\n".join(parts)
+
+
+def complex_number(value: complex) -> str:
+    """A root: ``-7.917 + 24.785i``."""
+    if abs(value.imag) < 1e-9 * max(1.0, abs(value)):
+        return f"{value.real if abs(value.real) > 1e-12 else 0.0:.6g}"
+    return f"{value.real:.6g} {'+' if value.imag > 0 else '-'} {abs(value.imag):.6g}i"
+
+
+def linear_page(linear: LinearModel) -> str:
+    """Modes, states, poles and zeros of a linear model."""
+    parts = []
+    if linear.modes:
+        parts.append(columns(["mode", "linearised as"], [[name, label] for name, label in linear.modes.items()]))
+    moved = [[name, number(value), linear.units.get(name, "")] for name, value in linear.point.items() if value]
+    if moved:
+        parts.append(columns(["operating point", "value", "unit"], moved))
+    if linear.rate > 1e-9:
+        parts.append(f"  not an equilibrium: the fastest state kept changes at {number(linear.rate)} (SI) per second")
+    parts.append(columns(["state", "unit"], [[name, linear.units.get(name, "")] for name in linear.states]))
+    parts.append("  poles [1/s]:  " + _roots(linear.poles()))
+    for output in linear.outputs:
+        for driven in linear.inputs:
+            parts.append(f"  zeros of {output} / {driven} [1/s]:  {_roots(linear.zeros(output, driven))}")
+    return "\n".join(parts)
+
+
+def _roots(values: Any) -> str:
+    shown = []
+    for value in values:
+        if value.imag < -1e-9 * max(1.0, abs(value)):
+            continue
+        if value.imag > 1e-9 * max(1.0, abs(value)):
+            real = 0.0 if abs(value.real) < 1e-9 * abs(value) else value.real
+            shown.append(f"{real:.6g} +- {value.imag:.6g}i" if real else f"+-{value.imag:.6g}i")
+        else:
+            shown.append(complex_number(value))
+    return ";  ".join(shown) or "none"
+
+
+def comparison_page(comparison: Comparison, rows: bool = False) -> str:
+    """Errors per signal; with ``rows`` every row of a frequency-response table."""
+    parts = [f"{comparison.scenario} against {comparison.recording}"]
+    if comparison.bypassed:
+        parts.append(f"  bypassed by the recorded input: {', '.join(comparison.bypassed)}")
+    parts += [f"  {note}" for note in comparison.notes]
+    if comparison.kind == "frequency_response":
+        heads = ["signal", "rms [dB]", "largest [dB]", "rows"]
+        table = [
+            [e.name, f"{e.rms_db or 0.0:.3f}", f"{e.max_db or 0.0:.3f}", str(len(e.axis))]
+            for e in comparison.signals.values()
+        ]
+    else:
+        heads = ["signal", "rmse", "unit", "fit [%]"]
+        table = [[e.name, number(e.rmse), e.unit, f"{e.nrmse:.3f}"] for e in comparison.signals.values()]
+    parts.append(columns(heads, table))
+    if rows and comparison.kind == "frequency_response":
+        for error in comparison.signals.values():
+            table = [
+                [number(w), number(m), number(s), f"{20 * math.log10(s / m) if s > 0 else -math.inf:.3f}"]
+                for w, m, s in zip(error.axis, error.measured, error.simulated, strict=True)
+            ]
+            heads = ["rad/s", f"measured [{error.unit}]", f"simulated [{error.unit}]", "difference [dB]"]
+            parts.append(columns(heads, table))
+    return "\n".join(parts)

@@ -1,0 +1,247 @@
+"""From checked documents to one flat `System`: blocks are made, sub-assemblies taken in, names resolved."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from engine.block import Block
+from engine.errors import FlexarmError, ParameterError, Where, nearest
+from engine.system import Connection, System
+from scenarios.document import Node, read
+from scenarios.patch import is_assembly, patch
+from scenarios.validate import ScenarioError, validate
+
+MOST_BLOCKS = 10_000
+
+Finder = Callable[[str], type[Block]]
+
+
+@dataclass(frozen=True)
+class Common:
+    """A scenario parameter as the whole model sees it: its full name and what was written for it."""
+
+    name: str
+    node: Node
+
+
+Scope = dict[str, Common]
+
+
+@dataclass
+class Flat:
+    """What flattening produces besides the system.
+
+    Attributes:
+        system: blocks and connections.
+        exposed: further names of inner ports.
+        initial: starting values as written, by resolved name.
+        files: every file read.
+    """
+
+    system: System
+    exposed: dict[str, str] = field(default_factory=dict)
+    initial: dict[str, Node] = field(default_factory=dict)
+    files: list[Path] = field(default_factory=list)
+
+    def resolve(self, name: str) -> str:
+        """An endpoint or signal name with exposed names replaced by what they stand for."""
+        for _ in range(20):
+            parts = name.split(".")
+            for cut in range(len(parts), 0, -1):
+                inner = self.exposed.get(".".join(parts[:cut]))
+                if inner is not None:
+                    name = ".".join([inner, *parts[cut:]])
+                    break
+            else:
+                return name
+        return name
+
+
+def root_scope(document: Node) -> Scope:
+    """The parameters of the outermost file."""
+    return {name: Common(name, node) for name, node in (document.get("parameters") or Node({})).items()}
+
+
+def lookup(text: str, scope: Scope, where: Where) -> Common:
+    """The parameter that ``$name`` stands for.
+
+    Raises:
+        ScenarioError: no such parameter.
+    """
+    name = text[1:].strip()
+    if name not in scope:
+        raise ScenarioError(f"'${name}' names no parameter of the scenario", where, nearest(name, scope))
+    return scope[name]
+
+
+def substitute(node: Node, scope: Scope, where: Where) -> Any:
+    """The plain value with every ``$name`` replaced by what the parameter was given."""
+    scope = node.scope if node.scope is not None else scope
+    if isinstance(node.value, list):
+        return [substitute(item, scope, where) for item in node.value]
+    if isinstance(node.value, str) and node.value.startswith("$"):
+        return lookup(node.value, scope, where).node.value
+    return node.plain()
+
+
+def flatten(document: Node, path: Path, find: Finder) -> Flat:
+    """Make the blocks of a scenario and of every sub-assembly in it.
+
+    Args:
+        document: the outermost file, already checked and patched.
+        path: where it lies.
+        find: block class by name; raises `FlexarmError` with the nearest name.
+
+    Raises:
+        FlexarmError: the first problem, with its place.
+    """
+    system = System({}, [], name=str(document.get("name").value) if document.get("name") else path.stem)  # type: ignore[union-attr]
+    work = _Flattener(Flat(system), find)
+    work.add(document, path, "", root_scope(document), ())
+    work.finish()
+    return work.flat
+
+
+class _Flattener:
+    def __init__(self, flat: Flat, find: Finder) -> None:
+        self.flat, self.find = flat, find
+        self.system = flat.system
+        self.units: dict[str, tuple[str, str]] = {}
+        self.read: dict[Path, Node] = {}
+
+    def add(self, document: Node, path: Path, prefix: str, scope: Scope, above: tuple[Path, ...]) -> None:
+        resolved = path.resolve()
+        self.flat.files.append(path)
+        for name, entry in document.get("blocks").items():  # type: ignore[union-attr]
+            where = document.where("blocks", name)
+            if is_assembly(entry):
+                self.assembly(document, path, name, prefix, scope, (*above, resolved))
+            else:
+                self.block(document, path, name, prefix, scope)
+            if len(self.system.blocks) > MOST_BLOCKS:
+                raise ScenarioError(f"the scenario has more than {MOST_BLOCKS} blocks", where)
+        for i, node in enumerate((document.get("connect") or Node([])).value):
+            ends = tuple(prefix + str(end) for end in node.plain())
+            self.system.connections.append(Connection(ends, document.where("connect", i)))
+        for name, node in (document.get("expose") or Node({})).items():
+            if prefix + name in self.system.blocks or document.get("blocks", name):
+                raise ScenarioError(f"'{name}' is already the name of a block", document.where("expose", name))
+            self.flat.exposed[prefix + name] = prefix + str(node.value)
+        for name, node in (document.get("initial") or Node({})).items():
+            value = Node(substitute(node, scope, document.where("initial", name)), node.file, node.line)
+            where = document.where("initial", name)
+            self.flat.initial[prefix + name] = replace(value, line=where.line)
+
+    def assembly(
+        self, document: Node, path: Path, name: str, prefix: str, scope: Scope, above: tuple[Path, ...]
+    ) -> None:
+        entry = document.get("blocks", name)
+        assert entry is not None
+        given = str(entry.get("type").value)  # type: ignore[union-attr]
+        where = document.where("blocks", name, "type")
+        target = path.parent / given
+        if not target.is_file():
+            siblings = [f"./{p.name}" for p in sorted(path.parent.glob("*.y*ml"))]
+            raise ScenarioError(f"there is no file '{target}'", where, nearest(given, siblings))
+        if target.resolve() in above:
+            chain = " -> ".join(p.name for p in (*above, target.resolve()))
+            raise ScenarioError(f"a sub-assembly takes itself in: {chain}", where, "name another file")
+        inner = self.read.get(target)
+        if inner is None:
+            inner = self.read[target] = read(target, os.path.normpath(target))
+        common: Scope = {}
+        for key, node in entry.items():
+            if key == "type":
+                continue
+            if key == "parameters":
+                for inner_name, value in node.items():
+                    inner = patch(inner, f"parameters.{inner_name}", _scoped(value, scope))
+            else:
+                inner = patch(inner, key, _scoped(node, scope))
+        validate(inner)
+        for inner_name, node in (inner.get("parameters") or Node({})).items():
+            if node.scope is not None and isinstance(node.value, str) and node.value.startswith("$"):
+                common[inner_name] = lookup(node.value, node.scope, node.where())
+            else:
+                common[inner_name] = Common(f"{prefix}{name}.{inner_name}", node)
+        self.add(inner, target, f"{prefix}{name}.", common, above)
+
+    def block(self, document: Node, path: Path, name: str, prefix: str, scope: Scope) -> None:
+        entry = document.get("blocks", name)
+        assert entry is not None
+        kind = entry.get("type")
+        assert kind is not None
+        try:
+            cls = self.find(str(kind.value))
+        except FlexarmError as error:
+            raise error.at(document.where("blocks", name, "type")) from None
+        full = prefix + name
+        values: dict[str, Any] = {}
+        common: dict[str, tuple[str, Where]] = {}
+        for key, node in entry.items():
+            if key == "type":
+                continue
+            where = document.where("blocks", name, key)
+            declared = cls.parameters.get(key) or cls.options.get(key)
+            if declared is None:
+                known = [*cls.parameters, *cls.options]
+                raise ScenarioError(f"{cls.__name__} has no parameter '{key}'", where, nearest(key, known))
+            value = substitute(node, scope, where)
+            if value is None or isinstance(value, dict):
+                raise ScenarioError(
+                    f"no value is given for '{key}'" if value is None else f"'{key}' takes a value, not a mapping",
+                    where,
+                    declared.doc,
+                )
+            size = getattr(declared, "size", "")
+            try:
+                for item in value if size and isinstance(value, list) else [value]:
+                    declared.check(item)
+            except ParameterError as error:
+                error.remedy = error.remedy or f"{key}: {declared.doc}"
+                if isinstance(node.value, str) and node.value.startswith("$"):
+                    used = lookup(node.value, node.scope if node.scope is not None else scope, where)
+                    error.message += f" (the value of {node.value}: {used.node.where()})"
+                raise error.at(where) from None
+            if key in getattr(cls, "files", ()):
+                value = str(path.parent / str(value))
+            values[key] = value
+            text = node.value
+            if key in cls.parameters and isinstance(text, str) and text.startswith("$"):
+                used = lookup(text, node.scope if node.scope is not None else scope, where)
+                if not size and not cls.parameters[key].structural:
+                    common[key] = (used.name, where)
+        place = document.where("blocks", name)
+        try:
+            made = self.system.blocks[full] = cls(**values)
+        except FlexarmError as error:
+            raise error.at(place) from None
+        self.system.places[full] = place
+        for key, (shared, where) in common.items():
+            self.share(shared, full, key, made.unit_of(key), where)
+
+    def share(self, common: str, block: str, key: str, unit: str, where: Where) -> None:
+        first = self.units.setdefault(common, (unit, f"{block}.{key}"))
+        if first[0] != unit and "*" not in (first[0], unit):
+            raise ScenarioError(
+                f"'${common}' is used for {first[1]} in {first[0]} and for {block}.{key} in {unit}",
+                where,
+                "declare two parameters",
+            )
+        self.system.shared.setdefault(block, {})[key] = common
+
+    def finish(self) -> None:
+        """Replace exposed names in connections and starting values."""
+        resolve = self.flat.resolve
+        self.system.connections = [
+            replace(c, ends=tuple(resolve(end) for end in c.ends)) for c in self.system.connections
+        ]
+        self.flat.initial = {resolve(name): node for name, node in self.flat.initial.items()}
+
+
+def _scoped(node: Node, scope: Scope) -> Node:
+    return node if node.scope is not None else replace(node, scope=scope)

@@ -1,0 +1,308 @@
+"""Loading a scenario: file or shipped name, overrides, checks, and the system that comes out."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from engine.block import MOTION
+from engine.errors import FlexarmError, ParameterError, Where, nearest
+from engine.quantity import convert
+from engine.system import System
+from scenarios.document import Node, parse, read
+from scenarios.flatten import Flat, flatten, root_scope, substitute
+from scenarios.patch import override
+from scenarios.schema import Export, FrequencyRecording, Linearise, ScenarioFile, TimeRecording
+from scenarios.validate import ScenarioError, validate
+
+if TYPE_CHECKING:
+    from engine.model import Model
+
+SHIPPED = Path(__file__).parent
+"""Folder of the scenarios that come with flexarm."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How to simulate: times in seconds, signals to record (None for all)."""
+
+    stop: float
+    step: float = 1e-3
+    internal_step: float | None = None
+    record: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class AnalysisSettings:
+    """An analysis of the file: kind (``linearise`` or ``export``), inputs, outputs, modes and operating point (SI)."""
+
+    name: str
+    kind: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    modes: dict[str, int | str] = field(default_factory=dict)
+    at: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class Scenario:
+    """A scenario, checked and ready to be built.
+
+    Attributes:
+        path: the file.
+        file: the file's fixed structure.
+        system: blocks and connections.
+        simulation: how to simulate, None if the file does not say.
+        analyses, recordings: by name.
+        digest: identifies the content of every file read and the overrides.
+        document: the file as a tree with line numbers, overrides included.
+        overrides: the ``key=value`` texts applied.
+    """
+
+    path: Path
+    file: ScenarioFile
+    system: System
+    simulation: Simulation | None
+    analyses: dict[str, AnalysisSettings]
+    recordings: dict[str, TimeRecording | FrequencyRecording]
+    digest: str
+    document: Node
+    overrides: tuple[str, ...] = ()
+    flat: Flat = field(repr=False, default_factory=lambda: Flat(System({}, [])))
+
+    @property
+    def name(self) -> str:
+        """The scenario's name."""
+        return self.file.name
+
+    @property
+    def description(self) -> str:
+        """The scenario's description."""
+        return self.file.description
+
+    def where(self, *path: str | int) -> Where:
+        """The place of a path of keys in the file."""
+        return self.document.where(*path)
+
+    def resolve(self, name: str) -> str:
+        """A signal's name with exposed names replaced by the inner ones."""
+        return self.flat.resolve(name)
+
+    def build(
+        self,
+        inputs: Iterable[str] = (),
+        outputs: Iterable[str] | None = None,
+        *,
+        energy: bool = False,
+        system: System | None = None,
+    ) -> Model:
+        """The model: see `engine.assemble.build`.
+
+        Args:
+            inputs: signal inputs to drive from outside, in this order.
+            outputs: signals to give out; those the file records if None.
+            energy: also keep the energy balance.
+            system: build this variant of the scenario's system instead.
+
+        Raises:
+            FlexarmError: what is wired has no meaning; the place in the file is named.
+        """
+        from engine.assemble import build
+
+        if outputs is None and self.simulation is not None and self.simulation.record is not None:
+            outputs = self.simulation.record
+        wanted = None if outputs is None else [self.resolve(name) for name in outputs]
+        free = [self.resolve(name) for name in inputs]
+        try:
+            model = build(system or self.system, inputs=free, outputs=wanted, energy=energy)
+        except FlexarmError as error:
+            self._check_ends()
+            raise error.at(self._blame(error.message) or Where(self.document.file)) from None
+        self._starting_values(model)
+        return model
+
+    def _check_ends(self) -> None:
+        """Say which end of a connection names no connector; the engine takes such an end for a further signal."""
+        for connection in self.system.connections:
+            for end in connection.ends:
+                block, port = self.system.split(end, connection.where)
+                made = self.system.blocks[block]
+                if port not in made.ports and self.system_observable(end) is None:
+                    names = [f"{block}.{name}" for name in made.ports]
+                    close = nearest(end, names)
+                    if close.startswith("did you mean") or "." not in port:
+                        raise ScenarioError(f"'{end}' names no connector of '{block}'", connection.where, close)
+
+    def _blame(self, message: str) -> Where | None:
+        """Where the file names the signal that an error without a place is about."""
+        for i, name in enumerate(self.file.simulate.record or [] if self.file.simulate else []):
+            if f"'{name}'" in message:
+                return self.where("simulate", "record", i)
+        for key, analysis in self.file.analyses.items():
+            for side, names in (("inputs", analysis.inputs), ("outputs", analysis.outputs)):
+                for i, name in enumerate(names):
+                    if f"'{name}'" in message:
+                        return self.where("analyses", key, side, i)
+        return None
+
+    def _starting_values(self, model: Model) -> None:
+        """Check the names and units of starting values against the model."""
+        units = {state.name: state.unit for state in model.states}
+        for name, node in self.flat.initial.items():
+            place = Where(node.file, node.line, f"initial.{name}")
+            if self.system_observable(name) is None:
+                if name not in units:
+                    raise ScenarioError(f"'{name}' is no state of the model", place, nearest(name, units))
+                _number(node.value, units[name], place)
+
+    def system_observable(self, name: str) -> tuple[str, str, int] | None:
+        """Block, flange and derivative order of the motion of a flange; None for anything else."""
+        try:
+            return self.system.observable(name)
+        except FlexarmError:
+            return None
+
+
+def _number(value: Any, unit: str, where: Where) -> float:
+    try:
+        return convert(value, unit)
+    except ParameterError as error:
+        raise error.at(where) from None
+
+
+def find(path_or_name: str | Path) -> Path:
+    """The file of a scenario, given its path or the name of a shipped one.
+
+    Raises:
+        ScenarioError: there is none; names the nearest.
+    """
+    path = Path(path_or_name)
+    if path.is_file():
+        return path
+    text = str(path_or_name)
+    if path.name == text and not path.suffix:
+        shipped = SHIPPED / f"{text}.yaml"
+        if shipped.is_file():
+            return shipped
+    around = [str(p) for p in sorted(path.parent.glob("*.y*ml"))] if path.parent.is_dir() else []
+    what = "is a folder" if path.is_dir() else "does not exist"
+    raise ScenarioError(f"'{text}' {what}", remedy=nearest(text, [*shipped_names(), *around]))
+
+
+def shipped_names() -> list[str]:
+    """Names of the scenarios that come with flexarm."""
+    return sorted(path.stem for path in SHIPPED.glob("*.yaml"))
+
+
+def load(path_or_name: str | Path, overrides: Iterable[str] = (), *, text: str | None = None) -> Scenario:
+    """Load a scenario.
+
+    Args:
+        path_or_name: a YAML file, or the name of a shipped scenario such as ``quanser-single-link``.
+        overrides: ``key=value`` texts, applied in order; see `scenarios.patch.override`.
+        text: what the file would hold, in place of its content; paths in it are relative to the file.
+
+    Raises:
+        FlexarmError: the first problem found, with file, line, key and remedy.
+    """
+    from blocks.registry import find as find_block
+
+    path, texts = find(path_or_name), tuple(overrides)
+    document = read(path) if text is None else parse(text, str(path))
+    if isinstance(document.value, dict):
+        for text in texts:
+            document = override(document, text)
+    file = validate(document)
+    flat = flatten(document, path, find_block)
+    flat.system.description = file.description
+    scenario = Scenario(
+        path=path,
+        file=file,
+        system=flat.system,
+        simulation=_simulation(document, file, flat),
+        analyses={name: _analysis(document, name, made, flat) for name, made in file.analyses.items()},
+        recordings=dict(file.recordings),
+        digest=_digest(flat.files, texts),
+        document=document,
+        overrides=texts,
+        flat=flat,
+    )
+    for name, node in flat.initial.items():
+        seen, unit = scenario.system_observable(name), "*"
+        where = Where(node.file, node.line, f"initial.{name}")
+        if seen is not None:
+            block, port, order = seen
+            if order == 2:
+                raise ScenarioError(f"'{name}' is an acceleration and has no starting value", where)
+            unit = MOTION[flat.system.blocks[block].ports[port].kind][order][1]
+        flat.system.initial[name] = _number(node.value, unit, where)
+    return scenario
+
+
+def _digest(files: list[Path], overrides: tuple[str, ...]) -> str:
+    digest = hashlib.sha256()
+    for path in files:
+        digest.update(path.read_bytes())
+    digest.update("\0".join(overrides).encode())
+    return digest.hexdigest()[:16]
+
+
+def _simulation(document: Node, file: ScenarioFile, flat: Flat) -> Simulation | None:
+    if file.simulate is None:
+        return None
+    scope = root_scope(document)
+
+    def seconds(key: str) -> float | None:
+        node = document.get("simulate", key)
+        if node is None or node.value is None:
+            return None
+        where = document.where("simulate", key)
+        number = _number(substitute(node, scope, where), "s", where)
+        if number <= 0:
+            raise ScenarioError(f"{node.value!r} is not a positive time", where)
+        return number
+
+    stop, step = seconds("stop"), seconds("step") or 1e-3
+    assert stop is not None
+    if step > stop:
+        raise ScenarioError(f"the step ({step:g} s) is longer than the simulation", document.where("simulate", "step"))
+    record = None if file.simulate.record is None else tuple(flat.resolve(name) for name in file.simulate.record)
+    return Simulation(stop, step, seconds("internal_step"), record)
+
+
+def _analysis(document: Node, name: str, made: Linearise | Export, flat: Flat) -> AnalysisSettings:
+    scope = root_scope(document)
+    at: dict[str, Any] = {}
+    modes: dict[str, int | str] = {}
+    if isinstance(made, Linearise):
+        modes = {flat.resolve(mode): value for mode, value in made.modes.items()}
+        for key in made.at:
+            node = document.get("analyses", name, "at", key)
+            assert node is not None
+            at[flat.resolve(key)] = substitute(node, scope, document.where("analyses", name, "at", key))
+    return AnalysisSettings(
+        name,
+        made.kind,
+        tuple(flat.resolve(end) for end in made.inputs),
+        tuple(flat.resolve(end) for end in made.outputs),
+        modes,
+        at,
+    )
+
+
+def si(value: object, units: dict[str, str], name: str, where: Where | None = None) -> float:
+    """A value as a number in the unit of the named variable.
+
+    Raises:
+        ScenarioError: no such variable.
+        ParameterError: wrong unit.
+    """
+    if name not in units:
+        raise ScenarioError(f"'{name}' is no state or input of the model", where, nearest(name, units))
+    try:
+        return convert(value, units[name])
+    except ParameterError as error:
+        raise (error.at(where) if where else error) from None

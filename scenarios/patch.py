@@ -1,0 +1,106 @@
+"""Changing single values of a scenario by path: ``--set gear.ratio=14`` and the overrides of a sub-assembly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from engine.errors import Where, nearest
+from scenarios.document import DocumentError, Node, parse
+from scenarios.schema import SECTIONS
+from scenarios.validate import ScenarioError
+
+ASSEMBLY_ENDINGS = (".yaml", ".yml")
+
+
+def is_assembly(entry: Node) -> bool:
+    """Whether a block entry takes in another file."""
+    kind = entry.get("type")
+    return kind is not None and isinstance(kind.value, str) and kind.value.endswith(ASSEMBLY_ENDINGS)
+
+
+def override(document: Node, text: str) -> Node:
+    """The document with one ``key=value`` applied.
+
+    Args:
+        document: the scenario.
+        text: for example ``gear.ratio=14``, ``parameters.supply=2 V``, ``simulate.stop=10 s``.
+
+    Raises:
+        ScenarioError: no such place; names the nearest.
+    """
+    key, equals, value = text.partition("=")
+    shown = f"--set {text}"
+    if not equals or not key.strip():
+        raise ScenarioError(
+            f"'{text}' does not set anything", Where("--set"), "write key=value, for example gear.ratio=14"
+        )
+    try:
+        given = parse(value.strip())
+    except DocumentError as error:
+        raise ScenarioError(f"cannot read the value: {error.message}", Where(shown)) from None
+    if given.value == {} and not value.strip().startswith("{"):
+        given = Node(None)
+    return patch(document, key.strip(), _moved(given, shown))
+
+
+def _moved(node: Node, file: str) -> Node:
+    """The node as if written in ``file``."""
+    value = node.value
+    if isinstance(value, dict):
+        value = {key: _moved(item, file) for key, item in value.items()}
+    elif isinstance(value, list):
+        value = [_moved(item, file) for item in value]
+    return replace(node, value=value, file=file, line=0, key_lines={})
+
+
+def patch(document: Node, key: str, given: Node) -> Node:
+    """The document with the value at ``key`` replaced.
+
+    Args:
+        document: the scenario or sub-assembly.
+        key: a path: ``block.parameter``, ``assembly.block.parameter``, ``parameters.name``, a bare parameter name, or a
+            path that begins with a section.
+        given: the new value; its place is named if the key leads nowhere.
+
+    Raises:
+        ScenarioError: no such place; names the nearest.
+    """
+    return document.put(_path(document, key, given), given)
+
+
+def _path(document: Node, key: str, given: Node) -> list[str]:
+    parts = key.split(".")
+    blocks = dict((document.get("blocks") or Node({})).items())
+    parameters = dict((document.get("parameters") or Node({})).items())
+    where = given.where()
+    if parts[0] in SECTIONS and parts[0] not in blocks:
+        if parts[0] == "blocks" and len(parts) > 1:
+            return ["blocks", *_in_block(blocks, parts[1:], where)]
+        if parts[0] == "initial" and len(parts) > 1:
+            return ["initial", ".".join(parts[1:])]
+        if parts[0] == "parameters" and (len(parts) != 2 or parts[1] not in parameters):
+            name = ".".join(parts[1:])
+            raise ScenarioError(f"the scenario has no parameter '{name}'", where, nearest(name, parameters))
+        if parts[0] in ("connect", "blocks"):
+            raise ScenarioError(f"'{parts[0]}' cannot be changed this way", where, "edit the file")
+        return parts
+    if len(parts) == 1 and parts[0] in parameters:
+        return ["parameters", parts[0]]
+    return ["blocks", *_in_block(blocks, parts, where)]
+
+
+def _in_block(blocks: dict[str, Node], parts: list[str], where: Where) -> list[str]:
+    name, rest = parts[0], parts[1:]
+    if name not in blocks:
+        raise ScenarioError(f"'{'.'.join(parts)}' leads nowhere", where, nearest(name, [*blocks, *SECTIONS]))
+    if not rest:
+        raise ScenarioError(f"'{name}' is a block, not a value", where, f"write {name}.parameter=value")
+    if is_assembly(blocks[name]):
+        if rest[0] == "parameters" and len(rest) == 2:
+            return [name, *rest]
+        return [name, ".".join(rest)]
+    if len(rest) > 1:
+        raise ScenarioError(
+            f"'{'.'.join(parts)}' leads nowhere: '{name}' is a single block", where, f"write {name}.parameter=value"
+        )
+    return [name, *rest]

@@ -1,0 +1,236 @@
+"""The fixed structure of a scenario file, as pydantic models. Blocks' own parameters are checked by the blocks.
+
+A value is a number in the unit the place expects, a text with a unit such as ``7.68 mN.m/A``, or ``$name`` for one of
+the scenario's parameters.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+SECTIONS = (
+    "schema",
+    "name",
+    "description",
+    "parameters",
+    "blocks",
+    "connect",
+    "expose",
+    "initial",
+    "simulate",
+    "analyses",
+    "recordings",
+)
+
+QUANTITY_PATTERN = (
+    r"^\s*([-+]?([0-9][0-9_]*\.?[0-9_]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*[A-Za-z0-9./%*^()_ µΩ°-]*|\$[A-Za-z_]\w*)\s*$"
+)
+NAME_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
+ASSEMBLY_PATTERN = r"\.ya?ml$"
+
+
+def _quantity(value: object) -> object:
+    if value is None:
+        raise PydanticCustomError("quantity", "no value is given; write a number or a text with a unit")
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise PydanticCustomError("quantity", "a number or a text with a unit is expected")
+    return value
+
+
+def _name(value: str) -> str:
+    if not value.isascii() or not value.isidentifier() or value in SECTIONS:
+        raise PydanticCustomError("name", "a name is made of letters, digits and _, and is not the name of a section")
+    return value
+
+
+def _text(value: object) -> object:
+    if not isinstance(value, str):
+        raise PydanticCustomError("text", "a text is expected; put quotes around it if it looks like a number")
+    return value
+
+
+Quantity = Annotated[
+    Any,
+    BeforeValidator(_quantity),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}),
+]
+Text = Annotated[str, BeforeValidator(_text)]
+Name = Annotated[str, AfterValidator(_name), Field(json_schema_extra={"pattern": NAME_PATTERN})]
+Endpoint = Annotated[Text, Field(description="block.port, for example motor.shaft")]
+
+
+class Section(BaseModel):
+    """Common settings: unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=False, protected_namespaces=())
+
+
+class BlockEntry(BaseModel):
+    """A block, or a sub-assembly when the type is a YAML file."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    type: Text = Field(description="name of a block, or a path such as ./arm.yaml")
+
+
+class Simulate(Section):
+    """How `flexarm run` simulates."""
+
+    stop: Quantity = Field(description="end of the simulation, s")
+    step: Quantity = Field(default=1e-3, description="interval between recorded points, s")
+    internal_step: Quantity | None = Field(
+        default=None, description="step of the integration, s; chosen from the fastest mode if absent"
+    )
+    record: list[Text] | None = Field(default=None, description="signals to record; all if absent")
+
+
+class Analysis(Section):
+    """What linearise and export have in common."""
+
+    inputs: list[Endpoint] = Field(description="signal inputs; each replaces the connection that fed it", min_length=1)
+    outputs: list[Text] = Field(description="signals given out", min_length=1)
+
+
+class Linearise(Analysis):
+    """A linear model about an operating point."""
+
+    kind: Literal["linearise"]
+    modes: dict[str, int | str] = Field(
+        default_factory=dict, description="for each friction or contact: -1, 0, +1, or its label"
+    )
+    at: dict[str, Quantity] = Field(
+        default_factory=dict, description="operating point: values of states and inputs; rest if absent"
+    )
+
+
+class Export(Analysis):
+    """An FMU."""
+
+    kind: Literal["export"]
+
+
+class TimeColumn(Section):
+    """The time axis of a recording."""
+
+    column: Text
+    unit: Text = Field(default="s", description="unit of the numbers in the column")
+
+
+class Drive(Section):
+    """A recorded signal that drives an input of the model."""
+
+    column: Text
+    unit: Text = Field(description="unit of the numbers in the column")
+    scale: Quantity = Field(default=1.0, description="what a number is multiplied by; its unit changes the column's")
+    sign: Literal[-1, 1] = 1
+    tap: Text = Field(
+        default="after_limit", description="where the signal was logged: after_limit or before_limit of the amplifier"
+    )
+    hold: Literal["zero_order", "linear"] = Field(default="zero_order", description="what happens between samples")
+
+
+class Measurement(Section):
+    """A recorded signal to compare with a signal of the model."""
+
+    column: Text
+    unit: Text = Field(description="unit of the numbers in the column; 'count' for an encoder")
+    scale: Quantity = Field(default=1.0, description="what a number is multiplied by; its unit changes the column's")
+    sign: Literal[-1, 1] = 1
+    zero: Literal["first", "none"] = Field(default="none", description="first: count from the first sample")
+    wrap: bool = Field(default=False, description="the recorded angle jumps at each revolution and is to be unwrapped")
+    counts_per_rev: Quantity | None = Field(default=None, description="encoder counts in a revolution")
+    noise: Quantity = Field(default="auto", description="standard deviation in the column's unit, or auto")
+
+
+class StartOfRecord(Section):
+    """The state in which a recording begins."""
+
+    state: Literal["at_rest"] = "at_rest"
+    free: list[Text] = Field(default_factory=list, description="states that a fit may choose for this recording")
+
+
+class TimeRecording(Section):
+    """A recording over time."""
+
+    kind: Literal["time_series"] = "time_series"
+    file: Text = Field(description="a .csv, .mat or .parquet file, relative to this file")
+    time: TimeColumn
+    drive: dict[str, Drive] = Field(default_factory=dict, description="input of the model: recorded column")
+    measurements: dict[str, Measurement] = Field(description="signal of the model: recorded column", min_length=1)
+    gaps: Literal["refuse", "skip"] = Field(default="refuse", description="what to do with rows that hold no number")
+    initial: StartOfRecord = StartOfRecord()
+    loop: Literal["open", "closed", "reference"] = "open"
+    role: Literal["train", "hold_out", "repeat"] = "train"
+
+
+class Frequency(Section):
+    """The frequency column of a table."""
+
+    column: Text
+    unit: Text = Field(description="Hz or rad/s")
+
+
+class Amplitude(Section):
+    """The amplitude of the sine that drives the model: a column, or one value for all rows."""
+
+    column: Text | None = None
+    value: Quantity | None = None
+    unit: Text = Field(default="", description="unit of the numbers in the column")
+
+
+class Response(Section):
+    """A measured amplitude."""
+
+    column: Text
+    unit: Text = Field(description="unit of the numbers in the column")
+    scale: Quantity = Field(default=1.0, description="what a number is multiplied by; its unit changes the column's")
+    reading: Literal["half_peak_to_peak"] = "half_peak_to_peak"
+
+
+class FrequencyRecording(Section):
+    """A frequency-response table: one row per sine."""
+
+    kind: Literal["frequency_response"]
+    file: Text = Field(description="a .csv, .mat or .parquet file, relative to this file")
+    drive: Endpoint = Field(description="the input that the sine drives")
+    frequency: Frequency
+    amplitude: Amplitude
+    response: dict[str, Response] = Field(min_length=1, description="signal of the model: recorded column")
+    internal_step: Quantity | None = Field(default=None, description="largest step of the integration, s")
+    role: Literal["train", "hold_out", "repeat"] = "train"
+
+
+def _recording_kind(value: Any) -> str:
+    kind = value.get("kind", "time_series") if isinstance(value, dict) else getattr(value, "kind", "time_series")
+    return str(kind)
+
+
+AnyAnalysis = Annotated[Linearise | Export, Field(discriminator="kind")]
+AnyRecording = Annotated[
+    Annotated[TimeRecording, Tag("time_series")] | Annotated[FrequencyRecording, Tag("frequency_response")],
+    Discriminator(_recording_kind),
+]
+
+
+class ScenarioFile(Section):
+    """A scenario, or a sub-assembly that another file takes in."""
+
+    schema_: Literal[1] = Field(alias="schema", description="version of this format")
+    name: Text = Field(description="short name")
+    description: Text = Field(default="", description="one sentence")
+    parameters: dict[Name, Quantity] = Field(default_factory=dict, description="values that blocks refer to as $name")
+    blocks: dict[Name, BlockEntry] = Field(description="what there is", min_length=1)
+    connect: list[Annotated[list[Endpoint], Field(min_length=2)]] = Field(
+        default_factory=list, description="nodes: the ends that are joined"
+    )
+    expose: dict[Name, Endpoint] = Field(
+        default_factory=dict, description="further names of inner ports, for the file that takes this one in"
+    )
+    initial: dict[str, Quantity] = Field(
+        default_factory=dict, description="starting values, for example link.hub.angle"
+    )
+    simulate: Simulate | None = None
+    analyses: dict[Name, AnyAnalysis] = Field(default_factory=dict)
+    recordings: dict[Name, AnyRecording] = Field(default_factory=dict)

@@ -1,0 +1,153 @@
+"""The commands on good input."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+
+def test_run_writes_every_kind_with_units(base: Path, command: Callable) -> None:
+    import pyarrow.parquet
+    from scipy.io import loadmat
+
+    for suffix in ("csv", "parquet", "mat"):
+        answer = command("run", base.name, "-o", f"r.{suffix}")
+        assert answer.code == 0, answer.err
+        assert f"written: r.{suffix}" in answer.out
+    names = ["source.out", "zone.out", "load.shaft.angle"]
+    header, *lines = (base.parent / "r.csv").read_text().splitlines()
+    assert header == "time [s],source.out [V],zone.out [V],load.shaft.angle [rad]"
+    values = np.array([[float(cell) for cell in line.split(",")] for line in lines])
+    assert values.shape == (101, 4)
+    table = pyarrow.parquet.read_table(base.parent / "r.parquet")
+    stated = json.loads(table.schema.metadata[b"flexarm"])
+    assert stated["units"] == {"time": "s", "source.out": "V", "zone.out": "V", "load.shaft.angle": "rad"}
+    assert stated["scenario"] == "base"
+    assert len(stated["scenario_hash"]) == 16
+    matlab = loadmat(base.parent / "r.mat", simplify_cells=True)
+    assert list(matlab["flexarm_names"]) == ["time", *names]
+    assert list(matlab["flexarm_units"]) == ["s", "V", "V", "rad"]
+    for k, name in enumerate(names, 1):
+        np.testing.assert_array_equal(table.column(name).to_numpy(), values[:, k])
+        np.testing.assert_array_equal(matlab[name.replace(".", "_")], values[:, k])
+    assert values[1, 2] == pytest.approx(1.0 - 0.18)
+
+
+def test_run_takes_changes(base: Path, command: Callable) -> None:
+    answer = command(
+        "run", base.name, "--set", "supply=500 mV", "--set", "zone.upper=0.1", "--stop", "20 ms", "--step", "1 ms"
+    )
+    assert answer.code == 0
+    rows = {line.split()[0]: line.split() for line in answer.out.splitlines() if line.startswith("  ")}
+    assert rows["zone.out"][2] == "0.4"
+    assert "0.02 s in 21 rows" in answer.out
+
+
+def test_plot_is_a_figure(base: Path, command: Callable) -> None:
+    assert command("run", base.name, "--plot").code == 0
+    assert command("run", "--plot", "other.svg", base.name).code == 0
+    assert (base.parent / "base.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in (base.parent / "other.svg").read_text()[:1000]
+    assert {path.name for path in base.parent.iterdir()} == {"base.yaml", "base.png", "other.svg"}
+
+
+def test_check_says_what_there_is(base: Path, command: Callable) -> None:
+    answer = command("check", base.name)
+    assert answer.code == 0
+    assert "5 blocks, 4 connections, 2 states" in answer.out
+    assert "bypassed by analysis plant: zone, source" in answer.out
+    assert "no problems found" in answer.out
+
+
+def test_blocks(command: Callable) -> None:
+    listed = command("blocks").out
+    assert "AssumedModesLink" in listed
+    page = command("blocks", "DCMotor").out
+    assert "torque_constant" in page
+    assert "N.m/A" in page
+    assert "V = R i + L di/dt" in page
+    wrong = command("blocks", "DCMoter")
+    assert wrong.code == 1
+    assert "did you mean 'DCMotor'?" in wrong.err
+
+
+def test_schema_is_json(base: Path, command: Callable) -> None:
+    assert "$defs" in json.loads(command("schema").out)
+    assert command("schema", "-o", "s.json").code == 0
+    assert "$defs" in json.loads((base.parent / "s.json").read_text())
+
+
+def test_linearise(base: Path, command: Callable) -> None:
+    """Motor and gear: 0 and -km kt / (R J) with J the inertia seen by the motor."""
+    from scipy.io import loadmat
+
+    inertia = 4.6e-7 + 2e-3 / 70**2
+    pole = -(7.68e-3**2) / 2.6 / inertia
+    answer = command("linearise", base.name, "-o", "p.json")
+    assert answer.code == 0, answer.err
+    assert "bypassed by motor.voltage: zone, source" in answer.out
+    stated = json.loads((base.parent / "p.json").read_text())
+    np.testing.assert_allclose(np.sort([re for re, _ in stated["poles"]]), [pole, 0], rtol=1e-9, atol=1e-9)
+    assert stated["units"]["load.shaft.angle"] == "rad"
+    for suffix in ("npz", "mat", "m"):
+        assert command("linearise", base.name, "-o", f"p.{suffix}").code == 0
+    np.testing.assert_array_equal(np.load(base.parent / "p.npz")["A"], stated["A"])
+    np.testing.assert_array_equal(loadmat(base.parent / "p.mat")["A"], stated["A"])
+    assert "'InputName', {'motor.voltage'}" in (base.parent / "p.m").read_text()
+
+
+def test_linearise_through_the_dead_zone(base: Path, command: Callable) -> None:
+    free = ["linearise", base.name, "--inputs", "zone.in", "--outputs", "load.shaft.speed"]
+    inside = command(*free, "-o", "a.json")
+    above = command(*free, "--mode", "zone.zone=above", "-o", "b.json")
+    number = command(*free, "--mode", "zone.zone=1", "-o", "c.json")
+    assert (inside.code, above.code, number.code) == (0, 0, 0)
+    gains = [np.abs(json.loads((base.parent / f"{n}.json").read_text())["B"]).max() for n in "abc"]
+    assert gains[0] == 0
+    assert gains[1] == gains[2] > 0
+    wrong = command(*free, "--mode", "zone.zone=abov")
+    assert wrong.code == 1
+    assert "did you mean 'above'?" in wrong.err
+
+
+def test_an_input_that_feeds_nothing_is_refused(base: Path, command: Callable) -> None:
+    answer = command("linearise", base.name, "--inputs", "zone.in,motor.voltage", "--outputs", "load.shaft.angle")
+    assert answer.code == 1
+    assert "leave 'zone.in' out" in answer.err
+
+
+def test_export(base: Path, command: Callable) -> None:
+    """The FMU stands at the scenario's step, says what it bypasses, and passes FMPy's validation."""
+    import fmu
+
+    answer = command("export", base.name, "--platform", "linux64", "--inputs", "motor.voltage", "-o", "arm.fmu")
+    assert answer.code == 0, answer.err
+    assert "bypassed by motor.voltage: zone, source" in answer.out
+    assert "outputs: load.shaft.angle [rad]" in answer.out
+    assert fmu.validate(base.parent / "arm.fmu") == []
+    for bad, piece in ((["-o", "arm.zip"], ".fmu"), (["--platform", "amiga", "-o", "b.fmu"], "amiga")):
+        answer = command("export", base.name, *bad)
+        assert answer.code == 1
+        assert piece in answer.err
+    assert {path.name for path in base.parent.iterdir()} == {"base.yaml", "arm.fmu"}
+
+
+def test_version(command: Callable) -> None:
+    answer = command("--version")
+    assert answer.code == 0
+    assert answer.out.startswith("flexarm ")
+
+
+def test_public_api() -> None:
+    import flexarm
+
+    for name in flexarm.__all__:
+        assert getattr(flexarm, name) is not None
+    result = flexarm.simulate("quanser-single-link", stop=0.1)
+    assert result.units["link.hub.angle"] == "rad"
+    with pytest.raises(AttributeError, match="nonsense"):
+        _ = flexarm.nonsense

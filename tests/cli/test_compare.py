@@ -1,0 +1,211 @@
+"""Comparing with recordings: units, signs, zero, gaps, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.errors import FlexarmError
+
+
+def errors(answer: object) -> dict[str, dict[str, float]]:
+    assert answer.code == 0, answer.err
+    return json.loads(answer.out)["recordings"][0]["signals"]
+
+
+def test_own_recording_is_met(recorded: Path, command: Callable) -> None:
+    """Encoder counts with the wrong sign and an arbitrary zero, a tachometer in volts, time in ms, input in mV."""
+    found = errors(command("compare", recorded.name, "one", "--json"))
+    for name in ("motor.shaft.angle", "motor.shaft.speed"):
+        assert found[name]["rmse"] < 1e-12
+        assert found[name]["nrmse"] == pytest.approx(100)
+    by_file = errors(command("compare", recorded.name, "one.csv", "--json"))
+    assert by_file == found
+
+
+def test_errors_are_what_they_say(recorded: Path, command: Callable) -> None:
+    """rmse and nrmse = 100 (1 - |e| / |y - mean y|), against a direct computation."""
+    from diagnosis.compare import compare
+    from scenarios.load import load
+
+    scenario = load(recorded, ["motor.viscous_friction=4e-6"])
+    error = compare(scenario, "one").signals["motor.shaft.speed"]
+    e, y = error.simulated - error.measured, error.measured
+    assert error.rmse == pytest.approx(np.sqrt(np.mean(e**2)), rel=1e-12)
+    assert error.nrmse == pytest.approx(100 * (1 - np.linalg.norm(e) / np.linalg.norm(y - y.mean())), rel=1e-12)
+    assert 0 < error.nrmse < 99
+    printed = command("compare", recorded.name, "one", "--set", "motor.viscous_friction=4e-6")
+    assert f"{error.nrmse:.3f}" in printed.out
+    assert "bypassed by the recorded input: source" in printed.out
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "mat"])
+def test_results_can_be_read_back_without_a_mapping(suffix: str, recorded: Path, command: Callable) -> None:
+    assert command("run", recorded.name, "-o", f"r.{suffix}").code == 0
+    answer = command("compare", recorded.name, f"r.{suffix}")
+    assert answer.code == 0, answer.err
+    assert "drives motor.voltage" in answer.out
+    found = errors(command("compare", recorded.name, f"r.{suffix}", "--json"))
+    assert set(found) == {"motor.shaft.angle", "motor.shaft.speed"}
+    assert all(signal["rmse"] < 1e-12 for signal in found.values())
+
+
+def test_units_of_headers_are_heeded(recorded: Path, command: Callable) -> None:
+    assert command("run", recorded.name, "-o", "r.csv").code == 0
+    _, *lines = (recorded.parent / "r.csv").read_text().splitlines()
+    table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
+    table *= [1e3, 1e3, 180 / np.pi, 30 / np.pi]
+    text = ["time [ms];source.out [mV];motor.shaft.angle [deg];motor.shaft.speed [rpm];what [kg]"]
+    text += [";".join(f"{value:.17g}" for value in row) + ";1" for row in table]
+    (recorded.parent / "r.csv").write_text("\n".join(text))
+    answer = command("compare", recorded.name, "r.csv")
+    assert "what [kg] is not used" in answer.out
+    found = errors(command("compare", recorded.name, "r.csv", "--json"))
+    assert found["motor.shaft.speed"]["rmse"] < 1e-10
+    (recorded.parent / "r.csv").write_text("\n".join(text).replace("[deg]", "[m]"))
+    wrong = command("compare", recorded.name, "r.csv")
+    assert wrong.code == 1
+    assert "'rad' is expected" in wrong.err
+
+
+def test_uneven_samples_and_gaps(recorded: Path, command: Callable) -> None:
+    """Rows left out by ``gaps: skip`` make the time axis uneven; the simulation still meets the rest."""
+    lines = (recorded.parent / "one.csv").read_text().splitlines()
+    t, u, _, tach = lines[30].split(",")
+    lines[30] = f"{t},{u},nan,{tach}"
+    del lines[40:43]
+    (recorded.parent / "one.csv").write_text("\n".join(lines))
+    refused = command("compare", recorded.name, "one")
+    assert refused.code == 1
+    assert "one.csv:31" in refused.err
+    assert "gaps: skip" in refused.err
+    answer = command("compare", recorded.name, "one", "--set", "recordings.one.gaps=skip")
+    assert "1 of 98 rows" in answer.out
+    found = errors(command("compare", recorded.name, "one", "--set", "recordings.one.gaps=skip", "--json"))
+    assert found["motor.shaft.speed"]["rmse"] < 1e-9
+
+
+def test_wrapped_angle(tmp_path: Path) -> None:
+    from diagnosis.recording import from_scenario
+    from scenarios.load import load
+
+    turns = np.linspace(0, 3, 31)
+    rows = "\n".join(f"{k},{(turn * 4096) % 4096}" for k, turn in enumerate(turns))
+    (tmp_path / "w.csv").write_text(f"t,enc\n{rows}\n")
+    (tmp_path / "w.yaml").write_text(
+        "schema: 1\nname: w\nblocks:\n  load: {type: Inertia, inertia: 1}\n"
+        "recordings:\n  w:\n    file: w.csv\n    time: {column: t}\n    measurements:\n"
+        "      load.shaft.angle: {column: enc, unit: count, counts_per_rev: 4096, wrap: true}\n"
+    )
+    recording = from_scenario(load(tmp_path / "w.yaml"), "w")
+    np.testing.assert_allclose(recording.measurements[0].values, 2 * np.pi * turns, atol=1e-12)
+
+
+BAD_ROWS = {
+    "NaN": ("5,1000,", "5,nan,", ["one.csv:7", "column 'u'", "line 7", "gaps"]),
+    "empty cell": ("5,1000,", "5,,", ["one.csv:7", "column 'u'", "line 7"]),
+    "a word": ("5,1000,", "5,abc,", ["one.csv:7", "'abc'", "column 'u'", "decimal point"]),
+    "time backwards": (
+        "\n5,",
+        "\n3,",
+        ["one.csv:7", "time runs backwards", "column 't'", "0.003 s after 0.004 s", "sort"],
+    ),
+    "time stands still": ("\n5,", "\n4,", ["one.csv:7", "time stands still"]),
+    "too many cells": ("5,1000,", "5,1000,7,", ["one.csv:7", "5 values", "4 columns"]),
+    "missing column": ("enc", "encoder", ["recorded.yaml:16", "measurements.motor.shaft.angle.column", "'encoder'?"]),
+    "twice the same column": ("t,u,", "u,u,", ["one.csv:1", "'u'", "rename"]),
+    "no header": ("t,u,enc,tach\n", "", ["one.csv:1", "name"]),
+}
+
+
+@pytest.mark.parametrize("name", BAD_ROWS)
+def test_bad_recording(name: str, recorded: Path, command: Callable) -> None:
+    old, new, pieces = BAD_ROWS[name]
+    path = recorded.parent / "one.csv"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    for verb in (["compare", recorded.name, "one"], ["check", recorded.name]):
+        answer = command(*verb)
+        assert answer.code == 1
+        assert "Traceback" not in answer.err
+        for piece in pieces:
+            assert piece in answer.err
+
+
+@pytest.mark.parametrize(("rows", "piece"), [(0, "empty"), (1, "empty"), (2, "at least two")])
+def test_too_short(rows: int, piece: str, recorded: Path, command: Callable) -> None:
+    path = recorded.parent / "one.csv"
+    path.write_text("\n".join(path.read_text().splitlines()[:rows]))
+    answer = command("compare", recorded.name, "one")
+    assert answer.code == 1
+    assert piece in answer.err
+
+
+def test_dead_column(recorded: Path, command: Callable) -> None:
+    path = recorded.parent / "one.csv"
+    header, *lines = path.read_text().splitlines()
+    path.write_text("\n".join([header, *(",".join([*line.split(",")[:2], "3", line.split(",")[3]]) for line in lines)]))
+    answer = command("compare", recorded.name, "one")
+    assert answer.code == 1
+    for piece in ("column 'enc' is constant", "101 rows", "leave 'motor.shaft.angle' out"):
+        assert piece in answer.err
+
+
+BAD_MAPS = {
+    "unit of the input": ("unit: mV", "unit: m", ["recorded.yaml:14", "drive.motor.voltage", "in m but"]),
+    "unit of a signal": ("0.1 rad/s/V", "0.1 m/V", ["recorded.yaml:17", "motor.shaft.speed", "in m but", "scale"]),
+    "unit of the time": ("unit: ms", "unit: V", ["recorded.yaml:13", "time.unit", "'s' is expected"]),
+    "input": ("motor.voltage: {col", "motor.voltgae: {col", ["recorded.yaml:14", "did you mean 'motor.voltage'?"]),
+    "signal": (
+        "motor.shaft.speed: {",
+        "motor.shaft.sped: {",
+        ["recorded.yaml:17", "did you mean 'motor.shaft.speed'?"],
+    ),
+    "key": ("column: tach", "colum: tach", ["recorded.yaml:17", "unknown key 'colum'", "did you mean 'column'?"]),
+    "file": ("one.csv", "tow.csv", ["recorded.yaml:12", "tow.csv", "did you mean 'one.csv'?"]),
+    "sign": ("sign: -1", "sign: 2", ["recorded.yaml:16", "sign", "-1"]),
+    "kind": ("file: one.csv", "file: one.csv\n    kind: spectrum", ["kind", "spectrum", "frequency_response"]),
+}
+
+
+@pytest.mark.parametrize("name", BAD_MAPS)
+def test_bad_mapping(name: str, recorded: Path, command: Callable) -> None:
+    old, new, pieces = BAD_MAPS[name]
+    text = recorded.read_text()
+    assert old in text
+    recorded.write_text(text.replace(old, new))
+    for verb in (["compare", recorded.name, "one"], ["check", recorded.name]):
+        answer = command(*verb)
+        assert answer.code == 1
+        for piece in pieces:
+            assert piece in answer.err
+
+
+def test_unknown_recording(recorded: Path, command: Callable) -> None:
+    answer = command("compare", recorded.name, "oen")
+    assert answer.code == 1
+    assert "did you mean 'one'?" in answer.err
+    (recorded.parent / "other.csv").write_text("t,x\n0,1\n1,2\n")
+    answer = command("compare", recorded.name, "other.csv")
+    assert answer.code == 1
+    assert "recordings:" in answer.err
+
+
+def test_matlab_structures(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    from diagnosis.columns import read_columns
+
+    t = np.arange(5.0)
+    savemat(tmp_path / "m.mat", {"run": {"t": t, "y": np.column_stack([t, 2 * t])}, "fs": 1000.0, "note": "text"})
+    columns = read_columns(tmp_path / "m.mat")
+    assert columns.names == ["run.t", "run.y[1]", "run.y[2]"]
+    np.testing.assert_array_equal(columns.number("run.y[2]"), 2 * t)
+    (tmp_path / "junk.mat").write_bytes(b"junk" * 100)
+    with pytest.raises(FlexarmError, match="MATLAB"):
+        read_columns(tmp_path / "junk.mat")
