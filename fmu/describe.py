@@ -1,0 +1,257 @@
+"""modelDescription.xml of an FMI 2.0 or FMI 3.0 FMU."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+
+from fmu.plan import Plan
+from fmu.units import definition
+from fmu.variables import DERIVATIVE, INDICATOR, INPUT, MEMORY, MODE, OUTPUT, PARAMETER, STATE, TIME_KIND, FmuVariable
+
+_CATEGORIES = {
+    "logEvents": "what happens inside a step",
+    "logStatusWarning": "warnings",
+    "logStatusDiscard": "values that were refused",
+    "logStatusError": "errors",
+    "logAll": "everything",
+}
+
+
+def number(value: float) -> str:
+    """A double that reads back to the same bits."""
+    return repr(float(value))
+
+
+def text(root: ET.Element) -> str:
+    """An XML document with its declaration, indented."""
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def fmi2(plan: Plan, guid: str) -> str:
+    """The description of an FMI 2.0 FMU.
+
+    Args:
+        plan: what is exported.
+        guid: identity that binary and description share.
+    """
+    root = ET.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": "2.0",
+            "modelName": plan.model.name or plan.identifier,
+            "guid": guid,
+            "description": plan.model.description,
+            "generationTool": plan.tool,
+            "variableNamingConvention": "structured",
+            "numberOfEventIndicators": str(plan.model.equations.guards.numel()),
+        },
+    )
+    both = {
+        "modelIdentifier": plan.identifier,
+        "needsExecutionTool": "false",
+        "canBeInstantiatedOnlyOncePerProcess": "false",
+        "canNotUseMemoryManagementFunctions": "false",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": "true",
+        "providesDirectionalDerivative": "true",
+    }
+    slave = {
+        "canHandleVariableCommunicationStepSize": "true",
+        "canInterpolateInputs": "true",
+        "maxOutputDerivativeOrder": "1",
+        "canRunAsynchronuously": "false",
+    }
+    for kind, own in (("ModelExchange", {"completedIntegratorStepNotNeeded": "true"}), ("CoSimulation", slave)):
+        element = ET.SubElement(root, kind, both | own)
+        ET.SubElement(ET.SubElement(element, "SourceFiles"), "File", {"name": "all.c"})
+    _common(root, plan)
+    listed = ET.SubElement(root, "ModelVariables")
+    for variable in plan.variables:
+        _variable(listed, variable, plan)
+    _structure(ET.SubElement(root, "ModelStructure"), plan)
+    return text(root)
+
+
+def fmi3(plan: Plan, token: str) -> str:
+    """The description of an FMI 3.0 FMU; see `fmi2`."""
+    root = ET.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": "3.0",
+            "modelName": plan.model.name or plan.identifier,
+            "instantiationToken": token,
+            "description": plan.model.description,
+            "generationTool": plan.tool,
+            "variableNamingConvention": "structured",
+        },
+    )
+    both = {
+        "modelIdentifier": plan.identifier,
+        "needsExecutionTool": "false",
+        "canBeInstantiatedOnlyOncePerProcess": "false",
+        "canGetAndSetFMUState": "true",
+        "canSerializeFMUState": "true",
+        "providesDirectionalDerivatives": "true",
+        "providesAdjointDerivatives": "true",
+    }
+    slave = {
+        "canHandleVariableCommunicationStepSize": "true",
+        "fixedInternalStepSize": number(plan.step),
+        "maxOutputDerivativeOrder": "1",
+    }
+    ET.SubElement(root, "ModelExchange", both | {"needsCompletedIntegratorStep": "false"})
+    ET.SubElement(root, "CoSimulation", both | slave)
+    _common(root, plan)
+    listed = ET.SubElement(root, "ModelVariables")
+    for variable in plan.variables:
+        _variable3(listed, variable, plan)
+    _structure3(ET.SubElement(root, "ModelStructure"), plan)
+    return text(root)
+
+
+def build_description(plan: Plan) -> str:
+    """``sources/buildDescription.xml`` of an FMI 3.0 FMU."""
+    root = ET.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
+    configuration = ET.SubElement(root, "BuildConfiguration", {"modelIdentifier": plan.identifier})
+    files = ET.SubElement(configuration, "SourceFileSet", {"language": "C11"})
+    ET.SubElement(files, "SourceFile", {"name": "all.c"})
+    ET.SubElement(configuration, "Library", {"name": "m", "external": "true"})
+    return text(root)
+
+
+def _common(root: ET.Element, plan: Plan) -> None:
+    _units(root, plan)
+    categories = ET.SubElement(root, "LogCategories")
+    for name, meaning in _CATEGORIES.items():
+        ET.SubElement(categories, "Category", {"name": name, "description": meaning})
+    ET.SubElement(
+        root,
+        "DefaultExperiment",
+        {"startTime": "0.0", "stopTime": number(plan.stop), "stepSize": number(plan.step)},
+    )
+
+
+def _units(root: ET.Element, plan: Plan) -> None:
+    names = sorted({variable.unit for variable in plan.variables})
+    made = [d for d in (definition(name) for name in names) if d is not None]
+    if not made:
+        return
+    parent = ET.SubElement(root, "UnitDefinitions")
+    for unit in made:
+        element = ET.SubElement(parent, "Unit", {"name": unit.name})
+        base = {symbol: str(power) for symbol, power in unit.exponents.items() if power}
+        if unit.factor != 1.0:
+            base["factor"] = number(unit.factor)
+        ET.SubElement(element, "BaseUnit", base)
+        for name, factor in unit.shown_as:
+            ET.SubElement(element, "DisplayUnit", {"name": name, "factor": number(factor)})
+
+
+_CAUSALITY = {TIME_KIND: "independent", PARAMETER: "parameter", INPUT: "input", OUTPUT: "output"}
+
+
+def _role(variable: FmuVariable) -> dict[str, str]:
+    """Causality, variability, initial and description, which both versions spell alike."""
+    kind = variable.kind
+    if kind == PARAMETER:
+        variability = "tunable" if variable.tunable else "fixed"
+    else:
+        variability = "discrete" if kind in (MEMORY, MODE) else "continuous"
+    role = {"causality": _CAUSALITY.get(kind, "local"), "variability": variability}
+    if variable.doc:
+        role["description"] = variable.doc
+    if kind == PARAMETER:
+        role["initial"] = "exact"
+    elif kind not in (TIME_KIND, INPUT):
+        role["initial"] = "calculated"
+    return role
+
+
+def _numbers(variable: FmuVariable) -> dict[str, str]:
+    """Unit, bounds, nominal and start."""
+    if variable.kind == MODE:
+        return {"min": "-1", "max": "1"}
+    found: dict[str, str] = {}
+    if variable.unit not in ("", "*"):
+        found["unit"] = variable.unit
+    for name, bound in (("min", variable.minimum), ("max", variable.maximum)):
+        if math.isfinite(bound):
+            found[name] = number(bound)
+    if variable.kind == PARAMETER and variable.start and math.isfinite(variable.start):
+        found["nominal"] = number(abs(variable.start))
+    if variable.start is not None:
+        found["start"] = number(variable.start)
+    return found
+
+
+def _variable(parent: ET.Element, variable: FmuVariable, plan: Plan) -> None:
+    named = {"name": variable.name, "valueReference": str(variable.reference)}
+    element = ET.SubElement(parent, "ScalarVariable", named | _role(variable))
+    typed = _numbers(variable)
+    if variable.kind == DERIVATIVE:
+        typed["derivative"] = str(plan.position(STATE, variable.reference - plan.first(DERIVATIVE)))
+    ET.SubElement(element, "Real" if variable.is_real else "Integer", typed)
+
+
+def _variable3(parent: ET.Element, variable: FmuVariable, plan: Plan) -> None:
+    attributes = {"name": variable.name, "valueReference": str(variable.reference)}
+    attributes |= _role(variable) | _numbers(variable)
+    if variable.kind == DERIVATIVE:
+        attributes["derivative"] = str(plan.first(STATE) + variable.reference - plan.first(DERIVATIVE))
+    ET.SubElement(parent, "Float64" if variable.is_real else "Int32", attributes)
+
+
+def _unknowns(plan: Plan) -> Iterator[tuple[str, int, list[tuple[int, str]]]]:
+    """Every unknown of the running model: kind, reference, and what it depends on by reference."""
+    found = plan.structure
+    for kind, rows in ((OUTPUT, found.outputs), (DERIVATIVE, found.rates)):
+        for k, row in enumerate(rows):
+            known = sorted((plan.first(STATE if what == "state" else INPUT) + j, how) for what, j, how in row)
+            yield kind, plan.first(kind) + k, known
+
+
+def _initial_unknowns(plan: Plan) -> Iterator[tuple[int, list[tuple[int, str]]]]:
+    """The same for values at the start, which depend on inputs and parameters."""
+    found = plan.structure
+    starts = ((OUTPUT, found.initial_outputs), (STATE, found.initial_states), (DERIVATIVE, found.initial_rates))
+    for kind, initial in starts:
+        for k, (inputs, parameters) in enumerate(initial):
+            known = [plan.first(PARAMETER) + j for j in parameters] + [plan.first(INPUT) + j for j in inputs]
+            yield plan.first(kind) + k, [(reference, "dependent") for reference in known]
+
+
+def _dependencies(known: list[tuple[int, str]], shift: int) -> dict[str, str]:
+    return {
+        "dependencies": " ".join(str(reference + shift) for reference, _ in known),
+        "dependenciesKind": " ".join(how for _, how in known),
+    }
+
+
+def _structure(parent: ET.Element, plan: Plan) -> None:
+    """FMI 2 counts variables from 1 in the order of their references."""
+    for heading, kind in (("Outputs", OUTPUT), ("Derivatives", DERIVATIVE)):
+        rows = [(reference, known) for what, reference, known in _unknowns(plan) if what == kind]
+        _unknown_list(parent, heading, rows)
+    _unknown_list(parent, "InitialUnknowns", list(_initial_unknowns(plan)))
+
+
+def _unknown_list(parent: ET.Element, heading: str, rows: list[tuple[int, list[tuple[int, str]]]]) -> None:
+    if not rows:
+        return
+    element = ET.SubElement(parent, heading)
+    for reference, known in rows:
+        ET.SubElement(element, "Unknown", {"index": str(reference + 1), **_dependencies(known, 1)})
+
+
+def _structure3(parent: ET.Element, plan: Plan) -> None:
+    names = {OUTPUT: "Output", DERIVATIVE: "ContinuousStateDerivative"}
+    for kind, reference, known in _unknowns(plan):
+        ET.SubElement(parent, names[kind], {"valueReference": str(reference), **_dependencies(known, 0)})
+    for reference, known in _initial_unknowns(plan):
+        ET.SubElement(parent, "InitialUnknown", {"valueReference": str(reference), **_dependencies(known, 0)})
+    for variable in plan.variables:
+        if variable.kind == INDICATOR:
+            ET.SubElement(parent, "EventIndicator", {"valueReference": str(variable.reference)})

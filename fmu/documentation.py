@@ -1,0 +1,87 @@
+"""documentation/index.html: what the FMU holds and how it behaves, from the model itself."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Iterable, Sequence
+
+from fmu.plan import Plan
+from fmu.variables import INDICATOR, INPUT, MODE, OUTPUT, PARAMETER, STATE, FmuVariable
+
+_STYLE = (
+    "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;line-height:1.4}"
+    "table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #bbb;padding:.2em .6em;text-align:left}"
+    "th{background:#eee}code{background:#f4f4f4}"
+)
+
+_SLOPES = ", or follow the slope given by fmi2SetRealInputDerivatives for one step"
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    top = "".join(f"<th>{html.escape(head)}</th>" for head in heads)
+    body = "\n".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<table>\n<tr>{top}</tr>\n{body}\n</table>" if body else "<p>None.</p>"
+
+
+def _bounds(variable: FmuVariable) -> str:
+    low, high = variable.minimum, variable.maximum
+    if math.isinf(low) and math.isinf(high):
+        return ""
+    return f"{low:g} to {high:g}"
+
+
+def page(plan: Plan, platforms: Sequence[str], version: int = 2) -> str:
+    """The page for an export."""
+
+    def of(kind: str) -> list[FmuVariable]:
+        return [variable for variable in plan.variables if variable.kind == kind]
+
+    model = plan.model
+    clocks = [f"{clock.period:g} s, first at {clock.offset:g} s" for clock in model.clocks]
+    signals = ("name", "in the scenario", "unit", "meaning")
+    parts = [
+        f"<h1>{html.escape(model.name or plan.identifier)}</h1>",
+        f"<p>{html.escape(model.description)}</p>" if model.description else "",
+        f"<p>Made by {html.escape(plan.tool)} for {', '.join(platforms)}.</p>",
+        "<h2>Inputs</h2>",
+        _table(signals, [(v.name, v.source, v.unit, v.doc) for v in of(INPUT)]),
+        "<h2>Outputs</h2>",
+        _table(signals, [(v.name, v.source, v.unit, v.doc) for v in of(OUTPUT)]),
+        "<h2>Parameters</h2>",
+        "<p>Values are in SI units. A value out of range is refused and the old one kept. Fixed parameters act on the "
+        "start only.</p>",
+        _table(
+            ("name", "start", "unit", "range", "can be tuned", "meaning"),
+            [
+                (v.name, f"{v.start:.9g}", v.unit, _bounds(v), "yes" if v.tunable else "before the start", v.doc)
+                for v in of(PARAMETER)
+            ],
+        ),
+        "<h2>States</h2>",
+        _table(("name", "unit", "meaning"), [(v.name, v.unit, v.doc) for v in of(STATE)]),
+        "<h2>Modes</h2>",
+        _table(("name", "meaning"), [(v.name, v.doc) for v in of(MODE)]),
+        "<h2>Event indicators</h2>",
+        "<p>For Model Exchange, two for each mode and in this order; positive while the mode holds.</p>",
+        _table(("name", "meaning"), [(v.name, v.doc) for v in of(INDICATOR)]),
+        "<h2>Time</h2>",
+        f"<p>Fixed-step Runge-Kutta of order 4 on a grid of {plan.step:g} s, aligned at the start time; each cell is "
+        f"divided into steps of at most {plan.hmax:.6g} s, chosen at the parameters of the export and kept when "
+        "parameters are tuned. Switches (stick-slip, contacts, limits) are located inside a step. Communication points "
+        "may lie anywhere; on the grid, the result does not depend on how the time is divided. Inputs hold between "
+        f"communication points{_SLOPES if version == 2 else ''}.</p>",
+        f"<p>Sample clocks: {html.escape('; '.join(clocks)) or 'none'}. A clock that is due at a communication point "
+        "uses the inputs set there: set inputs first, then read outputs.</p>",
+        "<h2>Derivatives</h2>",
+        "<p>Directional derivatives are exact, of outputs and state derivatives by states and inputs, with modes and "
+        "sampled memories held.</p>",
+        "<h2>Rebuild</h2>",
+        f"<p><code>gcc -O2 -ffp-contract=off -shared -fPIC sources/all.c -lm -o {plan.identifier}.so</code></p>",
+    ]
+    body = "\n".join(part for part in parts if part)
+    title = html.escape(model.name or plan.identifier)
+    return (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{title}</title>\n'
+        f"<style>{_STYLE}</style>\n</head>\n<body>\n{body}\n</body>\n</html>\n"
+    )

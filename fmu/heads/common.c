@@ -1,0 +1,385 @@
+/* What every FMI head shares: the instants of a run, values by reference, tangents and saved states. It follows the
+ * generated model and the integrator in one translation unit and knows no FMI version.
+ *
+ * Instants. The internal grid and the sample clocks count whole ticks of FA_RESOLUTION from the start, so neither drifts
+ * and how the importer divides the time does not matter: cells of the grid are integrated one by one.
+ *
+ * At a communication point the model stands just before the instant: inputs set there, tuned parameters and clocks that
+ * are due wait in `pending` until a value is asked for or the next step begins. A value set after one was read takes
+ * the instant back (`before`) and the instant is evaluated afresh, so the order of reading and setting is immaterial. */
+
+enum { FA_STARTING = 1, FA_TUNED = 2, FA_DRIVEN = 4, FA_CLOCKED = 8 };
+/* FA_RUNNING is Co-Simulation's step mode, FA_EVENT and FA_CONTINUOUS are the modes of Model Exchange. */
+enum { FA_INSTANTIATED, FA_INITIALISING, FA_RUNNING, FA_TERMINATED, FA_FAILED, FA_EVENT, FA_CONTINUOUS };
+enum { FA_OPEN_MIN = 1, FA_OPEN_MAX = 2, FA_TUNABLE = 4 };
+
+/* Value references: time, parameters, inputs, outputs, states, derivatives, memories; then the modes, whole numbers; then
+ * the event indicators, two for each mode. */
+enum {
+  FA_VR_P = 1,
+  FA_VR_U = FA_VR_P + FA_NP,
+  FA_VR_Y = FA_VR_U + FA_NU,
+  FA_VR_X = FA_VR_Y + FA_NY,
+  FA_VR_DX = FA_VR_X + FA_NX,
+  FA_VR_D = FA_VR_DX + FA_NX,
+  FA_VR_M = FA_VR_D + FA_ND,
+  FA_VR_G = FA_VR_M + FA_NF + FA_NS,
+  FA_VR_END = FA_VR_G + FA_NG
+};
+
+typedef struct {
+  fa_sim sim;
+  double p[FA_SIZE(FA_NP)], u[FA_SIZE(FA_NU)], slope[FA_SIZE(FA_NU)]; /* as the importer set them */
+  double start, stop;
+  int64_t tick;                                                       /* the last instant that was passed */
+  int32_t stop_defined, phase, pending, stale;                        /* stale: sim.full is not that of t and x */
+} fa_state;
+
+typedef struct {
+  fa_state now, before;      /* before: `now` as it stood before its instant was evaluated, if kept */
+  int32_t kept, read;        /* read: y holds the outputs */
+  double y[FA_SIZE(FA_NY)];
+  char message[512];
+} fa_core;
+
+/* -- start ------------------------------------------------------------------------------------------------------ */
+
+static void fa_fresh(fa_core *c) {
+  memset(c, 0, sizeof *c);
+  memcpy(c->now.p, fa_p_default, sizeof(double) * FA_NP);
+  c->now.pending = FA_STARTING;
+}
+
+static double fa_instant(const fa_state *s, int64_t tick) { return s->start + (double)tick * FA_RESOLUTION; }
+
+static int fa_due(int64_t tick, double *fire) {
+  int any = 0;
+  for (int k = 0; k < FA_NC; k++) {
+    fire[k] = tick >= fa_clock_offset[k] && (tick - fa_clock_offset[k]) % fa_clock_period[k] == 0;
+    any |= fire[k] != 0;
+  }
+  return any;
+}
+
+static int64_t fa_next_instant(int64_t tick) {
+  int64_t next = tick - tick % FA_STEP_TICKS + FA_STEP_TICKS;
+  for (int k = 0; k < FA_NC; k++) {
+    const int64_t since = tick - fa_clock_offset[k], period = fa_clock_period[k];
+    const int64_t hit = since < 0 ? fa_clock_offset[k] : tick - since % period + period;
+    if (hit < next) next = hit;
+  }
+  return next;
+}
+
+/* The state at the start; at the default parameters it is the exporter's own, to the last bit. */
+static int fa_begin(fa_state *s) {
+  fa_sim *sim = &s->sim;
+  memset(sim, 0, sizeof *sim);
+  sim->t = s->start;
+  sim->hmax = FA_HMAX;
+  memcpy(sim->p, s->p, sizeof(double) * FA_NP);
+  if (memcmp(s->p, fa_p_default, sizeof(double) * FA_NP) == 0) {
+    memcpy(sim->x, fa_x_default, sizeof(double) * FA_NX);
+    memcpy(sim->d, fa_d_default, sizeof(double) * FA_ND);
+  } else {
+    double x[FA_SIZE(FA_NX)], d[FA_SIZE(FA_ND)];
+    fa_prepare_parameters(sim->p, sim->cp);
+    fa_initial_state(0, sim->x, sim->base, sim->d, sim->m, sim->p, sim->cp, sim->cm, 0, x);
+    fa_initial_memory(0, sim->x, sim->base, sim->d, sim->m, sim->p, sim->cp, sim->cm, 0, d);
+    memcpy(sim->x, x, sizeof(double) * FA_NX);
+    memcpy(sim->d, d, sizeof(double) * FA_ND);
+  }
+  for (int k = 0; k < FA_NM; k++) sim->m[k] = NAN;                /* the integrator decides */
+  for (int i = 0; i < FA_NU; i++) fa_set_input(sim, i, s->u[i], s->slope[i]);
+  return fa_start(sim);
+}
+
+static int fa_fire(fa_state *s) {
+  double fire[FA_SIZE(FA_NC)];
+  return fa_due(s->tick, fire) ? fa_tick(&s->sim, fire) : FA_OK;
+}
+
+/* Bring s from just before its instant to just after: tuned parameters, inputs, modes, clocks. */
+static int fa_arrive(fa_state *s) {
+  fa_sim *sim = &s->sim;
+  const int what = s->pending;
+  s->pending = 0;
+  if (what & FA_STARTING) {
+    if (fa_begin(s)) return sim->status;
+    return fa_fire(s);
+  }
+  if (what & FA_TUNED) {
+    memcpy(sim->p, s->p, sizeof(double) * FA_NP);
+    fa_parameters_changed(sim);
+    if (fa_time_events(sim) && sim->status) return sim->status;
+  }
+  if (what & FA_DRIVEN)
+    for (int i = 0; i < FA_NU; i++) fa_set_input(sim, i, s->u[i], s->slope[i]);
+  if ((what & (FA_TUNED | FA_DRIVEN)) && fa_settle(sim)) return sim->status;
+  if (what & FA_CLOCKED) return fa_fire(s);
+  return sim->status;
+}
+
+/* Values at the present instant are wanted. */
+static int fa_evaluated(fa_core *c) {
+  fa_state *s = &c->now;
+  if (s->stale) {
+    s->stale = c->read = 0;
+    fa_evaluate(&s->sim);
+    if (!fa_finite(s->sim.full, FA_NX)) return fa_not_finite(&s->sim);
+  }
+  if (!s->pending) return s->sim.status;
+  c->before = c->now;
+  c->kept = 1;
+  c->read = 0;
+  return fa_arrive(&c->now);
+}
+
+/* The present instant is about to be changed. */
+static void fa_recall(fa_core *c) {
+  c->read = 0;
+  if (c->kept) c->now = c->before;
+  c->kept = 0;
+}
+
+/* The present instant is settled for good. */
+static int fa_depart(fa_core *c) {
+  c->kept = c->read = 0;
+  return c->now.pending ? fa_arrive(&c->now) : c->now.sim.status;
+}
+
+/* -- steps ------------------------------------------------------------------------------------------------------ */
+
+/* Rounding in the importer's clock that is taken to mean the same instant. */
+static double fa_tolerance(double t) { return fmin(1e-8 * fmax(1, fabs(t)), 0.01 * FA_STEP); }
+
+/* Integrate over `length` from where the importer says `from` is. Instants of the grid are hit exactly whichever of the
+ * two clocks meets them; off the grid the importer's clock holds. */
+static int fa_advance(fa_core *c, double from, double length) {
+  fa_state *s = &c->now;
+  if (fa_depart(c)) return s->sim.status;
+  const double began = s->sim.t, own = began + length, given = from + length;
+  const double low = fmin(own, given), high = fmax(own, given);
+  const double snap = 1e-6 * FA_STEP + 4 * 2.220446049250313e-16 * fabs(high);
+  for (;;) {
+    const int64_t next = fa_next_instant(s->tick);
+    const double at = fa_instant(s, next);
+    if (at > high + snap) {
+      if (given > s->sim.t && fa_integrate(&s->sim, given)) return s->sim.status;
+      break;
+    }
+    if (fa_integrate(&s->sim, at)) return s->sim.status;
+    s->tick = next;
+    if (at >= low - snap) {
+      double fire[FA_SIZE(FA_NC)];
+      if (fa_due(next, fire)) s->pending |= FA_CLOCKED;
+      break;
+    }
+    if (fa_fire(s)) return s->sim.status;
+  }
+  for (int i = 0; i < FA_NU; i++)
+    if (s->slope[i] != 0) {                                  /* a slope lasts one step; then the input holds */
+      s->u[i] += s->slope[i] * (s->sim.t - began);
+      s->slope[i] = 0;
+      s->pending |= FA_DRIVEN;
+    }
+  return FA_OK;
+}
+
+static const char *fa_explain(fa_core *c) {
+  const fa_sim *s = &c->now.sim;
+  const char *mode = FA_NM ? fa_mode_name[s->culprit] : "";
+  if (s->status == FA_NOT_FINITE)
+    snprintf(c->message, sizeof c->message, "the simulation diverged at t = %.9g s: state '%s' is not finite", s->t,
+             FA_NX ? fa_name[FA_VR_X + s->culprit] : "");
+  else if (s->status == FA_CHATTER)
+    snprintf(c->message, sizeof c->message, "mode '%s' switches without end at t = %.9g s", mode, s->t);
+  else
+    snprintf(c->message, sizeof c->message, "no consistent mode was found for '%s' at t = %.9g s", mode, s->t);
+  return c->message;
+}
+
+/* -- Model Exchange --------------------------------------------------------------------------------------------- */
+
+#define FA_HYSTERESIS 1e-9                       /* a guard that is exactly zero after its event is not at its event */
+
+static double fa_next_clock(const fa_state *s, int64_t *tick) {
+  *tick = INT64_MAX;
+  for (int k = 0; k < FA_NC; k++) {
+    const int64_t since = s->tick - fa_clock_offset[k], period = fa_clock_period[k];
+    const int64_t hit = since < 0 ? fa_clock_offset[k] : s->tick - since % period + period;
+    if (hit < *tick) *tick = hit;
+  }
+  return FA_NC ? fa_instant(s, *tick) : HUGE_VAL;
+}
+
+/* Let everything happen that is due at the present time: knots, time events, switches, clocks. */
+static int fa_events(fa_core *c) {
+  fa_state *s = &c->now;
+  int64_t next;
+  if (fa_depart(c)) return s->sim.status;
+  s->stale = 0;
+  fa_table_knots(&s->sim);
+  if (fa_time_events(&s->sim) && s->sim.status) return s->sim.status;
+  if (fa_settle(&s->sim)) return s->sim.status;
+  while (fa_next_clock(s, &next) <= s->sim.t + 1e-9 * FA_STEP) {
+    s->tick = next;
+    if (fa_fire(s)) return s->sim.status;
+  }
+  return FA_OK;
+}
+
+static double fa_next_event(const fa_state *s) {
+  int event;
+  int64_t tick;
+  return fmin(fa_next_knot(&s->sim, &event), fa_next_clock(s, &tick));
+}
+
+/* -- values by reference ---------------------------------------------------------------------------------------- */
+
+static int fa_is_parameter(unsigned vr) { return vr >= FA_VR_P && vr < FA_VR_U; }
+static int fa_is_input(unsigned vr) { return vr >= FA_VR_U && vr < FA_VR_Y; }
+static int fa_is_given(unsigned vr) { return vr < FA_VR_Y; }    /* readable without evaluating the model */
+
+/* Of an evaluated instant, or of what was given. */
+static double fa_value(fa_core *c, unsigned vr) {
+  const fa_state *s = &c->now;
+  if (vr == 0) return s->phase < FA_INITIALISING || (s->pending & FA_STARTING) ? s->start : s->sim.t;
+  if (vr < FA_VR_U) return s->p[vr - FA_VR_P];
+  if (vr < FA_VR_Y) return s->u[vr - FA_VR_U];
+  if (vr < FA_VR_X) {
+    if (!c->read) fa_read(&s->sim, c->y);
+    c->read = 1;
+    return c->y[vr - FA_VR_Y];
+  }
+  if (vr < FA_VR_DX) return s->sim.x[vr - FA_VR_X];
+  if (vr < FA_VR_D) return s->sim.full[vr - FA_VR_DX];
+  if (vr < FA_VR_M) return s->sim.d[vr - FA_VR_D];
+  if (vr < FA_VR_G) return s->sim.m[vr - FA_VR_M];
+  return FA_HYSTERESIS - s->sim.full[FA_NX + vr - FA_VR_G];
+}
+
+/* Why the value may not be given to an input or parameter, or NULL. */
+static const char *fa_refusal(fa_core *c, unsigned vr, double value) {
+  if (!(value - value == 0)) {
+    snprintf(c->message, sizeof c->message, "%s cannot be %g: it must be finite", fa_name[vr], value);
+    return c->message;
+  }
+  if (!fa_is_parameter(vr)) return 0;
+  const int k = (int)vr - FA_VR_P, kind = fa_p_kind[k];
+  const int low = kind & FA_OPEN_MIN ? !(value > fa_p_min[k]) : !(value >= fa_p_min[k]);
+  const int high = kind & FA_OPEN_MAX ? !(value < fa_p_max[k]) : !(value <= fa_p_max[k]);
+  if (!low && !high) return 0;
+  snprintf(c->message, sizeof c->message, "%s cannot be %.9g: it must be %s %.9g", fa_name[vr], value,
+           low ? (kind & FA_OPEN_MIN ? "above" : "at least") : (kind & FA_OPEN_MAX ? "below" : "at most"),
+           low ? fa_p_min[k] : fa_p_max[k]);
+  return c->message;
+}
+
+static void fa_give(fa_core *c, unsigned vr, double value) {
+  fa_state *s = &c->now;
+  if (s->phase == FA_CONTINUOUS) {                           /* the integrator will meet the guards */
+    s->u[vr - FA_VR_U] = value;
+    fa_set_input(&s->sim, (int)vr - FA_VR_U, value, 0);
+    s->stale = 1;
+  } else if (fa_is_input(vr)) {
+    const int i = (int)vr - FA_VR_U;
+    if (s->u[i] == value && s->slope[i] == 0) return;
+    fa_recall(c);
+    s->u[i] = value;
+    s->slope[i] = 0;
+    s->pending |= FA_DRIVEN;
+  } else {
+    const int i = (int)vr - FA_VR_P;
+    if (s->p[i] == value) return;
+    fa_recall(c);
+    if (s->phase > FA_INITIALISING && (s->pending & FA_STARTING)) {   /* the start belongs to the old value */
+      fa_arrive(s);
+      s->pending = 0;
+    }
+    s->p[i] = value;
+    if (!(s->pending & FA_STARTING)) s->pending |= FA_TUNED;
+  }
+}
+
+static void fa_give_slope(fa_core *c, unsigned vr, double slope) {
+  const int i = (int)vr - FA_VR_U;
+  if (c->now.slope[i] == slope) return;
+  fa_recall(c);
+  c->now.slope[i] = slope;
+  c->now.pending |= FA_DRIVEN;
+}
+
+/* -- tangents --------------------------------------------------------------------------------------------------- */
+
+/* d(derivatives, outputs, guards) for d(time), d(states) and d(inputs), with modes and memories held. */
+static void fa_along(const fa_core *c, const double *seed, double *result) {
+  const fa_sim *s = &c->now.sim;
+  double u[FA_SIZE(FA_NI)];
+  fa_inputs(s, s->t, u);
+  fa_tangent(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, seed, result);
+  for (int k = 0; k < FA_NG; k++) result[FA_NX + FA_NY + k] *= -1;    /* an indicator falls as its guard rises */
+}
+
+/* Where a reference stands in the seed, or in the result; -1 if it has no place there. */
+static int fa_known(unsigned vr) {
+  if (vr >= FA_VR_X && vr < FA_VR_DX) return 1 + (int)vr - FA_VR_X;
+  return fa_is_input(vr) ? 1 + FA_NX + (int)vr - FA_VR_U : -1;
+}
+
+static int fa_unknown(unsigned vr) {
+  if (vr >= FA_VR_DX && vr < FA_VR_D) return (int)vr - FA_VR_DX;
+  if (vr >= FA_VR_G && vr < FA_VR_END) return FA_NX + FA_NY + (int)vr - FA_VR_G;
+  return vr >= FA_VR_Y && vr < FA_VR_X ? FA_NX + (int)vr - FA_VR_Y : -1;
+}
+
+/* Time derivatives of the outputs, shape (outputs,), from an evaluated instant. */
+static void fa_output_rates(const fa_core *c, double *rate) {
+  const fa_sim *s = &c->now.sim;
+  double seed[FA_SIZE(1 + FA_NX + FA_NI)], result[FA_SIZE(FA_NX + FA_NY + FA_NG)];
+  seed[0] = 1;
+  for (int i = 0; i < FA_NX; i++) seed[1 + i] = s->full[i];
+  for (int i = 0; i < FA_NI; i++) seed[1 + FA_NX + i] = s->slope[i];
+  fa_along(c, seed, result);
+  for (int i = 0; i < FA_NY; i++) rate[i] = result[FA_NX + i];
+}
+
+/* -- saved states ----------------------------------------------------------------------------------------------- */
+
+#define FA_MAGIC UINT64_C(0x31306d7261786c66)                  /* "flxarm01" */
+
+typedef struct {
+  uint64_t magic, model, size, sum;
+  fa_state state;
+} fa_saved;
+
+static uint64_t fa_sum(const fa_saved *saved) {
+  const unsigned char *bytes = (const unsigned char *)&saved->state;
+  uint64_t sum = UINT64_C(1469598103934665603);
+  for (size_t i = 0; i < sizeof saved->state; i++) sum = (sum ^ bytes[i]) * UINT64_C(1099511628211);
+  return sum;
+}
+
+static void fa_save(const fa_core *c, fa_saved *saved) {
+  saved->magic = FA_MAGIC;
+  saved->model = FA_MODEL_HASH;
+  saved->size = sizeof *saved;
+  memcpy(&saved->state, c->kept ? &c->before : &c->now, sizeof saved->state);
+  saved->sum = fa_sum(saved);
+}
+
+/* Why a saved state cannot be used, or NULL. */
+static const char *fa_flaw(const fa_saved *saved) {
+  if (saved->magic != FA_MAGIC) return "it is not a state of a flexarm FMU";
+  if (saved->model != FA_MODEL_HASH) return "it belongs to another model or export";
+  if (saved->size != sizeof *saved) return "its size is wrong";
+  if (saved->sum != fa_sum(saved)) return "it is damaged";
+  return 0;
+}
+
+static void fa_restore(fa_core *c, const fa_saved *saved) {
+  memcpy(&c->now, &saved->state, sizeof c->now);
+  c->now.sim.log = 0;
+  c->now.sim.listener = 0;
+  c->kept = c->read = 0;
+}

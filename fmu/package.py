@@ -1,0 +1,160 @@
+"""The archive: description, binaries, sources and documentation, byte for byte the same for the same model."""
+
+from __future__ import annotations
+
+import logging
+import os
+import tempfile
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from engine.errors import FlexarmError
+from engine.linearise import LinearModel, linearise
+from engine.model import Model
+from fmu import build, describe, documentation
+from fmu.linear import as_mat, linear_files, script, with_twin
+from fmu.plan import Plan
+from fmu.plan import plan as make_plan
+from fmu.source import placeholder, source
+
+log = logging.getLogger("flexarm.export")
+
+
+def export(
+    model: Model,
+    path: str | Path,
+    *,
+    platforms: Sequence[str] = build.DEFAULT,
+    step: float = 1e-3,
+    stop: float = 10.0,
+    version: int = 2,
+    linear: LinearModel | None = None,
+    linear_twin: bool = False,
+    beside: bool = False,
+) -> Path:
+    """Write a model as an FMI Co-Simulation FMU of compiled C.
+
+    The FMU integrates on an internal grid of ``step``, aligned at the start time, with the same C as `engine.simulate`
+    and the same internal step, which is chosen at the default parameters and kept when parameters are tuned.
+
+    Args:
+        model: the model; its inputs and outputs become those of the FMU, its parameters can be tuned.
+        path: the file to write.
+        platforms: of ``linux64``, ``win64``, ``darwin64`` and ``aarch64`` (Linux).
+        step: cell of the internal grid (s), and the communication step that is suggested.
+        stop: end of the default experiment (s).
+        version: of FMI: 2 or 3.
+        linear: the linear model to send along as ``resources/linear.json`` and ``.mat``; that at the start if None.
+        linear_twin: also run the linear model on the same inputs, as outputs ``NAME_lin``.
+        beside: also write ``NAME_linear.mat`` and ``NAME_linear.m`` beside the FMU.
+
+    Returns:
+        The path written.
+
+    Raises:
+        FlexarmError: a name, platform or step that does not fit, a model without C, or a file that cannot be written.
+        CompilerUnavailable: no compiler runs, or it fails. Nothing is written then.
+    """
+    if version not in (2, 3):
+        raise FlexarmError(f"FMI {version} is not supported", remedy="allowed: 2, 3")
+    chosen = build.check(platforms)
+    target = Path(path)
+    _check_target(target)
+    linear = _linear(model) if linear is None else linear
+    if linear is None and (linear_twin or beside):
+        raise FlexarmError("the model has no linear model at its start", remedy="give one, made by engine.linearise")
+    travelling = with_twin(model, linear) if linear is not None and linear_twin else model
+    write_archive(target, contents(make_plan(travelling, step, stop), chosen, linear, version))
+    if linear is not None and beside:
+        write_file(target.with_name(f"{target.stem}_linear.mat"), as_mat(linear))
+        write_file(target.with_name(f"{target.stem}_linear.m"), script(linear, target.stem).encode())
+    log.info("wrote %s for %s", target, ", ".join(chosen))
+    return target
+
+
+def _linear(model: Model) -> LinearModel | None:
+    """The linear model at the start, or None with a message where there is none."""
+    if not (model.states and model.inputs and model.outputs):
+        return None
+    try:
+        return linearise(model)
+    except FlexarmError as error:
+        log.warning("the FMU goes without its linear model: %s", error.message)
+        return None
+
+
+def contents(
+    plan: Plan, platforms: Sequence[str], linear: LinearModel | None = None, version: int = 2
+) -> dict[str, bytes]:
+    """Every file of the archive by name."""
+    described = describe.fmi2 if version == 2 else describe.fmi3
+    files, guid = source(plan, described(plan, placeholder), version)
+    made = {"modelDescription.xml": described(plan, guid).encode()}
+    for name in platforms:
+        entry = build.PLATFORMS[name]
+        folder = entry.folder if version == 2 else entry.folder3
+        made[f"binaries/{folder}/{plan.identifier}{entry.suffix}"] = build.library(files, name)
+    made |= {f"sources/{name}": text.encode() for name, text in files.items()}
+    if version == 3:
+        made["sources/buildDescription.xml"] = describe.build_description(plan).encode()
+    if linear is not None:
+        made |= linear_files(linear)
+    made["documentation/index.html"] = documentation.page(plan, platforms, version).encode()
+    return made
+
+
+def _check_target(path: Path) -> None:
+    if path.is_dir():
+        raise FlexarmError(f"'{path}' is a folder", remedy="give a file name")
+    if not path.parent.is_dir():
+        raise FlexarmError(f"there is no folder '{path.parent}'", remedy="make it first, or write somewhere else")
+    if not os.access(path.parent, os.W_OK):
+        raise FlexarmError(f"the folder '{path.parent}' cannot be written to", remedy="write somewhere else")
+
+
+def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
+    """Write a zip archive with fixed time stamps.
+
+    Raises:
+        FlexarmError: it cannot be written; an older file is left as it was.
+    """
+    with _replacing(path) as handle, zipfile.ZipFile(handle, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name, content in files.items():
+            entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3
+            entry.external_attr = 0o100644 << 16
+            archive.writestr(entry, content)
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all.
+
+    Raises:
+        FlexarmError: it cannot be written.
+    """
+    with _replacing(path) as handle:
+        handle.write(content)
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[IO[bytes]]:
+    """A file beside ``path`` that takes its place when the block ends well."""
+    temporary: Path | None = None
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.stem}-", delete=False) as handle:
+            temporary = Path(handle.name)
+            yield handle
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask)
+        temporary.replace(path)
+        temporary = None
+    except OSError as error:
+        raise FlexarmError(f"cannot write '{path}': {error.strerror}", remedy="write somewhere else") from error
+    finally:
+        if temporary is not None:
+            temporary.unlink(missing_ok=True)

@@ -1,0 +1,113 @@
+"""Everything an export needs to know, worked out once: names, structure, grid, clocks."""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from importlib import metadata
+
+from engine.errors import FlexarmError
+from engine.model import Model, Vector
+from engine.simulate import common_tick, rational
+from engine.start import start_values
+from engine.step import internal_step
+from fmu.structure import Structure, structure
+from fmu.variables import FmuVariable, variables
+
+
+@dataclass(frozen=True)
+class Plan:
+    """An export, ready to be written.
+
+    Attributes:
+        model: the model.
+        step: cell of the internal grid (s).
+        stop: end of the default experiment (s).
+        identifier: C identifier, and name of the binaries.
+        variables: of the FMU, by reference.
+        structure: dependencies.
+        tick: resolution of the instants (s), of which the grid and all clocks are whole multiples.
+        hmax: longest integration step (s), chosen at the default parameters.
+        start: states at the start at the default parameters.
+        memory: memories at the start at the default parameters.
+    """
+
+    model: Model
+    step: float
+    stop: float
+    identifier: str
+    variables: list[FmuVariable]
+    structure: Structure
+    tick: Fraction
+    hmax: float
+    start: Vector
+    memory: Vector
+
+    @property
+    def tool(self) -> str:
+        """Name and version of this program."""
+        try:
+            return f"flexarm {metadata.version('flexarm')}"
+        except metadata.PackageNotFoundError:
+            return "flexarm"
+
+    @functools.cached_property
+    def _firsts(self) -> dict[str, int]:
+        return {variable.kind: variable.reference for variable in reversed(self.variables)}
+
+    def first(self, kind: str) -> int:
+        """Reference of the first variable of a kind; 0 if there is none."""
+        return self._firsts.get(kind, 0)
+
+    def position(self, kind: str, k: int) -> int:
+        """1-based position in ModelVariables of the k-th variable of a kind."""
+        return self.first(kind) + k + 1
+
+    def ticks(self, seconds: float) -> int:
+        """Whole ticks in a period or offset."""
+        return int(rational(seconds) / self.tick)
+
+
+def plan(model: Model, step: float = 1e-3, stop: float = 10.0) -> Plan:
+    """Work out an export.
+
+    Args:
+        model: the model.
+        step: cell of the internal grid (s).
+        stop: end of the default experiment (s).
+
+    Raises:
+        FlexarmError: the step is no positive number, it has no common tick with a clock, or two names are equal.
+    """
+    for name, value in (("step", step), ("stop", stop)):
+        if not (math.isfinite(value) and value > 0):
+            raise FlexarmError(f"{name} is {value}", remedy=f"give a {name} above zero, in seconds")
+    instants = [step, *[clock.period for clock in model.clocks], *[clock.offset for clock in model.clocks]]
+    tick = common_tick(instants)
+    if tick < Fraction(1, 10**13):
+        raise FlexarmError(
+            f"step and sample periods {instants} have no common tick", remedy="make them multiples of one another"
+        )
+    p = model.parameter_values
+    start = start_values(model, p)
+    return Plan(
+        model=model,
+        step=step,
+        stop=stop,
+        identifier=identifier(model.name),
+        variables=variables(model),
+        structure=structure(model),
+        tick=tick,
+        hmax=internal_step(model, p, start, step),
+        start=start,
+        memory=model.functions["memory_start"](p).full().ravel(),
+    )
+
+
+def identifier(name: str) -> str:
+    """A C identifier made of a model's name."""
+    plain = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "model"
+    return plain if plain[0].isalpha() else f"m_{plain}"

@@ -1,0 +1,141 @@
+"""The C of an FMU: one translation unit of generated model, integrator, common core and FMI head, with the headers."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+import casadi as ca
+
+from engine.codegen import model_code, runtime
+from engine.errors import FlexarmError
+from engine.model import Model
+from fmu.plan import Plan
+from fmu.start import start_expression
+from fmu.variables import PARAMETER
+
+_HEADS = Path(__file__).parent / "heads"
+_PARTS = {
+    2: ("common.c", "calls.c", "fmi2.c", "fmi2_cosimulation.c", "fmi2_exchange.c"),
+    3: ("common.c", "calls.c", "fmi3.c", "fmi3_refused.c"),
+}
+_HEADERS = {
+    2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+    3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+}
+_GUID = "{00000000-0000-0000-0000-000000000000}"
+_HASH = "0x0000000000000000"
+
+
+def headers(version: int) -> dict[str, str]:
+    """The official FMI headers by name, from the installed fmpy.
+
+    Raises:
+        FlexarmError: fmpy has none.
+    """
+    import fmpy
+
+    folder = Path(fmpy.__file__).parent / "c-code"
+    try:
+        return {name: (folder / name).read_text(encoding="utf-8") for name in _HEADERS[version]}
+    except OSError as error:
+        raise FlexarmError(
+            f"the FMI headers are not in {folder}", remedy="install fmpy again: pip install --force-reinstall fmpy"
+        ) from error
+
+
+def _literal(value: float) -> str:
+    if math.isinf(value):
+        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
+    return repr(float(value))
+
+
+def _string(value: str) -> str:
+    plain = "".join(c if 32 <= ord(c) < 127 else "?" for c in value)
+    return '"' + plain.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _array(ctype: str, name: str, values: Iterable[str]) -> str:
+    return f"static const {ctype} {name}[] = {{{', '.join(values) or '0'}}};"
+
+
+def _tables(plan: Plan) -> str:
+    """Constants of the export for `heads/common.c`."""
+    model = plan.model
+    declared = [parameter.declared for parameter in model.parameters]
+    tunable = [variable.tunable for variable in plan.variables if variable.kind == PARAMETER]
+    kinds = [
+        int(d.gt is not None) + 2 * int(d.lt is not None) + 4 * int(t) for d, t in zip(declared, tunable, strict=True)
+    ]
+    lines = [
+        f"#define FA_GUID {_string(_GUID)}",
+        f"#define FA_MODEL_HASH UINT64_C({_HASH})",
+        f"#define FA_RESOLUTION {_literal(float(plan.tick))}",
+        f"#define FA_STEP {_literal(plan.step)}",
+        f"#define FA_STEP_TICKS INT64_C({plan.ticks(plan.step)})",
+        f"#define FA_HMAX {_literal(plan.hmax)}",
+        _array("int64_t", "fa_clock_period", [str(plan.ticks(clock.period)) for clock in model.clocks]),
+        _array("int64_t", "fa_clock_offset", [str(plan.ticks(clock.offset)) for clock in model.clocks]),
+        _array("double", "fa_p_default", [_literal(v) for v in model.parameter_values]),
+        _array("double", "fa_p_min", [_literal(d.bounds[0]) for d in declared]),
+        _array("double", "fa_p_max", [_literal(d.bounds[1]) for d in declared]),
+        _array("unsigned char", "fa_p_kind", [str(kind) for kind in kinds]),
+        _array("double", "fa_x_default", [_literal(v) for v in plan.start]),
+        _array("double", "fa_d_default", [_literal(v) for v in plan.memory]),
+        _array("char *const", "fa_name", [_string(variable.name) for variable in plan.variables]),
+        _array("char *const", "fa_mode_name", [_string(mode.name) for mode in model.modes]),
+    ]
+    return "\n".join(lines) + "\n\n"
+
+
+def model_source(model: Model) -> str:
+    """The model's C: its equations, tangents and start.
+
+    Raises:
+        FlexarmError: an operation has no C form.
+    """
+    e = model.equations
+    dt = ca.SX.sym("dt")
+    dx, du = ca.SX.sym("dx", e.x.numel()), ca.SX.sym("du", e.u.numel())
+    seed = ca.densify(ca.vertcat(dt, dx, du))
+    along = ca.jtimes(ca.vertcat(e.derivative, e.outputs, e.guards), ca.vertcat(e.t, e.x, e.u), seed)
+    extra = [
+        ("tangent", [*e.arguments, seed], along),
+        ("initial_state", [*e.arguments, e.fire], start_expression(model)),
+        ("initial_memory", [*e.arguments, e.fire], e.memory_start),
+    ]
+    try:
+        return model_code(model, extra)
+    except NotImplementedError as error:
+        raise FlexarmError(
+            f"the model cannot be written in C: {error}",
+            remedy="replace the block that has no C form, or export with the python backend",
+        ) from error
+
+
+def source(plan: Plan, description: str, version: int = 2) -> tuple[dict[str, str], str]:
+    """The source files of an FMU.
+
+    Args:
+        plan: what is exported.
+        description: the FMU's XML with ``guid`` left as `placeholder`, which counts for the identity.
+        version: of FMI.
+
+    Returns:
+        (files by name, ``all.c`` first; the GUID, derived from the content).
+    """
+    head = "/* Generated by flexarm: model, integrator and FMI functions in one translation unit. */\n"
+    head += "".join(f"#include <{name}.h>\n" for name in ("math", "stdint", "stdio", "stdlib", "string"))
+    parts = [head, model_source(plan.model), _tables(plan), runtime("core.c")]
+    parts += [(_HEADS / name).read_text(encoding="utf-8") for name in _PARTS[version]]
+    text = "\n".join(parts)
+    digest = hashlib.sha256((text + "\0" + description).encode()).hexdigest()
+    guid = "{" + "-".join(digest[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))) + "}"
+    text = text.replace(_GUID, guid).replace(_HASH, "0x" + digest[:16])
+    return {"all.c": text, **headers(version)}, guid
+
+
+placeholder = _GUID
+"""The GUID of a description before its content is known."""

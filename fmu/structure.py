@@ -1,0 +1,105 @@
+"""What depends on what: the true sparsity of the equations, for ModelStructure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.block import Expression
+from engine.model import TIME, Model
+from fmu.start import start_expression
+
+Pattern = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Dependencies, by position in the model.
+
+    Attributes:
+        rates: for each state derivative, what it depends on: (kind of known, its position, kind of dependence). Knowns
+            are ``state`` and ``input``; kinds are ``constant``, ``tunable``, ``discrete`` and ``dependent``.
+        outputs: the same for each output.
+        initial_states, initial_rates, initial_outputs: for each, positions of the (inputs, parameters) that its value
+            at the start depends on.
+    """
+
+    rates: list[list[tuple[str, int, str]]]
+    outputs: list[list[tuple[str, int, str]]]
+    initial_states: list[tuple[list[int], list[int]]]
+    initial_rates: list[tuple[list[int], list[int]]]
+    initial_outputs: list[tuple[list[int], list[int]]]
+
+
+def _pattern(expression: Expression, symbols: Expression) -> Pattern:
+    rows, columns = expression.numel(), symbols.numel()
+    found = np.zeros((rows, columns), dtype=bool)
+    if rows and columns:
+        i, j = ca.jacobian_sparsity(expression, symbols).get_triplet()
+        found[i, j] = True
+    return found
+
+
+def _along(a: Pattern, b: Pattern) -> Pattern:
+    """The chain of two dependencies."""
+    return np.asarray((a.astype(int) @ b.astype(int)) > 0)
+
+
+def structure(model: Model) -> Structure:
+    """The dependencies of a model."""
+    rates, outputs = _running(model)
+    states, first_rates, first_outputs = _initial(model)
+    return Structure(rates, outputs, states, first_rates, first_outputs)
+
+
+def _running(model: Model) -> tuple[list[list[tuple[str, int, str]]], list[list[tuple[str, int, str]]]]:
+    e = model.equations
+    n, r = len(model.states), len(model.inputs)
+    unknowns = ca.vertcat(e.derivative, e.outputs)
+    rows: list[list[tuple[str, int, str]]] = [[] for _ in range(unknowns.numel())]
+    knowns = ca.vertcat(e.x, e.u[:r])
+    if not knowns.numel() or not unknowns.numel():
+        return rows[:n], rows[n:]
+    jacobian = ca.jacobian(unknowns, knowns)
+    entries = ca.vertcat(*jacobian.nonzeros()) if jacobian.nnz() else ca.SX(0, 1)
+    moving = _pattern(entries, ca.vertcat(e.t, e.x, e.u, e.d)).any(axis=1)
+    switching, tuned = _pattern(entries, e.m).any(axis=1), _pattern(entries, e.p).any(axis=1)
+    kinds = np.where(moving, "dependent", np.where(switching, "discrete", np.where(tuned, "tunable", "constant")))
+    found = np.full((unknowns.numel(), n + r), "", dtype="<U9")
+    i, j = jacobian.sparsity().get_triplet()
+    found[i, j] = kinds
+    # A clock that ticks at a communication point hands the inputs of that instant on through its memories.
+    held = _along(_pattern(unknowns, e.d), _pattern(e.update, knowns))
+    found[held & (found == "")] = "dependent"
+    for row, line in zip(rows, found, strict=True):
+        for k in map(int, np.flatnonzero(line != "")):
+            row.append(("state", k, str(line[k])) if k < n else ("input", k - n, str(line[k])))
+    return rows[:n], rows[n:]
+
+
+def _initial(model: Model) -> tuple[list[tuple[list[int], list[int]]], ...]:
+    e = model.equations
+    r, n_p = len(model.inputs), len(model.parameters)
+    given = ca.vertcat(e.u[:r], e.p)
+    start = ca.vertcat(start_expression(model))
+    x = np.hstack([np.zeros((start.numel(), r), dtype=bool), _pattern(start, e.p)])
+    d = np.hstack([np.zeros((e.d.numel(), r), dtype=bool), _pattern(e.memory_start, e.p)])
+    switching = [k for k, mode in enumerate(model.modes) if mode.kind != TIME]
+
+    def arrived(expression: Expression) -> Pattern:
+        chain = _along(_pattern(expression, e.x), x) | _along(_pattern(expression, e.d), d)
+        return np.asarray(_pattern(expression, given) | chain | _along(_pattern(expression, e.m), m))
+
+    m = np.zeros((len(model.modes), r + n_p), dtype=bool)
+    if switching:
+        m[switching] = arrived(e.guards).any(axis=0)
+    if any(clock.offset == 0 for clock in model.clocks):
+        d = d | arrived(e.update)
+    whole = (x, arrived(e.derivative), arrived(e.outputs))
+    return tuple(
+        [([int(k) for k in np.flatnonzero(row[:r])], [int(k) for k in np.flatnonzero(row[r:])]) for row in table]
+        for table in whole
+    )

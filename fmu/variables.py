@@ -1,0 +1,170 @@
+"""The variables of an FMU: names that importers accept, value references, units, bounds and start values.
+
+Inputs and outputs have flat names (``link.hub.angle`` is ``link_hub_angle``), because importers turn dots into buses.
+Parameters, states, memories and modes keep their path. References count in the order of the C enumeration in
+``heads/common.c``: time, parameters, inputs, outputs, states, derivatives, memories, modes, event indicators.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+
+from engine.errors import FlexarmError
+from engine.model import TIME, Model
+
+TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR = (
+    "time",
+    "parameter",
+    "input",
+    "output",
+    "state",
+    "derivative",
+    "memory",
+    "mode",
+    "indicator",
+)
+_PART = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\[\d+(,\d+)*\])?")
+
+
+@dataclass(frozen=True)
+class FmuVariable:
+    """One variable of the FMU.
+
+    Attributes:
+        name: unique in the FMU.
+        source: the model's name for it.
+        kind: ``time``, ``parameter``, ``input``, ``output``, ``state``, ``derivative``, ``memory``, ``mode`` or
+            ``indicator``.
+        reference: value reference; also the position in the list.
+        unit: coherent SI unit, empty if unknown.
+        doc: one sentence.
+        start: starting value, for parameters and inputs.
+        minimum, maximum: closed bounds, infinite where none is declared.
+        tunable: whether a parameter may change during a run.
+    """
+
+    name: str
+    source: str
+    kind: str
+    reference: int
+    unit: str = ""
+    doc: str = ""
+    start: float | None = None
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    tunable: bool = True
+
+    @property
+    def is_real(self) -> bool:
+        """Modes are whole numbers, everything else is real."""
+        return self.kind != MODE
+
+
+def flat(name: str) -> str:
+    """A name without dots and brackets: ``link.hub.angle`` gives ``link_hub_angle``."""
+    return re.sub(r"\W+", "_", name).strip("_") or "_"
+
+
+def structured(name: str) -> str:
+    """A name by the structured convention of FMI: parts that are no identifiers are quoted."""
+    parts = (part if _PART.fullmatch(part) else _quoted(part) for part in name.split("."))
+    return ".".join(parts)
+
+
+def _quoted(part: str) -> str:
+    plain = "".join(c if 32 <= ord(c) < 127 else "_" for c in part)
+    return "'" + plain.replace("\\", "\\\\").replace("'", "\\'").replace('"', '\\"') + "'"
+
+
+def _used_parameters(model: Model) -> set[int]:
+    """Parameters that act during a run, not only on its start."""
+    e = model.equations
+    running = ca.vertcat(e.derivative, e.guards, e.outputs, e.update, e.following)
+    if not running.numel() or not e.p.numel():
+        return set()
+    pattern = ca.jacobian_sparsity(running, e.p)
+    return set(pattern.get_triplet()[1])
+
+
+def variables(model: Model) -> list[FmuVariable]:
+    """All variables of the FMU in the order of their references.
+
+    Raises:
+        FlexarmError: two of them would have one name.
+    """
+    made = [
+        FmuVariable(reference=reference, **fields)  # type: ignore[arg-type]
+        for reference, fields in enumerate(_fields(model))
+    ]
+    taken: dict[str, FmuVariable] = {}
+    for variable in made:
+        other = taken.setdefault(variable.name, variable)
+        if other is not variable:
+            raise FlexarmError(
+                f"{other.kind} '{other.source}' and {variable.kind} '{variable.source}' "
+                f"would both be called '{variable.name}' in the FMU",
+                remedy="rename a block, or leave one of them out of the inputs and outputs",
+            )
+    return made
+
+
+def _fields(model: Model) -> Iterator[dict[str, object]]:
+    yield {"name": "time", "source": "time", "kind": TIME_KIND, "unit": "s", "doc": "simulation time"}
+    used = _used_parameters(model)
+    for i, parameter in enumerate(model.parameters):
+        low, high = parameter.declared.bounds
+        yield {
+            "name": structured(parameter.name),
+            "source": parameter.name,
+            "kind": PARAMETER,
+            "unit": parameter.unit,
+            "doc": parameter.declared.doc,
+            "start": parameter.value,
+            "minimum": low,
+            "maximum": high,
+            "tunable": i in used,
+        }
+    for entry in model.inputs:
+        yield {"name": flat(entry.name), "source": entry.name, "kind": INPUT, "unit": entry.unit, "doc": entry.doc} | {
+            "start": 0.0
+        }
+    for entry in model.outputs:
+        yield {"name": flat(entry.name), "source": entry.name, "kind": OUTPUT, "unit": entry.unit, "doc": entry.doc}
+    for entry in model.states:
+        name = structured(entry.name)
+        yield {"name": name, "source": entry.name, "kind": STATE, "unit": entry.unit, "doc": entry.doc}
+    for entry in model.states:
+        name = f"der({structured(entry.name)})"
+        yield {"name": name, "source": entry.name, "kind": DERIVATIVE, "unit": per_second(entry.unit)}
+    for entry in model.memories:
+        name = structured(entry.name)
+        yield {"name": name, "source": entry.name, "kind": MEMORY, "unit": entry.unit, "doc": entry.doc}
+    for mode in model.modes:
+        if mode.kind != TIME:
+            labels = ", ".join(f"{value:+d} {label}" for value, label in zip((-1, 0, 1), mode.labels, strict=True))
+            name = structured(f"{mode.name}.mode")
+            yield {"name": name, "source": mode.name, "kind": MODE, "doc": f"discrete mode: {labels}"}
+    for mode in model.modes:
+        if mode.kind != TIME:
+            for side in ("above", "below"):
+                name = structured(f"{mode.name}.indicator_{side}")
+                doc = "event indicator: positive while the mode holds"
+                yield {"name": name, "source": mode.name, "kind": INDICATOR, "doc": doc}
+
+
+def per_second(unit: str) -> str:
+    """The unit of a time derivative: ``rad/s`` gives ``rad/s2``."""
+    if unit in ("", "*"):
+        return ""
+    numerator, _, below = unit.partition("/")
+    parts = below.strip("()").split(".") if below else []
+    seconds = [part for part in parts if re.fullmatch(r"s\d*", part)]
+    rest = [part for part in parts if part not in seconds]
+    power = sum(int(part[1:] or 1) for part in seconds) + 1
+    rest.append("s" if power == 1 else f"s{power}")
+    return f"{numerator}/{rest[0]}" if len(rest) == 1 else f"{numerator}/({'.'.join(rest)})"

@@ -1,0 +1,208 @@
+"""Checks of an exported FMU with FMPy: its description, a run of its own, and the difference from the runner."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.errors import FlexarmError, SimulationError, nearest
+from engine.model import Model, Vector
+from engine.simulate import Drive, simulate
+from fmu.variables import flat
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What a run of an FMU gave.
+
+    Attributes:
+        time: communication points (s), shape (n,).
+        values: outputs at each, with the inputs of that instant set, shape (n, outputs).
+        names: of the outputs.
+    """
+
+    time: Vector
+    values: NDArray[np.float64]
+    names: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> Vector:
+        """One output over time, by its flat name or the model's, shape (n,).
+
+        Raises:
+            FlexarmError: no such output.
+        """
+        if flat(name) not in self.names:
+            raise FlexarmError(f"the FMU has no output '{name}'", remedy=nearest(flat(name), self.names))
+        return np.asarray(self.values[:, self.names.index(flat(name))])
+
+
+def validate(path: str | Path) -> list[str]:
+    """What FMPy finds wrong with an FMU's description and structure; nothing for a sound one."""
+    from fmpy.validation import validate_fmu
+
+    return [str(problem) for problem in validate_fmu(str(path))]
+
+
+@contextmanager
+def slave(path: str | Path, name: str = "instance") -> Iterator[tuple[Any, Any, list[str]]]:
+    """An instance of an FMI 2 Co-Simulation FMU, not yet set up.
+
+    Yields:
+        (fmpy's `FMU2Slave`, its model description, the list into which its log messages go).
+    """
+    from fmpy import extract, fmi2, read_model_description
+
+    messages: list[str] = []
+
+    def log(environment: Any, instance: Any, status: int, category: Any, message: bytes) -> None:
+        messages.append(message.decode("utf-8", "replace"))
+
+    callbacks = fmi2.fmi2CallbackFunctions()
+    callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(log)
+    callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmi2.calloc)
+    callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmi2.free)
+    description = read_model_description(str(path))
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        extract(str(path), folder)
+        instance = fmi2.FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=folder,
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        instance.instantiate(callbacks=callbacks)
+        try:
+            yield instance, description, messages
+        finally:
+            instance.freeInstance()
+
+
+def references(description: Any, causality: str) -> list[int]:
+    """Value references of the variables of a causality, in the order of the description."""
+    return [v.valueReference for v in description.modelVariables if v.causality == causality]
+
+
+def reference(description: Any, name: str) -> int:
+    """Value reference of a variable.
+
+    Raises:
+        FlexarmError: no such variable.
+    """
+    known = {v.name: v.valueReference for v in description.modelVariables}
+    if name not in known:
+        raise FlexarmError(f"the FMU has no variable '{name}'", remedy=nearest(name, known))
+    return int(known[name])
+
+
+def cosim(
+    path: str | Path,
+    stop: float,
+    step: float | Sequence[float] = 1e-3,
+    *,
+    drive: Drive | None = None,
+    parameters: dict[str, float] | None = None,
+) -> Trace:
+    """Run an FMI 2 Co-Simulation FMU with FMPy. At each communication point inputs are set before outputs are read.
+
+    Args:
+        path: the FMU.
+        stop: end (s).
+        step: communication step (s), or several that are used in turn.
+        drive: inputs in the order of the FMU's; zero if None.
+        parameters: values by name, set before the start, SI units.
+
+    Raises:
+        SimulationError: a call failed; the message is the FMU's.
+        FlexarmError: no such parameter.
+    """
+    from fmpy.fmi1 import FMICallException
+
+    with slave(path) as (instance, description, messages):
+        given = {reference(description, name): value for name, value in (parameters or {}).items()}
+        inputs, outputs = references(description, "input"), references(description, "output")
+        times, rows = [0.0], []
+        try:
+            instance.setupExperiment(startTime=0.0, stopTime=stop)
+            instance.setReal(list(given), list(given.values()))
+            instance.enterInitializationMode()
+            _apply(instance, inputs, drive, 0.0)
+            instance.exitInitializationMode()
+            rows.append(instance.getReal(outputs))
+            for begin, end in _points(stop, step):
+                instance.doStep(currentCommunicationPoint=begin, communicationStepSize=end - begin)
+                _apply(instance, inputs, drive, end)
+                times.append(end)
+                rows.append(instance.getReal(outputs))
+        except FMICallException as error:
+            raise SimulationError(messages[-1] if messages else str(error)) from error
+        names = tuple(v.name for v in description.modelVariables if v.causality == "output")
+    return Trace(np.array(times), np.array(rows).reshape(len(times), -1), names)
+
+
+def _points(stop: float, step: float | Sequence[float]) -> Iterator[tuple[float, float]]:
+    """Begin and end of every communication step."""
+    steps = [step] if isinstance(step, int | float) else list(step)
+    cycle, count, begin = sum(steps), 0, 0.0
+    while begin < stop * (1 - 1e-12):
+        turns, part = divmod(count + 1, len(steps))
+        end = min(turns * cycle + sum(steps[:part]), stop)
+        yield begin, end
+        begin, count = end, count + 1
+
+
+def _apply(instance: Any, inputs: list[int], drive: Drive | None, time: float) -> None:
+    if drive is None or not inputs:
+        return
+    knots, values = np.asarray(drive.time, dtype=float), np.asarray(drive.values, dtype=float)
+    values = values.reshape(len(knots), -1)
+    k = max(int(np.searchsorted(knots, time + 1e-9, side="right")) - 1, 0)
+    holds = (drive.hold,) * len(inputs) if isinstance(drive.hold, str) else drive.hold
+    present, slopes = values[k].copy(), np.zeros(len(inputs))
+    if k + 1 < len(knots) and knots[0] <= time:
+        for i, hold in enumerate(holds):
+            if hold == "linear":
+                slopes[i] = (values[k + 1, i] - values[k, i]) / (knots[k + 1] - knots[k])
+                present[i] += slopes[i] * (time - knots[k])
+    instance.setReal(inputs, present.tolist())
+    if slopes.any():
+        instance.setRealInputDerivatives(inputs, [1] * len(inputs), slopes.tolist())
+
+
+def compare_with_runner(
+    model: Model,
+    path: str | Path,
+    stop: float,
+    step: float = 1e-3,
+    *,
+    drive: Drive | None = None,
+    parameters: dict[str, float] | None = None,
+) -> float:
+    """The largest difference between an FMU's outputs and those of `engine.simulate` at the same step.
+
+    Args:
+        model: what was exported.
+        path: the FMU.
+        stop: end (s).
+        step: communication step (s), that of the FMU's internal grid.
+        drive: inputs, piecewise constant with its knots on communication points.
+        parameters: values by name, SI units.
+
+    Returns:
+        max over outputs and rows of |difference| / max(1, largest |value| of the output).
+
+    Raises:
+        SimulationError: either run failed.
+    """
+    run = simulate(model, stop, step, drive=drive, parameters=parameters)
+    trace = cosim(path, stop, step, drive=drive, parameters=parameters)
+    if run.values.shape != trace.values.shape:
+        raise SimulationError(f"the runner gave {run.values.shape} values, the FMU {trace.values.shape}")
+    scale = np.maximum(1.0, np.abs(run.values).max(axis=0, initial=0.0))
+    return float((np.abs(run.values - trace.values) / scale).max(initial=0.0))

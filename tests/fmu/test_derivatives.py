@@ -1,0 +1,138 @@
+"""Directional derivatives and ModelStructure: against differences, the linear model, and values (check 11)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from engine.linearise import linearise
+from engine.model import Model
+from fmu.verify import references, slave
+
+each_model = pytest.mark.parametrize("name", ["smooth_model", "switching_model"])
+
+
+def _moving(instance: Any, description: Any, level: float = 2.0, steps: int = 150) -> None:
+    """Bring an instance to a point off the grid where everything moves."""
+    u = references(description, "input")
+    instance.setupExperiment(startTime=0.0)
+    instance.enterInitializationMode()
+    instance.setReal(u, [level] * len(u))
+    instance.exitInitializationMode()
+    for k in range(steps):
+        instance.doStep(currentCommunicationPoint=k * 1e-3, communicationStepSize=1e-3)
+    instance.doStep(currentCommunicationPoint=steps * 1e-3, communicationStepSize=0.4e-3)
+
+
+def _matrix(instance: Any, unknowns: list[int], knowns: list[int]) -> np.ndarray:
+    columns = [instance.getDirectionalDerivative(unknowns, [known], [1.0]) for known in knowns]
+    return np.array(columns).T.reshape(len(unknowns), len(knowns))
+
+
+def _states(description: Any) -> tuple[list[int], list[int]]:
+    rates = [v for v in description.modelVariables if v.derivative is not None]
+    return [v.derivative.valueReference for v in rates], [v.valueReference for v in rates]
+
+
+@each_model
+def test_columns_are_the_linear_model(name: str, exported: Any, request: pytest.FixtureRequest) -> None:
+    model: Model = request.getfixturevalue(name)
+    with slave(exported(model)) as (instance, description, _):
+        _moving(instance, description)
+        states, rates = _states(description)
+        u, y = references(description, "input"), references(description, "output")
+        point = dict(zip((s.name for s in model.states), instance.getReal(states), strict=True))
+        given = np.block(
+            [
+                [_matrix(instance, rates, states), _matrix(instance, rates, u)],
+                [_matrix(instance, y, states), _matrix(instance, y, u)],
+            ]
+        )
+        if model.memories:
+            held = [v.valueReference for v in description.modelVariables if v.variability == "discrete"]
+            held = [h for h in held if h not in references(description, "input")]
+            d = instance.getReal(held[: len(model.memories)])
+            m = instance.getInteger(held[len(model.memories) :])
+            x = list(point.values())
+            # Modes and memories at the point are the FMU's, so the Jacobian is taken there and not at rest.
+            q = model.equations
+            jacobian = ca.jacobian(ca.vertcat(q.derivative, q.outputs), ca.vertcat(q.x, q.u))
+            linear = ca.Function("j", q.arguments, [ca.densify(jacobian)])
+            expected = linear(0.1504, x, [2.0], d, m, model.parameter_values).full()
+        else:
+            found = linearise(model, at=point, inputs={"motor.voltage": 2.0})
+            expected = np.block([[found.A, found.B], [found.C, found.D]])
+    assert np.allclose(given, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+
+
+@each_model
+def test_input_derivatives_agree_with_central_differences(
+    name: str, exported: Any, request: pytest.FixtureRequest
+) -> None:
+    model = request.getfixturevalue(name)
+    with slave(exported(model)) as (instance, description, _):
+        _moving(instance, description)
+        _, rates = _states(description)
+        unknowns = rates + references(description, "output")
+        for known in references(description, "input"):
+            exact = np.array(instance.getDirectionalDerivative(unknowns, [known], [1.0]))
+            middle = instance.getReal([known])[0]
+            sides = []
+            for side in (1e-4, -1e-4):
+                instance.setReal([known], [middle + side])
+                sides.append(np.array(instance.getReal(unknowns)))
+            instance.setReal([known], [middle])
+            difference = (sides[0] - sides[1]) / 2e-4
+            assert np.allclose(difference, exact, rtol=1e-6, atol=1e-6 * max(1, np.abs(exact).max()))
+
+
+@each_model
+def test_structure_lists_what_has_a_derivative(name: str, exported: Any, request: pytest.FixtureRequest) -> None:
+    model = request.getfixturevalue(name)
+    with slave(exported(model)) as (instance, description, _):
+        _moving(instance, description)
+        states, _ = _states(description)
+        knowns = states + references(description, "input")
+        for unknown in [*description.derivatives, *description.outputs]:
+            listed = {v.valueReference for v in unknown.dependencies}
+            for known in knowns:
+                [value] = instance.getDirectionalDerivative([unknown.variable.valueReference], [known], [1.0])
+                assert value == 0 or known in listed, (unknown.variable.name, known)
+        assert any(len(unknown.dependencies) < len(knowns) for unknown in description.outputs)
+
+
+def test_seeds_add_up(smooth_model: Model, exported: Any) -> None:
+    with slave(exported(smooth_model)) as (instance, description, _):
+        _moving(instance, description)
+        states, rates = _states(description)
+        u, y = references(description, "input"), references(description, "output")
+        knowns, unknowns = states + u, rates + y
+        seed = np.random.default_rng(1).standard_normal(len(knowns))
+        once = instance.getDirectionalDerivative(unknowns, knowns, seed.tolist())
+        assert np.allclose(once, _matrix(instance, unknowns, knowns) @ seed, rtol=1e-12, atol=1e-9)
+
+
+@each_model
+def test_initial_values_depend_on_what_is_listed(name: str, exported: Any, request: pytest.FixtureRequest) -> None:
+    """Changing a parameter before the start changes nothing that does not list it."""
+    model = request.getfixturevalue(name)
+    with slave(exported(model)) as (instance, description, _):
+        listed = {unknown.variable.valueReference: unknown.dependencies for unknown in description.initialUnknowns}
+        unknowns = list(listed)
+        instance.setupExperiment(startTime=0.0)
+        instance.enterInitializationMode()
+        before = instance.getReal(unknowns)
+        for variable in description.modelVariables:
+            if variable.causality in ("parameter", "input"):
+                old = instance.getReal([variable.valueReference])[0]
+                instance.setReal([variable.valueReference], [old * 0.9 or 0.01])
+                after = instance.getReal(unknowns)
+                for unknown, a, b in zip(unknowns, before, after, strict=True):
+                    assert a == b or variable in listed[unknown], (variable.name, unknown)
+                instance.setReal([variable.valueReference], [old])
+        assert instance.getReal(unknowns) == before
+        states, rates = _states(description)
+        assert set(unknowns) == {*references(description, "output"), *states, *rates}
