@@ -1,0 +1,315 @@
+"""What a fit works on: recordings as simulations with residuals, and the parameters that may move.
+
+A residual is (measured - simulated) / sigma. A parameter moves in units of its declared tolerance, on a logarithmic
+scale where its bounds keep it positive, and pays the square of that distance: the tolerance is prior knowledge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.columns import RecordingError
+from diagnosis.compare import Plan, grid, plan
+from diagnosis.recording import Recording
+from engine.errors import FlexarmError, SimulationError
+from engine.model import Model
+from engine.simulate import Drive, simulate
+from engine.start import start_values
+from engine.step import internal_step
+from engine.tangent import tangents
+from scenarios.load import Scenario
+
+Array = NDArray[np.float64]
+
+HUGE = 1e6
+"""Residuals beyond so many standard deviations count as this: the simulation runs away."""
+
+FINEST = 20
+"""At most so many internal steps per sample: stiffer models than the data can show are left to diverge."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """A parameter that a fit may move.
+
+    Attributes:
+        name: of the model's parameter, or of a starting value.
+        start: where it stands at first (SI).
+        scale: what one step of the search variable means: a share for ``logarithmic`` ones, else an SI difference.
+        logarithmic: value = start * exp(scale * x) rather than start + scale * x.
+        low, high: bounds (SI).
+        prior: whether distance from the start counts against the fit.
+        recording: for a starting value, the recording it belongs to.
+    """
+
+    name: str
+    start: float
+    scale: float
+    logarithmic: bool
+    low: float = -math.inf
+    high: float = math.inf
+    prior: bool = True
+    recording: str = ""
+
+    def value(self, x: float) -> float:
+        """The parameter at search variable ``x``, kept within its bounds."""
+        raw = self.start * math.exp(min(self.scale * x, 50.0)) if self.logarithmic else self.start + self.scale * x
+        return min(max(raw, self.low), self.high)
+
+    def slope(self, x: float) -> float:
+        """D value / d x."""
+        value = self.value(x)
+        return self.scale * value if self.logarithmic else self.scale
+
+    def position(self, value: float) -> float:
+        """The search variable at which the parameter has ``value``."""
+        if self.logarithmic:
+            return math.log(max(value, 1e-300) / self.start) / self.scale
+        return (value - self.start) / self.scale
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One recording, made ready to be simulated.
+
+    Attributes:
+        name, role: of the recording.
+        step: between simulated rows (s); ``every`` rows make one sample.
+        drive: inputs, in the model's order.
+        measured: shape (samples, signals), NaN where nothing was recorded.
+        sigma: standard deviation of each signal's noise.
+        from_first: for each signal, whether it counts from the first sample.
+        free: starting values that belong to this recording.
+    """
+
+    name: str
+    role: str
+    time: Array
+    step: float
+    every: int
+    drive: Drive | None
+    measured: Array
+    sigma: Array
+    from_first: tuple[bool, ...]
+    free: tuple[str, ...] = ()
+    initial: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def stop(self) -> float:
+        """End of the simulation (s)."""
+        return float(self.step * self.every * (len(self.time) - 1))
+
+    def cut(self, until: float) -> Experiment:
+        """The same, only up to a time."""
+        keep = max(8, int(np.searchsorted(self.time, until)))
+        return replace(self, time=self.time[:keep], measured=self.measured[:keep])
+
+    def residual(self, simulated: Array) -> Array:
+        """(measured - simulated) / sigma, zero where nothing was recorded; shape (samples, signals)."""
+        rows = simulated[:: self.every][: len(self.time)]
+        rows = rows - np.where(self.from_first, rows[0], 0.0)
+        return np.nan_to_num((self.measured - rows) / self.sigma, nan=0.0)
+
+    def slopes(self, values: Array) -> Array:
+        """Derivative of the residual, shape (samples, signals, directions), from that of the outputs."""
+        rows = values[:: self.every][: len(self.time)]
+        rows = rows - np.where(np.asarray(self.from_first)[:, None], rows[0], 0.0)
+        made = -rows / self.sigma[None, :, None]
+        made[np.isnan(self.measured)] = 0.0
+        return np.asarray(made)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A model, its experiments and its free parameters.
+
+    Attributes:
+        scenario: where the model comes from.
+        model: inputs and outputs in the order of the experiments' columns.
+        experiments: all recordings, whatever their role.
+        free: what may move.
+        internal_step: longest integration step (s), the same for every evaluation, so that comparisons are fair.
+    """
+
+    scenario: Scenario
+    model: Model
+    experiments: tuple[Experiment, ...]
+    free: tuple[Free, ...]
+    internal_step: float | None = None
+
+    def chosen(self, *roles: str) -> list[Experiment]:
+        """Experiments of some roles."""
+        return [e for e in self.experiments if e.role in roles]
+
+    def values(self, x: Array, experiment: Experiment | None = None) -> tuple[dict[str, float], dict[str, float]]:
+        """Parameters and starting values at a search vector."""
+        parameters = {f.name: f.value(v) for f, v in zip(self.free, x, strict=True) if not f.recording}
+        starts = dict(experiment.initial) if experiment else {}
+        for f, v in zip(self.free, x, strict=True):
+            if experiment is not None and f.recording == experiment.name:
+                starts[f.name] = f.value(v)
+        return parameters, starts
+
+    def simulate(self, x: Array, experiment: Experiment) -> Array:
+        """Outputs, shape (rows, signals).
+
+        Raises:
+            SimulationError: the run diverged.
+        """
+        parameters, starts = self.values(x, experiment)
+        run = simulate(
+            self.model,
+            experiment.stop,
+            experiment.step,
+            parameters=parameters,
+            drive=experiment.drive,
+            initial=starts,
+            internal_step=self.internal_step,
+            log_capacity=0,
+        )
+        return run.values
+
+    def residual(self, x: Array, experiment: Experiment) -> Array:
+        """Residual of one experiment, or a huge one where the simulation fails."""
+        try:
+            found = experiment.residual(self.simulate(x, experiment))
+        except SimulationError:
+            return np.full(experiment.measured.shape, HUGE)
+        return np.clip(found, -HUGE, HUGE)
+
+    def linearised(self, x: Array, experiment: Experiment) -> tuple[Array, Array]:
+        """Residual, flat, and its Jacobian with respect to the search vector.
+
+        Raises:
+            SimulationError: the run diverged.
+        """
+        parameters, starts = self.values(x, experiment)
+        mine = [i for i, f in enumerate(self.free) if not f.recording or f.recording == experiment.name]
+        names = [self.free[i].name for i in mine]
+        found = tangents(
+            self.model,
+            experiment.stop,
+            experiment.step,
+            wrt=names,
+            parameters=parameters,
+            drive=experiment.drive,
+            initial=starts,
+            internal_step=self.internal_step,
+        )
+        r = np.clip(experiment.residual(found.result.values), -HUGE, HUGE).ravel()
+        slopes = experiment.slopes(found.values).reshape(len(r), len(names))
+        J = np.zeros((len(r), len(self.free)))
+        for column, i in enumerate(mine):
+            J[:, i] = slopes[:, column] * self.free[i].slope(x[i])
+        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > HUGE**2:
+            raise SimulationError("the sensitivities grow without bound")
+        return r, J
+
+
+def noise(values: Array) -> float:
+    """Standard deviation of a channel's noise: its quantum / sqrt(12), or the jitter of its second differences."""
+    clean = values[np.isfinite(values)]
+    steps = np.abs(np.diff(np.unique(clean)))
+    steps = steps[steps > 1e-12 * max(np.abs(clean).max(initial=0.0), 1e-300)]
+    quantum = float(steps.min()) if steps.size else 0.0
+    if steps.size and np.median(np.abs(steps / quantum - np.round(steps / quantum))) > 1e-3:
+        quantum = 0.0
+    jitter = np.diff(clean, 2)
+    rough = 1.4826 * float(np.median(np.abs(jitter - np.median(jitter)))) / math.sqrt(6) if jitter.size else 0.0
+    return math.sqrt(max(quantum**2 / 12, rough**2))
+
+
+def experiment(made: Plan, recording: Recording, longest: float) -> Experiment:
+    """A recording in the form a fit needs.
+
+    Raises:
+        RecordingError: its time axis is not uniform.
+    """
+    step, every = grid(recording.time, longest)
+    if not every:
+        raise RecordingError(
+            f"recording '{recording.name}' has no uniform time axis",
+            remedy="resample it, or leave out the irregular part",
+        )
+    measured = np.column_stack([c.values * f for c, f in zip(recording.measurements, made.factors, strict=True)])
+    sigma = []
+    for k, channel in enumerate(recording.measurements):
+        given = channel.noise * made.factors[k] if channel.noise is not None else noise(measured[:, k])
+        if not given > 0:
+            raise RecordingError(
+                f"the noise of '{channel.name}' in '{recording.name}' cannot be estimated",
+                remedy="the signal may be constant; give its standard deviation as 'noise:'",
+            )
+        sigma.append(given)
+    return Experiment(
+        recording.name,
+        recording.role,
+        np.asarray(recording.time),
+        step,
+        every,
+        made.drive,
+        measured,
+        np.array(sigma),
+        tuple(channel.from_first for channel in recording.measurements),
+        recording.free,
+    )
+
+
+def free_parameters(model: Model) -> list[Free]:
+    """Every parameter with a declared tolerance, moved in units of it."""
+    rows = []
+    for parameter in model.parameters:
+        tolerance, (low, high) = parameter.declared.tolerance, parameter.declared.bounds
+        if tolerance is None or parameter.value == 0.0:
+            continue
+        logarithmic = low >= 0 and parameter.value > 0
+        scale = tolerance if logarithmic else tolerance * abs(parameter.value)
+        rows.append(Free(parameter.name, parameter.value, scale, logarithmic, low, high))
+    return rows
+
+
+def problem(
+    scenario: Scenario, recordings: Sequence[Recording], extra: Sequence[Free] = (), sigma: Array | None = None
+) -> Problem:
+    """The problem of fitting a scenario to recordings.
+
+    Args:
+        scenario: the model.
+        recordings: all with the same drives and measurements.
+        extra: parameters to free besides those with a tolerance, or in their place where a name is the same.
+        sigma: noise of each signal, in place of what the recordings say.
+
+    Raises:
+        FlexarmError: recordings that do not fit the scenario, or each other.
+    """
+    plans = [plan(scenario, recording) for recording in recordings]
+    first = plans[0]
+    for made, recording in zip(plans, recordings, strict=True):
+        if [v.name for v in made.model.outputs] != [v.name for v in first.model.outputs]:
+            raise FlexarmError(
+                f"recording '{recording.name}' measures other signals than '{recordings[0].name}'",
+                remedy="give recordings with the same drive and measurements",
+            )
+    longest = scenario.simulation.step if scenario.simulation else 1e-3
+    experiments = [experiment(m, r, max(longest, 1e-3)) for m, r in zip(plans, recordings, strict=True)]
+    if sigma is not None:
+        experiments = [replace(e, sigma=sigma) for e in experiments]
+    named = {f.name: f for f in free_parameters(first.model)} | {f.name: f for f in extra}
+    bounds = {p.name: p.declared.bounds for p in first.model.parameters}
+    free = [
+        replace(f, low=max(f.low, bounds[f.name][0]), high=min(f.high, bounds[f.name][1]))
+        for f in named.values()
+        if f.name in bounds
+    ]
+    starts = [Free(name, 0.0, 0.05, False, recording=e.name) for e in experiments for name in e.free]
+    internal = scenario.simulation.internal_step if scenario.simulation else None
+    if internal is None:
+        p = first.model.parameter_values
+        step = min(e.step for e in experiments)
+        internal = max(internal_step(first.model, p, start_values(first.model, p), step), step / FINEST)
+    return Problem(scenario, first.model, tuple(experiments), (*free, *starts), internal)

@@ -1,0 +1,335 @@
+"""The verdict: what was found, how sure it is, what it cannot be told from, and what to measure next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from diagnosis.experiment import Proposal, propose
+from diagnosis.fit import Fit, prior, uncertainty
+from diagnosis.select import DECISIVE, Study, Trial, gain_band, log_evidence
+
+NEAR = 0.05
+"""Rivals whose held-out chi2 is within this share of the best, or within its bootstrap band, count as rivals."""
+EXPLAINS = 0.6
+"""An effect is named only if it removes at least this share of the held-out excess over the floor."""
+WORDS = {
+    "dead_zone": "a dead zone",
+    "saturation": "saturation",
+    "uneven_gain": "a gain that differs between the directions",
+    "offset": "an offset",
+    "lag": "a first-order lag",
+    "delay": "a delay",
+    "coulomb_friction": "Coulomb friction",
+    "stribeck_friction": "Stribeck friction",
+    "direction_dependent_friction": "friction that differs between the directions",
+    "viscous_friction": "viscous friction",
+    "quadratic_drag": "quadratic drag",
+    "joint_flexibility": "a flexible joint",
+    "hardening_spring": "a hardening spring",
+    "extra_mode": "a further bending mode",
+    "torque_ripple": "torque ripple",
+    "stray_spring": "a stray spring",
+}
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The result of `flexarm.diagnose`.
+
+    Attributes:
+        study: everything that was tried.
+        verdict: ``named``, ``none``, ``tie``, ``unknown`` or ``wrong_parameter``.
+        findings: one dictionary per finding; see ``diagnosis.json``.
+        rivals: trials that the data cannot exclude, best first.
+        proposal: the experiment that would separate them, if there are any.
+        warnings: what makes the verdict less sure.
+        fit: the chosen model's fit with its intervals.
+    """
+
+    study: Study
+    verdict: str
+    findings: tuple[dict[str, Any], ...]
+    rivals: tuple[Trial, ...]
+    proposal: Proposal | None
+    warnings: tuple[str, ...]
+    fit: Fit
+
+    def numbers(self) -> dict[str, Any]:
+        """The verdict as it stands in ``diagnosis.json``."""
+        study = self.study
+        best = study.chosen
+        evidence = {t.label: log_evidence(t, best) for t in (study.refit, *study.trials)}
+        return {
+            "verdict": self.verdict,
+            "findings": list(self.findings),
+            "place_odds": place_odds(study),
+            "rivals": [
+                {
+                    "effects": [c.key for c in t.effects],
+                    "log_evidence": evidence.get(t.label, log_evidence(t, best)),
+                    "hold_out_chi2": t.hold_out,
+                }
+                for t in self.rivals
+            ],
+            "fit": fit_table(study),
+            "next_experiment": self.proposal.numbers() if self.proposal else None,
+            "warnings": list(self.warnings),
+        }
+
+
+def place_odds(study: Study) -> dict[str, float]:
+    """Odds of each place: the evidence of its best candidate, shared out."""
+    best: dict[str, float] = {}
+    floor = study.trials[0] if study.trials else study.refit
+    for trial in study.trials:
+        effect = trial.effects[0]
+        if effect.effect != "wrong_parameter":
+            best[effect.place] = max(best.get(effect.place, -math.inf), log_evidence(trial, floor))
+    if not best:
+        return {}
+    top = max(best.values())
+    weights = {place: math.exp(max(value - top, -700.0)) for place, value in best.items()}
+    total = sum(weights.values())
+    return {place: weight / total for place, weight in sorted(weights.items(), key=lambda item: -item[1])}
+
+
+def fit_table(study: Study) -> dict[str, Any]:
+    """Per role and model: nrmse (per cent) and chi2 of each signal."""
+    base = study.refit.fit.problem
+    given = replace(study.refit.fit, x=np.zeros(len(base.free)))
+    models = {"nominal": given, "refit": study.refit.fit, "amended": study.chosen.fit}
+    table: dict[str, Any] = {}
+    for role, roles in (("train", ("train", "repeat")), ("hold_out", ("hold_out",))):
+        table[role] = {name: _signals(made, roles) for name, made in models.items()}
+    return table
+
+
+def _signals(made: Fit, roles: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    names = [v.name for v in made.problem.model.outputs]
+    rows: dict[str, dict[str, float]] = {}
+    for k, name in enumerate(names):
+        error = spread = squares = 0.0
+        count = 0
+        for e in made.problem.chosen(*roles):
+            r = made.problem.residual(made.x, e)[:, k]
+            y = e.measured[:, k]
+            error += float(np.sum((r * e.sigma[k]) ** 2))
+            spread += float(np.nansum((y - np.nanmean(y)) ** 2))
+            squares += float(np.sum(r**2))
+            count += int(np.isfinite(y).sum())
+        if count:
+            nrmse = 100 * (1 - math.sqrt(error / spread)) if spread > 0 else -math.inf
+            rows[name] = {"nrmse": nrmse, "chi2": squares / count}
+    return rows
+
+
+def judge(study: Study, seed: int = 0) -> Diagnosis:
+    """Turn a study into a verdict."""
+    chosen, refit = study.chosen, study.refit
+    made = replace(chosen.fit, **uncertainty(chosen.fit))
+    warnings = _warnings(study)
+    if not chosen.effects:
+        best = study.trials[0] if study.trials else refit
+        status = "none"
+        if refit.hold_out > 2.0 and best.hold_out > 0.7 * refit.hold_out and refit.hold_out > 5.0:
+            status = "unknown"
+        return Diagnosis(study, status, (_nothing(study, status),), (), None, warnings, made)
+    rivals = _rivals(study, seed)
+    explained = _explained(refit, chosen)
+    if explained < EXPLAINS:
+        status = "unknown"
+    elif rivals:
+        status = "tie"
+    elif all(c.effect == "wrong_parameter" for c in chosen.effects):
+        status = "wrong_parameter"
+    else:
+        status = "named"
+    intervals = {i.name: i for i in made.intervals()}
+    findings = tuple(_finding(study, k, status, explained, intervals, rivals) for k in range(len(chosen.effects)))
+    proposal = propose([chosen, *rivals]) if rivals else None
+    return Diagnosis(study, status, findings, rivals, proposal, warnings, made)
+
+
+def _explained(refit: Trial, chosen: Trial) -> float:
+    """Share of the held-out excess over the floor that is gone; of the strain on the tolerances where there is none."""
+    if refit.hold_out - 1 < 0.2:
+        strain = [float(np.sum(prior(t.fit.problem, t.fit.x)[0] ** 2)) for t in (refit, chosen)]
+        return min(max(1 - strain[1] / max(strain[0], 1e-9), 0.0), 1.0)
+    return min(max((refit.hold_out - chosen.hold_out) / (refit.hold_out - 1), 0.0), 1.0)
+
+
+def _rivals(study: Study, seed: int) -> tuple[Trial, ...]:
+    """Other single effects that do as well on held-out data, within the bootstrap band."""
+    chosen = study.chosen
+    if len(chosen.effects) > 1:
+        return ()
+    if study.refit.hold_out - 1 < 0.2:
+        able = [t for t in study.trials if t.size == 1 and t.effects != chosen.effects]
+        return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE and t.hold_out < 1.1 * chosen.hold_out)
+    rows = []
+    for trial in study.trials:
+        same = trial.effects == chosen.effects or (
+            trial.effects[0].effect == chosen.effects[0].effect and trial.effects[0].place == chosen.effects[0].place
+        )
+        if same or _contains(trial, chosen):
+            continue
+        low, _ = gain_band(chosen, trial, seed)
+        if low <= 0 or trial.hold_out < (1 + NEAR) * chosen.hold_out:
+            rows.append(trial)
+    return tuple(rows)
+
+
+_NESTED = {
+    "coulomb_friction": ("stribeck_friction", "direction_dependent_friction"),
+    "joint_flexibility": ("hardening_spring", "backlash"),
+    "viscous_friction": (),
+}
+
+
+def _contains(larger: Trial, smaller: Trial) -> bool:
+    """Whether the larger effect contains the smaller one, so that equal merit speaks for the smaller."""
+    one, other = smaller.effects[0], larger.effects[0]
+    return one.place == other.place and other.effect in _NESTED.get(one.effect, ())
+
+
+def _finding(
+    study: Study, k: int, status: str, explained: float, intervals: dict[str, Any], rivals: Sequence[Trial]
+) -> dict[str, Any]:
+    chosen = study.chosen
+    effect = chosen.effects[k]
+    parameters = {}
+    names = [f"{effect.name}.{knob.parameter}" for knob in effect.knobs]
+    names += [effect.loosened.name] if effect.loosened else []
+    for name in names:
+        found = intervals.get(name)
+        if found is not None:
+            low, high = sorted((found.low, found.high))
+            row = {"value": found.value, "low": low, "high": high, "unit": found.unit}
+            if effect.loosened:
+                row["factor"] = found.value / found.start if found.start else math.inf
+            parameters[name.rpartition(".")[2]] = row
+    when, frequency = traits(study.refit)
+    name = effect.effect if status != "unknown" else "unknown"
+    return {
+        "status": status,
+        "effect": name,
+        "place": effect.place,
+        "block": effect.block,
+        "indistinguishable_from": [t.label for t in rivals],
+        "conditional_on": _conditional(study.chosen.fit, effect.name),
+        "when": when,
+        "frequency": frequency,
+        "sentence": _sentence(effect.effect, effect.place, status, explained, study, rivals),
+        "explained": explained,
+        "remaining": 1 - explained,
+        "parameters": parameters,
+    }
+
+
+def _conditional(made: Fit, name: str) -> list[str]:
+    """Parameters that the data do not settle, on which the finding's own sizes depend."""
+    named = " ".join(made.weak)
+    return [f.name for f in made.problem.free if f.prior and f.name in named and not f.name.startswith(name)]
+
+
+def _nothing(study: Study, status: str) -> dict[str, Any]:
+    when, frequency = traits(study.refit)
+    sentence = (
+        f"Nothing is missing that these recordings show: with its parameters fitted within their tolerances the model "
+        f"stands at {study.refit.hold_out:.2f} times the noise floor on held-out data, and no effect of the catalogue "
+        f"does better."
+        if status == "none"
+        else f"Something is missing (held-out error {study.refit.hold_out:.1f} times the floor), but no effect of the "
+        f"catalogue accounts for it."
+    )
+    return {
+        "status": status,
+        "effect": status,
+        "place": "",
+        "block": "",
+        "indistinguishable_from": [],
+        "conditional_on": [],
+        "when": when if status == "unknown" else "",
+        "frequency": frequency if status == "unknown" else "",
+        "sentence": sentence,
+        "explained": 0.0,
+        "remaining": 1.0 if status == "unknown" else 0.0,
+        "parameters": {},
+    }
+
+
+def _sentence(effect: str, place: str, status: str, explained: float, study: Study, rivals: Sequence[Trial]) -> str:
+    what = WORDS.get(effect, effect.replace("_", " "))
+    before, after = study.refit.hold_out, study.chosen.hold_out
+    numbers = f"the held-out error falls from {before:.3g} to {after:.3g} times the noise floor"
+    if status == "wrong_parameter":
+        return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
+    if status == "tie":
+        others = "; ".join(t.label for t in rivals[:4])
+        return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}."
+    if status == "unknown":
+        return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."
+    return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."
+
+
+def traits(trial: Trial) -> tuple[str, str]:
+    """When and at which frequency the residual of a model is large, in words."""
+    problem = trial.fit.problem
+    e = (problem.chosen("hold_out") or problem.chosen("train", "repeat"))[0]
+    r = problem.residual(trial.fit.x, e)
+    energy = np.sum(r**2, axis=1)
+    dt = float(e.time[1] - e.time[0])
+    length = max(1, round(0.2 / dt))
+    edges = np.arange(0, len(energy), length)
+    blocks = np.add.reduceat(energy, edges)
+    order = np.argsort(-blocks)
+    count = int(np.searchsorted(np.cumsum(blocks[order]), 0.5 * blocks.sum())) + 1
+    spans = sorted(float(edges[i] * dt) for i in order[:count])
+    when = (
+        f"half of it within {count * length * dt:.2g} s of {len(energy) * dt:.2g} s, from {_spans(spans, length * dt)}"
+    )
+    k = int(np.argmax(np.sum(r**2, axis=0)))
+    spectrum = np.abs(np.fft.rfft((r[:, k] - r[:, k].mean()) * np.hanning(len(r)))) ** 2
+    peak = int(np.argmax(spectrum[1:])) + 1
+    name = problem.model.outputs[k].name
+    return when, f"strongest at {peak / (len(r) * dt):.3g} Hz, in {name}"
+
+
+def _spans(starts: Sequence[float], width: float) -> str:
+    merged: list[list[float]] = []
+    for begin in starts:
+        if merged and begin - merged[-1][1] < 1e-9 + 0.5 * width:
+            merged[-1][1] = begin + width
+        else:
+            merged.append([begin, begin + width])
+    shown = [f"{a:.2f}-{b:.2f} s" for a, b in merged[:4]]
+    return ", ".join(shown) + (", ..." if len(merged) > 4 else "")
+
+
+def _warnings(study: Study) -> tuple[str, ...]:
+    rows: list[str] = []
+    problem = study.refit.fit.problem
+    drives = [np.asarray(e.drive.values) for e in problem.chosen("train", "repeat") if e.drive is not None]
+    if drives and (all((d >= 0).all() for d in drives) or all((d <= 0).all() for d in drives)):
+        rows.append(
+            "the training recordings drive in one direction only: names given from one direction deserve distrust"
+        )
+    if drives and len({round(float(np.abs(d).max()), 6) for d in drives}) == 1 and len(drives) > 1:
+        rows.append(
+            "all training recordings have one amplitude: effects that depend on amplitude are hard to tell apart"
+        )
+    if not problem.chosen("hold_out"):
+        rows.append("no recording was held out: gains are judged on the data that were fitted")
+    if not study.refit.fit.converged:
+        rows.append("the fit of the model's own parameters did not converge")
+    if not study.chosen.fit.converged:
+        rows.append("the fit of the chosen model did not converge")
+    beyond = [f.name for f, x in zip(problem.free, study.chosen.fit.x[: len(problem.free)], strict=False) if abs(x) > 3]
+    if beyond:
+        rows.append(f"fitted more than three tolerances away: {', '.join(beyond)}")
+    return tuple(rows)

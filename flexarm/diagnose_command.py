@@ -1,0 +1,166 @@
+"""The commands ``flexarm fit`` and ``flexarm diagnose``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from diagnosis.fit import Fit
+    from diagnosis.verdict import Diagnosis
+
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", "-s", metavar="KEY=VALUE", help="Change a value, such as gear.ratio=14; repeatable."),
+]
+ScenarioArgument = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped scenario.")
+]
+RecordingsArgument = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[RECORDING]...", help="Recordings of the scenario, by name, or files; all it describes by default."
+    ),
+]
+HoldOutOption = Annotated[
+    list[str] | None,
+    typer.Option("--hold-out", metavar="RECORDING", help="A recording to judge on, not to fit; repeatable."),
+]
+WorkersOption = Annotated[int, typer.Option(min=1, help="Threads.")]
+SeedOption = Annotated[int, typer.Option(help="Of everything random.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the application."""
+    app.command()(fit)
+    app.command()(diagnose)
+
+
+def fit(
+    scenario: ScenarioArgument,
+    recordings: RecordingsArgument = None,
+    hold_out: HoldOutOption = None,
+    overrides: SetOption = None,
+    workers: WorkersOption = 2,
+    seed: SeedOption = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
+) -> None:
+    """Fit the parameters, within their tolerances, to recordings."""
+    from diagnosis.api import fit as run
+
+    made, scores = run(
+        scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
+    )
+    if as_json:
+        typer.echo(json.dumps(_fit_numbers(made, scores), indent=2))
+        return
+    typer.echo(fit_page(made, scores))
+
+
+def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
+    rows = {
+        i.name: {"value": i.value, "low": i.low, "high": i.high, "unit": i.unit, "start": i.start}
+        for i in made.intervals()
+    }
+    return {"parameters": rows, "chi2": scores, "converged": made.converged, "not_settled": list(made.weak)}
+
+
+def fit_page(made: Fit, scores: dict[str, float]) -> str:
+    """A fit as text: values, intervals, scores and what the data do not settle."""
+    from flexarm.text import columns, number
+
+    rows = [
+        [i.name, number(i.start), number(i.value), f"{number(i.low)} ... {number(i.high)}", i.unit]
+        for i in made.intervals()
+    ]
+    parts = [columns(["parameter", "given", "fitted", "95 % interval", "unit"], rows)]
+    parts += [f"  {name}: mean squared error {value:.4g} times the noise variance" for name, value in scores.items()]
+    if made.weak:
+        parts.append("  the recordings do not settle: " + "; ".join(made.weak))
+    if not made.converged:
+        parts.append("  the fit did not converge")
+    return "\n".join(parts)
+
+
+def diagnose(
+    scenario: ScenarioArgument,
+    recordings: RecordingsArgument = None,
+    hold_out: HoldOutOption = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="DIR", help="Folder for diagnosis.json, amended.yaml and figures."),
+    ] = None,
+    overrides: SetOption = None,
+    workers: WorkersOption = 2,
+    seed: SeedOption = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the verdict as JSON alone.")] = False,
+) -> None:
+    """Say what the model leaves out, put it in, and show the fit improve on held-out data."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from diagnosis.api import diagnose as run
+    from diagnosis.api import write
+
+    console = Console(stderr=True)
+    bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True)
+    with bar:
+        task = bar.add_task("starting", total=None)
+
+        def progress(what: str, done: int, total: int) -> None:
+            bar.update(task, description=what, completed=done, total=total)
+
+        found = run(
+            scenario,
+            recordings or (),
+            hold_out=hold_out or (),
+            overrides=overrides or (),
+            workers=workers,
+            seed=seed,
+            progress=progress,
+        )
+    if output is not None:
+        write(found, output)
+    if as_json:
+        typer.echo(json.dumps(found.numbers(), indent=2))
+        return
+    typer.echo(page(found))
+    if output is not None:
+        typer.echo(f"\nwritten: {', '.join(str(p) for p in sorted(output.iterdir()))}")
+
+
+def page(found: Diagnosis) -> str:
+    """The verdict in plain sentences."""
+    from diagnosis.verdict import place_odds
+    from flexarm.text import columns, number
+
+    study = found.study
+    parts = [f"{study.scenario.name}: {found.verdict.replace('_', ' ')}"]
+    for finding in found.findings:
+        parts.append(f"  {finding['sentence']}")
+        for name, row in finding["parameters"].items():
+            factor = f", {row['factor']:.3g} times the given value" if "factor" in row else ""
+            parts.append(
+                f"    {name} = {number(row['value'])} {row['unit']}"
+                f"  (95 %: {number(row['low'])} ... {number(row['high'])}){factor}"
+            )
+        if finding["when"]:
+            parts.append(f"    the mismatch lies {finding['when']}; {finding['frequency']}")
+    rows = [
+        ["as given", number(study.nominal[0]), number(study.nominal[1])],
+        ["refitted", number(study.refit.fit.chi2), number(study.refit.hold_out)],
+    ]
+    if study.chosen.effects:
+        rows.append([f"with {study.chosen.label}", number(study.chosen.fit.chi2), number(study.chosen.hold_out)])
+    parts.append(columns(["model", "error, fitted data", "error, held out"], rows))
+    parts.append("  (mean squared error over noise variance; 1 is the noise floor)")
+    odds = list(place_odds(study).items())[:3]
+    if study.chosen.effects and odds:
+        parts.append("  places: " + ", ".join(f"{place} {value:.2g}" for place, value in odds))
+    if found.proposal:
+        parts.append(f"  next experiment: {found.proposal.sentence} ({found.proposal.kind})")
+    parts += [f"  warning: {text}" for text in found.warnings]
+    return "\n".join(parts)

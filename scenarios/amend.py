@@ -1,0 +1,220 @@
+"""Changing the structure of a scenario file: blocks put in at a place, connections rerouted, comments kept.
+
+Works on the text with ruamel's round trip, so that what the user wrote stays as it was and the difference is small.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from engine.errors import FlexarmError
+
+
+@dataclass(frozen=True)
+class InSignal:
+    """Put a block into a signal, in front of an input.
+
+    Attributes:
+        name: of the new block.
+        type: of the new block.
+        target: the input it stands before.
+        parameters: of the new block.
+        entry, exit: its ports.
+    """
+
+    name: str
+    type: str
+    target: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+    entry: str = "in"
+    exit: str = "out"
+
+
+@dataclass(frozen=True)
+class AtFlange:
+    """Attach a block to a flange, as one more member of its node."""
+
+    name: str
+    type: str
+    target: str
+    port: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Between:
+    """Cut a flange from its node and put a block between them: ``inner`` joins the flange, ``outer`` the rest."""
+
+    name: str
+    type: str
+    target: str
+    inner: str
+    outer: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class OnSensor:
+    """Put a block behind a signal that recordings measure."""
+
+    name: str
+    type: str
+    target: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+    entry: str = "in"
+    exit: str = "out"
+
+
+@dataclass(frozen=True)
+class Set:
+    """Give a parameter or option of a block."""
+
+    name: str
+    key: str
+    value: Any
+
+
+@dataclass(frozen=True)
+class Replace:
+    """Turn a block into one of another type, keeping its connections and what parameters they share."""
+
+    name: str
+    type: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+    drop: tuple[str, ...] = ()
+
+
+Edit = InSignal | AtFlange | Between | OnSensor | Set | Replace
+
+
+def amended(text: str, edits: Sequence[Edit], notes: dict[str, str] | None = None) -> str:
+    """The scenario's text with edits applied.
+
+    Args:
+        text: a scenario.
+        edits: in order.
+        notes: comment for each block an edit touches, by name.
+
+    Raises:
+        FlexarmError: an edit names a place the scenario does not have.
+    """
+    yaml = _yaml()
+    document = yaml.load(text)
+    for edit in edits:
+        _apply(document, edit)
+        name = edit.name
+        note = (notes or {}).get(name)
+        if note and name in document["blocks"]:
+            document["blocks"].yaml_set_comment_before_after_key(name, before=note, indent=2)
+    out = io.StringIO()
+    yaml.dump(document, out)
+    return out.getvalue()
+
+
+def relocated(text: str, old: Path, new: Path) -> str:
+    """The text with the files it names relative to ``old`` named relative to ``new``."""
+    yaml = _yaml()
+    document = yaml.load(text)
+    entries = [*(document.get("recordings") or {}).values(), *(document.get("blocks") or {}).values()]
+    for entry in entries:
+        for key in ("file", "type"):
+            value = entry.get(key) if isinstance(entry, dict) else None
+            if not isinstance(value, str) or Path(value).is_absolute():
+                continue
+            if key == "file" or value.endswith((".yaml", ".yml")):
+                entry[key] = os.path.relpath((old / value).resolve(), new.resolve())
+    out = io.StringIO()
+    yaml.dump(document, out)
+    return out.getvalue()
+
+
+def _yaml() -> Any:
+    from ruamel.yaml import YAML
+
+    yaml = YAML(typ="rt")
+    yaml.preserve_quotes = True
+    yaml.width = 120
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    return yaml
+
+
+def _flow(values: Any) -> Any:
+    from ruamel.yaml.comments import CommentedMap, CommentedSeq
+
+    made = CommentedSeq(values) if isinstance(values, list) else CommentedMap(values)
+    made.fa.set_flow_style()
+    return made
+
+
+def _node(document: Any, end: str) -> Any:
+    for connection in document.setdefault("connect", []):
+        if end in connection:
+            return connection
+    return None
+
+
+def _apply(document: Any, edit: Edit) -> None:
+    blocks = document["blocks"]
+    if isinstance(edit, Set | Replace):
+        if edit.name not in blocks:
+            raise FlexarmError(f"the scenario has no block '{edit.name}' of its own")
+        if isinstance(edit, Set):
+            blocks[edit.name][edit.key] = edit.value
+            return
+        blocks[edit.name]["type"] = edit.type
+        for key in edit.drop:
+            blocks[edit.name].pop(key, None)
+        blocks[edit.name].update(edit.parameters)
+        return
+    if edit.name in blocks:
+        raise FlexarmError(f"the scenario has a block '{edit.name}' already")
+    blocks[edit.name] = _flow({"type": edit.type, **edit.parameters})
+    connect = document.setdefault("connect", [])
+    if isinstance(edit, InSignal):
+        node = _node(document, edit.target)
+        if node is not None:
+            if len(node) == 2:
+                node[list(node).index(edit.target)] = f"{edit.name}.{edit.entry}"
+            else:
+                node.remove(edit.target)
+                node.append(f"{edit.name}.{edit.entry}")
+        connect.append(_flow([f"{edit.name}.{edit.exit}", edit.target]))
+        _rename(document, edit.target, f"{edit.name}.{edit.entry}", ("drive",), "inputs")
+    elif isinstance(edit, AtFlange):
+        node = _node(document, edit.target)
+        if node is None:
+            connect.append(_flow([edit.target, f"{edit.name}.{edit.port}"]))
+        else:
+            node.append(f"{edit.name}.{edit.port}")
+    elif isinstance(edit, Between):
+        node = _node(document, edit.target)
+        if node is None or len(node) < 2:
+            raise FlexarmError(f"nothing is connected to '{edit.target}'")
+        node[list(node).index(edit.target)] = f"{edit.name}.{edit.outer}"
+        connect.append(_flow([edit.target, f"{edit.name}.{edit.inner}"]))
+    else:
+        connect.append(_flow([edit.target, f"{edit.name}.{edit.entry}"]))
+        _rename(document, edit.target, f"{edit.name}.{edit.exit}", ("measurements", "response"), "")
+
+
+def _rename(document: Any, old: str, new: str, sections: tuple[str, ...], analyses: str) -> None:
+    """Let recordings, and analyses if named, speak of ``new`` where they spoke of ``old``."""
+    for recording in (document.get("recordings") or {}).values():
+        for section in sections:
+            entry = recording.get(section)
+            if hasattr(entry, "insert") and old in entry:
+                position = list(entry).index(old)
+                value = entry.pop(old)
+                entry.insert(position, new, value)
+            elif entry == old:
+                recording[section] = new
+    if analyses:
+        for analysis in (document.get("analyses") or {}).values():
+            names = analysis.get(analyses)
+            if names and old in names:
+                names[list(names).index(old)] = new

@@ -1,0 +1,1 @@
+"""Figures of the documentation, each drawn by one program from a shipped scenario."""
