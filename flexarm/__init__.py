@@ -15,9 +15,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from diagnosis.api import diagnose, fit
     from diagnosis.compare import Comparison
     from diagnosis.recording import FrequencyTable, Recording
     from engine.assemble import build
+    from engine.batch import batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
     from engine.errors import FlexarmError
     from engine.linearise import LinearModel
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from engine.net import Net
     from engine.simulate import Drive, Result
     from engine.system import Connection, System
+    from engine.tangent import tangents
     from flexarm.api import compare, export, linearise, simulate
     from flexarm.plot import plot
     from scenarios.jsonschema import json_schema
@@ -46,6 +49,10 @@ _PLACES = {
     "System": "engine.system",
     "build": "engine.assemble",
     "compare": "flexarm.api",
+    "diagnose": "diagnosis.api",
+    "fit": "diagnosis.api",
+    "tangents": "engine.tangent",
+    "batch": "engine.batch",
     "export": "flexarm.api",
     "flange": "engine.block",
     "json_schema": "scenarios.jsonschema",
@@ -73,9 +80,12 @@ __all__ = [
     "Result",
     "Scenario",
     "System",
+    "batch",
     "build",
     "compare",
+    "diagnose",
     "export",
+    "fit",
     "flange",
     "json_schema",
     "linearise",
@@ -86,6 +96,7 @@ __all__ = [
     "signal_in",
     "signal_out",
     "simulate",
+    "tangents",
 ]
 
 
