@@ -12,11 +12,53 @@ def exp(x: Expression) -> Expression:
     return casadi.exp(x)
 
 
+def log(x: Expression) -> Expression:
+    """Natural logarithm."""
+    import casadi
+
+    return casadi.log(x)
+
+
+def cos(x: Expression) -> Expression:
+    """Cosine."""
+    import casadi
+
+    return casadi.cos(x)
+
+
 def sin(x: Expression) -> Expression:
     """Sine."""
     import casadi
 
     return casadi.sin(x)
+
+
+def sinh(x: Expression) -> Expression:
+    """Hyperbolic sine."""
+    import casadi
+
+    return casadi.sinh(x)
+
+
+def cosh(x: Expression) -> Expression:
+    """Hyperbolic cosine."""
+    import casadi
+
+    return casadi.cosh(x)
+
+
+def expm1(x: Expression) -> Expression:
+    """exp(x) - 1, also for small x."""
+    import casadi
+
+    return casadi.expm1(x)
+
+
+def magnitude(x: Expression) -> Expression:
+    """Absolute value."""
+    import casadi
+
+    return casadi.fabs(x)
 
 
 def sqrt(x: Expression) -> Expression:
@@ -57,3 +99,11 @@ def choose(condition: Expression, then: Expression, otherwise: Expression) -> Ex
 def by_mode(mode: Expression, below: Expression, inside: Expression, above: Expression) -> Expression:
     """One of three values, for a switch's mode of -1, 0 and +1."""
     return choose(mode > 0, above, choose(mode < 0, below, inside))
+
+
+def select(index: Expression, values: list[float]) -> Expression:
+    """The value at a whole ``index``; the last one beyond the end."""
+    chosen: Expression = values[-1]
+    for i in range(len(values) - 2, -1, -1):
+        chosen = choose(index < i + 1, values[i], chosen)
+    return chosen

@@ -16,6 +16,7 @@ from engine.model import (
     SWITCH,
     TIME,
     Equations,
+    External,
     Mode,
     Model,
     ParameterVariable,
@@ -202,6 +203,7 @@ class _Assembly:
             books = self._books(accounts)
         n = mechanics.count
         fire = ca.SX.sym("fire", len(net.clocks))
+        updates, calls = self.wiring.updates(fire)
         guards = [mechanics.guards[c] for c in mechanics.friction_modes]
         guards += [self._final(ca.vertcat(entry.above, entry.below)) for entry in net.switches]
         outputs = [*self._outputs(), *books]
@@ -218,16 +220,17 @@ class _Assembly:
                 ]
             ),
             p=self.p,
-            fire=fire,
+            fire=self._stack([fire, *[symbol for entry in net.externals for symbol in entry.returned]]),
             derivative=self._stack([mechanics.v, acceleration, *derivatives]),
             guards=self._stack(guards),
             outputs=self._stack([expression for _, expression in outputs]),
-            update=self._stack([mechanics.in_coordinates(e) for e in self.wiring.updates(fire)]),
+            update=self._stack([mechanics.in_coordinates(e) for e in updates]),
             following=self._stack([entry.following for entry in net.time_events]),
             start=self._stack([ca.SX.zeros(2 * n, 1), *[s.start for s in net.states], *[ca.SX(0) for _ in accounts]]),
             memory_start=self._stack([entry.start for entry in net.memories]),
             transform=ca.densify(mechanics.T[:, mechanics.free]),
             imposed=mechanics.imposed_motion(),
+            external=self._stack([mechanics.in_coordinates(given) for _, given in calls]),
         )
         equations, parameters = self._used(equations)
         inputs = tuple(Variable(name, self.wiring.unit(name), net.inputs[name].port.doc) for name in self.free_names)
@@ -249,7 +252,20 @@ class _Assembly:
             equations=equations,
             motions={f"{block}.{port}": motion.index for (block, port), motion in self.flanges.items()},
             initial=dict(self.system.initial),
+            externals=self._externals([(entry.name, given.numel()) for entry, given in calls]),
         )
+
+    def _externals(self, calls: list[tuple[str, int]]) -> tuple[External, ...]:
+        """The external functions in the order of their calls, given each one's name and count of inputs."""
+        entries = {entry.name: entry for entry in self.net.externals}
+        counts = [len(entry.returned) for entry in self.net.externals]
+        outputs = {name: sum(counts[:i]) for i, name in enumerate(entries)}
+        made: list[External] = []
+        for name, inputs in calls:
+            entry, first = entries[name], sum(external.inputs for external in made)
+            count, clock = len(entry.returned), entry.clock.index
+            made.append(External(name, clock, inputs, count, first, outputs[name], entry.make, entry.identity))
+        return tuple(made)
 
     def _used(self, equations: Equations) -> tuple[Equations, list[ModelParameter]]:
         """The equations with only those parameters that some equation reads; the rest could be tuned in vain."""

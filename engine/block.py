@@ -18,7 +18,9 @@ Read on an ordinary instance ``block.inertia`` is the number; inside ``stamp`` i
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from engine.errors import ParameterError, nearest
@@ -110,9 +112,10 @@ def option(
     choices: tuple[str, ...] = (),
     ge: int | None = None,
     le: int | None = None,
+    size: str = "",
 ) -> Any:
     """Declare a choice that shapes the equations; see `engine.quantity.Option`."""
-    return _Declared(Option("", kind, default, doc, choices, ge, le))
+    return _Declared(Option("", kind, default, doc, choices, ge, le, size))
 
 
 def flange(doc: str, *, kind: str = ROTATIONAL, name: str = "") -> Any:
@@ -138,6 +141,7 @@ class Block:
 
     Attributes:
         values: parameters and options by name, in the declared unit.
+        ports: connectors by name; those of the class, and `further_ports`.
 
     Raises:
         ParameterError: unknown name, missing value, wrong unit or range.
@@ -145,8 +149,8 @@ class Block:
 
     parameters: ClassVar[dict[str, Parameter]] = {}
     options: ClassVar[dict[str, Option]] = {}
-    ports: ClassVar[dict[str, Port]] = {}
-    _port_attributes: ClassVar[dict[str, str]] = {}
+    ports: Mapping[str, Port] = MappingProxyType({})
+    _port_attributes: Mapping[str, str] = MappingProxyType({})
     _bound: dict[str, Any] | None = None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -177,15 +181,30 @@ class Block:
         self._aliases: dict[str, str] = {}
         self._units: dict[str, str] = {}
         for name, choice in cls.options.items():
-            self.values[name] = self._given(choice, values, choice.check)
+            self.values[name] = self._given(choice, values, lambda v, c=choice: self._checked(c, v))
         for name, declared in cls.parameters.items():
             if name not in values and isinstance(declared.default, SameAs):
                 self._aliases[name] = declared.default.choose(values)
             else:
-                self.values[name] = self._given(declared, values, lambda v, d=declared: self._number(d, v))
+                self.values[name] = self._given(declared, values, lambda v, d=declared: self._checked(d, v))
         for name, other in self._aliases.items():
             self.values[name] = self.values[other]
         self.check()
+        further = {port.name: port for port in self.further_ports()}
+        if further:
+            self.ports = {**cls.ports, **further}
+            self._port_attributes = {**cls._port_attributes, **{name: name for name in further}}
+
+    def further_ports(self) -> Iterable[Port]:
+        """Ports that only this instance has, such as one per joint; `port` reads them inside `stamp`."""
+        return ()
+
+    def port(self, name: str) -> Any:
+        """A port by its name: inside `stamp` what it stands for there, else the `Port`."""
+        if self._bound is None:
+            return self.ports[name]
+        attribute = next(a for a, port in self._port_attributes.items() if port == name)
+        return self._bound.get(attribute, self.ports[name])
 
     def _given(self, declared: Parameter | Option, values: dict[str, Any], check: Any) -> Any:
         value = values.get(declared.name, declared.default)
@@ -202,10 +221,11 @@ class Block:
         """Unit of a parameter's value; where any unit fits, that of what was given (``*`` for a bare number)."""
         return self._units.get(name, type(self).parameters[name].unit)
 
-    def _number(self, declared: Parameter, value: Any) -> Any:
+    def _checked(self, declared: Parameter | Option, value: Any) -> Any:
         if not declared.size:
             return declared.check(value)
-        length = int(self.values[declared.size])
+        size = self.values[declared.size]
+        length = sum(size) if isinstance(size, tuple) else int(size)
         items = list(value) if isinstance(value, list | tuple) else [value] * length
         if len(items) != length:
             raise ParameterError(

@@ -234,7 +234,12 @@ def model_code(model: Model, extra: Sequence[tuple[str, list[Expression], Expres
     Args:
         model: the model.
         extra: further functions: name, arguments (as those of `Emitter.add`; the last may be any symbol) and result.
+
+    Raises:
+        NotImplementedError: the model calls Python functions.
     """
+    if model.externals:
+        raise NotImplementedError(f"'{model.externals[0].name}' is a Python function, which only a simulation can call")
     return _sizes(model) + "\n\n" + _emitter(model, extra).text()
 
 
@@ -248,6 +253,8 @@ def _emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expressi
     emitter.add("outputs", arguments, e.outputs)
     emitter.add("update", arguments, e.update)
     emitter.add("following", arguments, e.following)
+    if model.externals:
+        emitter.add("external", arguments, e.external)
     for name, symbols, result in extra:
         emitter.add(name, symbols, result)
     return emitter
@@ -268,6 +275,9 @@ def _sizes(model: Model) -> str:
         "FA_NS": model.count(SWITCH),
         "FA_NT": model.count(TIME),
         "FA_NC": len(model.clocks),
+        "FA_NE": len(model.externals),
+        "FA_NEI": sum(external.inputs for external in model.externals),
+        "FA_NEO": sum(external.outputs for external in model.externals),
     }
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     lines.append(_array("int", "fa_stick_coordinate", [str(mode.coordinate) for mode in frictions]))
@@ -276,6 +286,9 @@ def _sizes(model: Model) -> str:
     for i, table in enumerate(model.tables):
         lines.append(_array("double", f"fa_table_t{i}", [_literal(float(t)) for t in table.times]))
         lines.append(_array("double", f"fa_table_v{i}", [_literal(float(v)) for v in table.values]))
+    for field in ("clock", "first_input", "first_output") if model.externals else ():
+        values = [str(getattr(external, field)) for external in model.externals]
+        lines.append(_array("int", f"fa_external_{field}", values))
     for kind in "tv":
         names = [f"fa_table_{kind}{i}" for i in range(len(model.tables))]
         lines.append(_array("double *const", f"fa_table_{kind}", names))
@@ -295,7 +308,8 @@ _INCLUDES = "#include <math.h>\n#include <string.h>\n#include <stdint.h>\n"
 
 def simulation_source(model: Model) -> str:
     """One translation unit: the model, the integrator and the entry point that Python calls."""
-    return _INCLUDES + model_code(model) + runtime("core.c") + runtime("simulate.c")
+    parts = [_INCLUDES, _sizes(model), "\n\n", _emitter(model).text(), runtime("core.c"), runtime("simulate.c")]
+    return "".join(parts)
 
 
 def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -> str:

@@ -29,7 +29,7 @@ class Coordinates:
         names: one per coordinate; ``relative`` marks those that are a friction edge's relative motion.
         kinds: ``rotational`` or ``translational``.
         rows: for each motion, coordinate index -> coefficient.
-        weights: for each motion, the efficiency weight of its balance.
+        weights: for each motion, then each velocity, the efficiency weight of its balance.
         prescribed: coordinate index -> (prescription, scale): the prescribed motion is scale times the coordinate.
         frictions: coordinate index -> list of (friction, scale): its velocity is scale times the coordinate's.
     """
@@ -196,9 +196,10 @@ def _place(
 
 
 def _weights(net: Net) -> list[Expression]:
-    """Efficiency weight of each motion's balance: equal across ties, masses and friction, eta across a lossy tie."""
+    """Efficiency weight of each balance: equal across ties, masses, velocities and friction, eta across a lossy tie."""
     weights: dict[int, Expression] = {}
-    edges: dict[int, list[tuple[int, Expression, str]]] = {m.index: [] for m in net.motions}
+    everything = [m.index for m in net.motions] + [v.index for v in net.velocities]
+    edges: dict[int, list[tuple[int, Expression, str]]] = {index: [] for index in everything}
 
     def join(a: int, b: int, ratio: Expression, owner: str) -> None:
         edges[a].append((b, 1 / ratio, owner))
@@ -214,12 +215,15 @@ def _weights(net: Net) -> list[Expression]:
                 join(first, other, ca.SX(1), tie.owner)
     for i, j in net.masses:
         if i != j:
-            join(i, j, ca.SX(1), net.motions[i].name)
+            join(i, j, ca.SX(1), (net.motions[i] if i >= 0 else net.velocities[-1 - i]).name)
+    for velocity in net.velocities:
+        for index in velocity.terms:
+            join(velocity.index, index, ca.SX(1), velocity.name)
     for friction in net.frictions:
         first, *rest = friction.terms
         for other in rest:
             join(first, other, ca.SX(1), friction.owner)
-    for start in [m.index for m in reversed(net.motions)]:
+    for start in sorted(everything, reverse=True):
         if start in weights:
             continue
         weights[start] = ca.SX(1)
@@ -236,7 +240,7 @@ def _weights(net: Net) -> list[Expression]:
                         f"'{owner}' closes a loop around a gear with losses",
                         remedy="set that gear's efficiency to 1, or put a spring into the loop",
                     )
-    return [weights[m.index] for m in net.motions]
+    return [weights[index] for index in everything]
 
 
 def _same(a: Expression, b: Expression) -> bool:

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from engine.external import Calls
 from engine.model import FRICTION, SWITCH, Model, Vector
-from engine.native import CANCELLED, CHATTER, EVENTS_PER_STEP, NO_MODE, NOT_FINITE, OK, Job, Outcome
+from engine.native import CANCELLED, CHATTER, EVENTS_PER_STEP, EXTERNAL, NO_MODE, NOT_FINITE, OK, Job, Outcome
 
 _SNAP = 1e-12
 
@@ -35,6 +36,8 @@ class _Simulation:
         self.base, self.slope, self.origin = (np.zeros(inputs) for _ in range(3))
         self.cursor = [-1] * len(model.tables)
         self.steps = self.events = 0
+        self.calls = Calls(model)
+        self.returned = [0.0] * sum(external.outputs for external in model.externals)
         self.log: list[tuple[float, int, float]] = []
         self.dx: Vector = np.zeros(0)
         self.g: Vector = np.zeros(0)
@@ -211,6 +214,15 @@ class _Simulation:
         pairs = zip(self.job.period, self.job.offset, strict=True)
         fire = [float(tick >= offset and (tick - offset) % period == 0) for period, offset in pairs]
         if any(fire):
+            fire += self.returned
+            for k, external in enumerate(self.model.externals):
+                if fire[external.clock]:
+                    first, last = external.first_input, external.first_input + external.inputs
+                    answer = self.calls.call(k, self.t, self.call("external", self.t, self.x, fire)[first:last])
+                    if answer is None:
+                        raise _Stop(EXTERNAL, k)
+                    begin = len(self.job.period) + external.first_output
+                    fire[begin : begin + external.outputs] = answer.tolist()
             self.d = self.call("update", self.t, self.x, fire)
             self.settle()
 
@@ -235,7 +247,11 @@ class _Simulation:
 
 
 def run(model: Model, job: Job) -> Outcome:
-    """Carry out one run; same meaning as `engine.native.run`."""
+    """Carry out one run; same meaning as `engine.native.run`.
+
+    Raises:
+        SimulationError: an external function cannot be made.
+    """
     s = _Simulation(model, job)
     rows = job.outputs + 1
     y = np.zeros((rows, len(model.outputs)))
@@ -275,5 +291,7 @@ def run(model: Model, job: Job) -> Outcome:
                     raise _Stop(CANCELLED, 0)
     except _Stop as stop:
         status, culprit = stop.status, stop.culprit
+    s.calls.finish()
     log = np.array(s.log, dtype=float).reshape(-1, 3)
-    return Outcome(y, states, modes, s.x, s.d, s.m, log, s.steps, s.events, row, status, culprit, s.t)
+    cause = s.calls.failure
+    return Outcome(y, states, modes, s.x, s.d, s.m, log, s.steps, s.events, row, status, culprit, s.t, cause)

@@ -6,7 +6,7 @@ zone or a saturation is linearised in the mode found at the point, or in the one
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 Matrix = NDArray[np.float64]
 
+_EDGE = 1e-14
+"""A guard this close to zero is on the edge between two modes."""
+
 
 @dataclass(frozen=True)
 class LinearModel:
@@ -33,8 +36,12 @@ class LinearModel:
         states, inputs, outputs: names.
         units: name -> unit.
         modes: mode name -> label of the mode that was linearised.
-        point: state name -> value at the operating point.
+        point: state or input name -> value at the operating point.
         rate: the largest |dx/dt| at the point over the states kept: zero at an equilibrium.
+        moving: state name -> dx/dt at the point, of the states kept that keep the point from being an equilibrium. A
+            state on whose value nothing depends may move: a shaft that turns steadily is an equilibrium of its speed.
+        ambiguous: mode name -> labels of the modes that meet at the point, where it lies exactly on the edge between
+            them and none was asked for.
     """
 
     A: Matrix
@@ -48,6 +55,8 @@ class LinearModel:
     modes: dict[str, str]
     point: dict[str, float]
     rate: float
+    moving: dict[str, float] = field(default_factory=dict)
+    ambiguous: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A (1/s), by magnitude."""
@@ -119,7 +128,7 @@ def linearise(
 
     Args:
         model: built with the inputs and outputs wanted.
-        at: motions and states at the point by name, SI units; the rest as at the model's start.
+        at: motions, states and memories at the point by name, SI units; the rest as at the model's start.
         inputs: input values at the point, SI units; zero by default.
         modes: mode name -> label (``stuck``, ``sliding forward``, ``inside``...) to linearise in, in place of the one
             found at the point.
@@ -129,32 +138,21 @@ def linearise(
     Raises:
         ParameterError: a name or label that does not exist.
     """
-    p = model.parameter_vector(parameters)
-    x = start_values(model, p, at)
-    u = np.zeros(model.equations.u.numel())
-    for name, value in (inputs or {}).items():
-        u[_index(name, tuple(v.name for v in model.inputs), "input")] = value
-    for i, table in enumerate(model.tables):
-        u[len(model.inputs) + i] = np.interp(time, table.times, table.values)
-    d = np.array(model.functions["memory_start"](p).full()).ravel()
-    m = _modes_at(model, time, x, u, d, p, dict(modes or {}))
+    point = operating_point(model, at=at, inputs=inputs, modes=modes, parameters=parameters, time=time)
     e = model.equations
     key = "linear"
     if key not in model.functions:
         external = e.u[: len(model.inputs)]
         blocks = [ca.jacobian(f, s) for f in (e.derivative, e.outputs) for s in (e.x, external)]
         model.functions[key] = ca.Function(key, e.arguments, [ca.densify(b) for b in blocks])
-    A, B, C, D = (np.array(b.full()) for b in model.functions[key](time, x, u, d, m, p))
-    stuck = [
-        mode.coordinate for mode, value in zip(model.modes, m, strict=True) if mode.kind == FRICTION and value == 0
-    ]
-    gone = {*stuck, *(model.coordinates + c for c in stuck)}
-    keep = [i for i in range(len(model.states)) if i not in gone]
-    rate = np.array(model.functions["derivative"](time, x, u, d, m, p).full()).ravel()[keep]
+    A, B, C, D = (np.array(b.full()) for b in model.functions[key](*point.arguments))
+    keep = point.kept(model)
+    rates = np.array(model.functions["derivative"](*point.arguments).full()).ravel()[keep]
     names = tuple(model.states[i].name for i in keep)
     variables = (*model.states, *model.inputs, *model.outputs)
+    kept = A[np.ix_(keep, keep)]
     return LinearModel(
-        A[np.ix_(keep, keep)],
+        kept,
         B[keep],
         C[:, keep],
         D,
@@ -162,10 +160,86 @@ def linearise(
         tuple(v.name for v in model.inputs),
         tuple(v.name for v in model.outputs),
         {v.name: v.unit for v in variables},
-        {mode.name: _label(mode, v) for mode, v in zip(model.modes, m, strict=True) if mode.kind != TIME},
-        dict(zip((s.name for s in model.states), x.tolist(), strict=True)),
-        float(np.abs(rate).max(initial=0.0)),
+        {mode.name: _label(mode, v) for mode, v in zip(model.modes, point.m, strict=True) if mode.kind != TIME},
+        dict(
+            zip((v.name for v in (*model.states, *model.inputs)), [*point.x.tolist(), *point.u.tolist()], strict=False)
+        ),
+        float(np.abs(rates).max(initial=0.0)),
+        _moving(names, rates, kept, point.x[keep]),
+        _ambiguous(model, point, dict(modes or {})),
     )
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where a model is linearised: time, states, inputs with tables, memories, modes and parameters, SI units."""
+
+    t: float
+    x: Vector
+    u: Vector
+    d: Vector
+    m: Vector
+    p: Vector
+
+    @property
+    def arguments(self) -> tuple[float, Vector, Vector, Vector, Vector, Vector]:
+        """In the order of the model's functions."""
+        return self.t, self.x, self.u, self.d, self.m, self.p
+
+    def kept(self, model: Model) -> list[int]:
+        """Positions of the states that are not held by stuck joints."""
+        modes = zip(model.modes, self.m, strict=True)
+        stuck = [mode.coordinate for mode, value in modes if mode.kind == FRICTION and value == 0]
+        gone = {*stuck, *(model.coordinates + c for c in stuck)}
+        return [i for i in range(len(model.states)) if i not in gone]
+
+
+def operating_point(
+    model: Model,
+    *,
+    at: dict[str, float] | None = None,
+    inputs: dict[str, float] | None = None,
+    modes: dict[str, str] | None = None,
+    parameters: dict[str, float] | None = None,
+    time: float = 0.0,
+) -> Point:
+    """The point at which `linearise` linearises, with the modes that agree with it."""
+    p = model.parameter_vector(parameters)
+    held = {variable.name: i for i, variable in enumerate(model.memories)}
+    given = dict(at or {})
+    d = np.array(model.functions["memory_start"](p).full()).ravel()
+    for name in [name for name in given if name in held]:
+        d[held[name]] = given.pop(name)
+    x = start_values(model, p, given)
+    u = np.zeros(model.equations.u.numel())
+    for name, value in (inputs or {}).items():
+        u[_index(name, tuple(v.name for v in model.inputs), "input")] = value
+    for i, table in enumerate(model.tables):
+        held = table.values[max(int(np.searchsorted(table.times, time, "right")) - 1, 0)]
+        linear = table.hold == "linear"
+        u[len(model.inputs) + i] = np.interp(time, table.times, table.values) if linear else held
+    return Point(time, x, u, d, _modes_at(model, time, x, u, d, p, dict(modes or {})), p)
+
+
+def _moving(names: tuple[str, ...], rates: Vector, A: Matrix, x: Vector) -> dict[str, float]:
+    """States that change at the point beyond rounding, without those that nothing depends on."""
+    allowed = 1e-9 + 1e-6 * np.abs(A) @ np.abs(x)
+    free = np.atleast_1d(~A.any(axis=0))
+    return {n: float(r) for n, r, a, f in zip(names, rates, allowed, free, strict=True) if abs(r) > a and not f}
+
+
+def _ambiguous(model: Model, point: Point, wanted: dict[str, str]) -> dict[str, tuple[str, ...]]:
+    """Modes with a guard that is exactly zero, and the labels on both of its sides."""
+    found: dict[str, tuple[str, ...]] = {}
+    g = np.array(model.functions["guards"](*point.arguments).full()).ravel()
+    for k, mode in enumerate(model.modes):
+        if mode.kind == TIME or mode.name in wanted or 2 * k >= len(g):
+            continue
+        value = int(point.m[k])
+        others = [0 if value else side for side, guard in ((1, g[2 * k]), (-1, g[2 * k + 1])) if abs(guard) <= _EDGE]
+        if others:
+            found[mode.name] = tuple(mode.labels[v + 1] for v in sorted({value, *others}))
+    return found
 
 
 def _label(mode: Mode, value: float) -> str:

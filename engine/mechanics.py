@@ -2,17 +2,21 @@
 
     M q'' = f,   M = T' E M0 T,   f = T' E f0
 
-T carries coordinates to motions, E holds the efficiency weights. A stuck coordinate has its row and column of M masked
-and its force zeroed, so its acceleration is exactly zero; what would move it is the residual of its own row, and that
-is compared with the static friction.
+Velocities built on one another (`engine.net.Velocity`) stand behind the coordinates in M and f, and their accelerations
+follow from ``v' = C z + b``, z = (q'', v'); see `engine.recursion`. T carries coordinates to motions, E holds the
+efficiency weights. A stuck coordinate has its row and column of M masked and its force zeroed, so its acceleration is
+exactly zero; what would move it is the residual of its own row, and that is compared with the static friction.
 """
 
 from __future__ import annotations
+
+import functools
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from engine import recursion
 from engine.block import Expression
 from engine.coordinates import choose
 from engine.errors import StructureError
@@ -66,12 +70,44 @@ class Mechanics:
 
     def in_coordinates(self, expression: Expression) -> Expression:
         """Replace the motions' angles and speeds by combinations of the coordinates."""
-        motions = self.net.motions
-        if not motions:
+        if not self.net.motions:
             return expression
+        old, new = self._substitution
+        old = ca.vertcat(old, *[velocity.speed for velocity in self.net.velocities])
+        return ca.substitute(expression, old, ca.vertcat(new, *self._recursion[1]))
+
+    @functools.cached_property
+    def _substitution(self) -> tuple[Expression, Expression]:
+        """Angles and speeds of the motions, and what stands for them."""
+        motions = self.net.motions
         old = ca.vertcat(*[m.angle for m in motions], *[m.speed for m in motions])
-        new = ca.vertcat(self.T @ self._all(self.q, 0), self.T @ self._all(self.v, 1))
-        return ca.substitute(expression, old, ca.densify(new))
+        return old, ca.densify(ca.vertcat(self.T @ self._all(self.q, 0), self.T @ self._all(self.v, 1)))
+
+    @functools.cached_property
+    def _recursion(self) -> tuple[Expression, list[Expression]]:
+        """C over motions and velocities, in coordinates, and the speeds of the velocities."""
+        first = len(self.net.motions)
+        matrix = ca.SX(len(self.net.velocities), first + len(self.net.velocities))
+        for k, velocity in enumerate(self.net.velocities):
+            for index, coefficient in velocity.terms.items():
+                matrix[k, self._place(index)] = coefficient
+        if not self.net.velocities:
+            return matrix, []
+        matrix = ca.substitute(matrix, *self._substitution)
+        speeds: list[Expression] = ca.vertsplit(self._substitution[1])[first:]
+        for row in recursion.rows_of(matrix):
+            speeds.append(sum((c * speeds[j] for j, c in row.items()), ca.SX(0)))
+        return matrix, speeds[first:]
+
+    def _bias(self) -> Expression:
+        """What the turning of coefficients adds to the accelerations of the velocities."""
+        motions, velocities = self.net.motions, self.net.velocities
+        speed = {m.index: m.speed for m in motions} | {entry.index: entry.speed for entry in velocities}
+        coefficients = ca.vertcat(ca.SX(0, 1), *[c for velocity in velocities for c in velocity.terms.values()])
+        q, v = ca.vertcat(*[m.angle for m in motions]), ca.vertcat(*[m.speed for m in motions])
+        change = iter(ca.vertsplit(ca.jtimes(coefficients, q, v)))
+        rows = [sum((next(change) * speed[index] for index in entry.terms), ca.SX(0)) for entry in velocities]
+        return self.in_coordinates(ca.vertcat(ca.SX(0, 1), *rows))
 
     def _all(self, free: Expression, order: int) -> Expression:
         """All coordinates (or their derivative of that order) from the free ones and what is imposed."""
@@ -117,17 +153,21 @@ class Mechanics:
         return rows
 
     def _forces(self) -> Expression:
-        f = ca.SX.zeros(len(self.net.motions), 1)
+        f = ca.SX.zeros(len(self.net.motions) + len(self.net.velocities), 1)
         for index, value in self.net.forces.items():
-            f[index] += value
+            f[self._place(index)] += value
         return self.wiring.resolve(f)
 
     def _mass(self) -> Expression:
         n = len(self.net.motions)
-        mass = ca.SX(n, n)
+        mass = ca.SX(n + len(self.net.velocities), n + len(self.net.velocities))
         for (i, j), value in self.net.masses.items():
-            mass[i, j] = value
+            mass[self._place(i), self._place(j)] = value
         return mass
+
+    def _place(self, index: int) -> int:
+        """Where a motion or velocity stands among all: the motions, then the velocities."""
+        return index if index >= 0 else len(self.net.motions) - 1 - index
 
     def _dry(self, coordinate: int) -> tuple[Expression, Expression, Expression, Expression]:
         """Friction (real units, along the coordinate), static levels forward and backward, and the power it takes."""
@@ -150,16 +190,21 @@ class Mechanics:
         names, free = self.coordinates.names, self.free
         if not names:
             return [ca.SX(0) for _ in self.net.motions]
+        velocities = len(self.net.velocities)
+        free = [*free, *range(len(names), len(names) + velocities)]
+        onto = ca.diagcat(self.T, ca.SX.eye(velocities))
         weights = ca.diag(ca.vertcat(*self.coordinates.weights))
         mass0, force0 = self.in_coordinates(self._mass()), self.in_coordinates(self._forces())
-        whole = self.T.T @ weights @ mass0 @ self.T
-        force = self.T.T @ weights @ force0
-        imposed = self._all(ca.SX.zeros(self.count, 1), 2)
-        mass, push = whole[free, free], (force - whole @ imposed)[free]
-        self._check_mass(mass)
+        whole = onto.T @ weights @ mass0 @ onto
+        force = onto.T @ weights @ force0
+        imposed = ca.vertcat(self._all(ca.SX.zeros(self.count, 1), 2), ca.SX.zeros(velocities, 1))
+        mass, push = whole[free, free], (force - whole @ imposed)[free, 0]
+        steps = self._recursion[0] @ onto
+        bias = self._bias() + steps @ imposed
+        self._check_mass(mass, steps[:, free])
         dry_power = ca.SX(0)
         levels: dict[int, tuple[Expression, Expression]] = {}
-        slip = ca.SX.ones(self.count, 1)
+        slip = ca.SX.ones(self.count + velocities, 1)
         for c, mode in self.friction_modes.items():
             dry, ahead, behind, power = (self.in_coordinates(self.wiring.resolve(e)) for e in self._dry(c))
             weight, i = self._weight(c), free.index(c)
@@ -167,26 +212,31 @@ class Mechanics:
             levels[c] = (weight * ahead, weight * behind)
             dry_power += power
             slip[i] = mode * mode
-        masked = mass
+        masked, masked_steps = mass, steps[:, free]
         if self.friction_modes:
             masked = ca.diag(slip) @ mass @ ca.diag(slip) + ca.diag(1 - slip)
-        self.acceleration = ca.SX(0, 1)
-        if free:
-            self.acceleration = solve(masked, slip * push, self.p, list(self.friction_modes.values()))
+            masked_steps = masked_steps @ ca.diag(slip)
+        found = ca.SX(0, 1)
+        if velocities:
+            found = recursion.solve(masked, slip * push, masked_steps, bias)
+        elif free:
+            found = solve(masked, slip * push, self.p, list(self.friction_modes.values()))
+        self.acceleration, rest = ca.vertsplit(found, [0, self.count, len(free)])
+        residuals = recursion.gather(push - mass @ found, steps[:, free])
         for c, (ahead, behind) in levels.items():
             i, mode = free.index(c), self.friction_modes[c]
-            residual = push[i] - mass[i, :] @ self.acceleration
+            residual = residuals[i]
             above = ca.if_else(mode == 0, residual - ahead, -mode * self.v[i])
             below = ca.if_else(mode == 0, -residual - behind, -1)
             self.guards[c] = ca.vertcat(above, below)
-        everything = self._all(self.acceleration, 2)
-        motions = self.T @ everything
-        balance = whole @ everything - force
+        everything = ca.vertcat(self._all(self.acceleration, 2), rest)
+        motions = onto @ everything
+        balance = recursion.gather(whole @ everything - force, steps)
         self.reactions = [
             balance[c] / (scale * self.coordinates.weights[entry.motion])
             for c, (entry, scale) in self.coordinates.prescribed.items()
         ]
-        speed = self.T @ self._all(self.v, 1)
+        speed = ca.vertcat(self.T @ self._all(self.v, 1), *self._recursion[1])
         self.kinetic_energy = ca.dot(speed, mass0 @ speed) / 2
         self.lost = dry_power
         if any(tie.efficiency is not None for tie in self.net.ties):
@@ -204,10 +254,13 @@ class Mechanics:
         entry, _ = self.coordinates.frictions[coordinate][0]
         return self.coordinates.weights[next(iter(entry.terms))]
 
-    def _check_mass(self, mass: Expression) -> None:
+    def _check_mass(self, mass: Expression, steps: Expression) -> None:
         """Refuse a massless coordinate by the names of the flanges that move with it."""
-        function = ca.Function("mass", [self.q, self.p], [mass])
-        numbers = np.array(function(np.zeros(self.q.numel()), self.values).full())
+        known = {hash_symbol(s) for s in ca.symvar(ca.vertcat(self.q, self.p))}
+        others = [s for s in ca.symvar(ca.veccat(mass, steps)) if hash_symbol(s) not in known]
+        function = ca.Function("mass", [self.q, self.p, ca.vertcat(*others)], [ca.densify(mass), ca.densify(steps)])
+        found = function(np.zeros(self.q.numel()), self.values, np.zeros(len(others)))
+        numbers = recursion.condense(*(matrix.full() for matrix in found))
         diagonal = np.diag(numbers)
         for i, value in enumerate(diagonal):
             if value <= 0:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,6 +79,30 @@ class SampleClock:
 
 
 @dataclass(frozen=True)
+class External:
+    """A Python function called at the instants of a clock.
+
+    Attributes:
+        name: path of the block that has it.
+        clock: index of its clock.
+        inputs, outputs: how many values it is given and returns.
+        first_input: where its values begin among those of all such functions, in ``equations.external``.
+        first_output: where its answers begin among those of all, which follow the clocks' flags in ``equations.fire``.
+        make: returns the function for one run; see `engine.net.Net.external`.
+        identity: a text that differs where the function does.
+    """
+
+    name: str
+    clock: int
+    inputs: int
+    outputs: int
+    first_input: int
+    first_output: int
+    make: Callable[[], Any]
+    identity: str
+
+
+@dataclass(frozen=True)
 class TableData:
     """A recorded signal inside the model."""
 
@@ -94,7 +119,7 @@ class Equations:
 
     Attributes:
         t, x, u, d, m, p, fire: symbols: time, states, inputs (external, then tables), memories, modes, parameters, and
-            one flag per clock.
+            one flag per clock, followed by what external functions returned at the instant.
         derivative: dx/dt.
         guards: two per switching mode, positive when violated: above_0, below_0, above_1, ...
         outputs: y.
@@ -104,6 +129,7 @@ class Equations:
         memory_start: memories at the start, from parameters.
         transform: motions = transform @ coordinates + imposed, from parameters.
         imposed: what imposed motions add to all angles, then to all speeds.
+        external: what the external functions are given at an instant, in the order of their calls.
     """
 
     t: Expression
@@ -122,6 +148,7 @@ class Equations:
     memory_start: Expression
     transform: Expression
     imposed: Expression
+    external: Expression
 
     @property
     def arguments(self) -> list[Expression]:
@@ -141,6 +168,8 @@ class Model:
         tables: recorded signals inside the model.
         outputs, parameters, memories, clocks: as named.
         modes: friction modes, then switches, then counters of time events.
+        externals: Python functions called at sample instants, in the order of the calls; a model that has some has no
+            tangents and cannot be exported as C.
         equations: the SX expressions.
         motions: flange name -> row of the transform.
         initial: starting values by name, SI units; see `engine.start.start_values`.
@@ -161,6 +190,7 @@ class Model:
     equations: Equations
     motions: dict[str, int]
     initial: dict[str, float]
+    externals: tuple[External, ...] = ()
 
     def count(self, kind: str) -> int:
         """How many modes there are of a kind."""
@@ -209,6 +239,8 @@ class Model:
             for name in ("derivative", "guards", "outputs", "imposed")
         }
         made["update"] = ca.Function("update", [*e.arguments, e.fire], [e.update])
+        if self.externals:
+            made["external"] = ca.Function("external", [*e.arguments, e.fire], [e.external])
         made["following"] = ca.Function("following", [e.m, e.p], [e.following])
         made["start"] = ca.Function("start", [e.p], [e.start])
         made["transform"] = ca.Function("transform", [e.p], [e.transform])
@@ -224,4 +256,5 @@ class Model:
             digest.update(str(function.serialize()).encode())
         digest.update(repr((self.states, self.inputs, self.outputs, self.parameters, self.modes, self.tables)).encode())
         digest.update(repr((self.clocks, self.memory_clock, self.memories)).encode())
+        digest.update(repr([(e.name, e.clock, e.first_output, e.identity) for e in self.externals]).encode())
         return digest.hexdigest()[:16]

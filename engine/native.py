@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from engine.codegen import simulation_source
 from engine.compile import library
+from engine.external import Calls
 from engine.model import Model, Vector
 
-OK, NOT_FINITE, CHATTER, CANCELLED, NO_MODE = range(5)
+OK, NOT_FINITE, CHATTER, CANCELLED, NO_MODE, EXTERNAL = range(6)
 EVENTS_PER_STEP = 200
 
 
@@ -60,6 +61,10 @@ class Outcome:
     status: int
     culprit: int
     t1: float
+    cause: BaseException | None = None
+
+
+_External = ctypes.CFUNCTYPE(c_int32, c_int32, c_double, POINTER(c_double), POINTER(c_double))
 
 
 class _Job(ctypes.Structure):
@@ -84,6 +89,7 @@ class _Job(ctypes.Structure):
         ("status", c_int32),
         ("culprit", c_int32),
         ("t1", c_double),
+        ("external", _External),
     )
 
 
@@ -134,7 +140,11 @@ def run(model: Model, job: Job) -> Outcome:
 
 
 def call(model: Model, job: Job, function: Callable[[Any], int]) -> Outcome:
-    """Fill the C struct of a run, hand it to ``function`` and collect what it left."""
+    """Fill the C struct of a run, hand it to ``function`` and collect what it left.
+
+    Raises:
+        SimulationError: an external function cannot be made.
+    """
     rows, keep = job.outputs + 1, _Keep()
     y = np.zeros((rows, len(model.outputs)))
     states = np.zeros((rows, len(model.states))) if job.record_states else None
@@ -156,7 +166,25 @@ def call(model: Model, job: Job, function: Callable[[Any], int]) -> Outcome:
     c.log_capacity = job.log_capacity
     if job.cancel is not None:
         c.cancel = ctypes.pointer(job.cancel)
+    calls = Calls(model)
+    if model.externals:
+        c.external = _callback(calls)
     function(c)
-    return Outcome(
-        y, states, modes, x1, d1, m1, log[: c.log_length], c.steps, c.events, c.row, c.status, c.culprit, c.t1
-    )
+    calls.finish()
+    log, cause = log[: c.log_length], calls.failure
+    return Outcome(y, states, modes, x1, d1, m1, log, c.steps, c.events, c.row, c.status, c.culprit, c.t1, cause)
+
+
+def _callback(calls: Calls) -> Any:
+    """What C calls for the external functions; Python's lock is taken for as long as they run."""
+
+    def call(k: int, t: float, given: Any, answer: Any) -> int:
+        inputs = np.array(given[: calls.externals[k].inputs])
+        outputs = calls.call(k, t, inputs)
+        if outputs is None:
+            return 1
+        for i, value in enumerate(outputs):
+            answer[i] = value
+        return 0
+
+    return _External(call)

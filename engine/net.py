@@ -7,7 +7,7 @@ A `Net` only collects. `engine.assemble` eliminates the ties, solves for the acc
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -42,6 +42,23 @@ class Motion:
     def position(self) -> Expression:
         """The position of a translational flange."""
         return self.angle
+
+
+@dataclass(frozen=True, eq=False)
+class Velocity:
+    """A speed built on the speeds of motions and of earlier velocities; see `Net.velocity`.
+
+    Attributes:
+        index: -1, -2, ... in the order they are made.
+        name: the block and the local name.
+        speed: CasADi symbol.
+        terms: index of a motion or of an earlier velocity -> coefficient.
+    """
+
+    index: int
+    name: str
+    speed: Expression
+    terms: dict[int, Expression]
 
 
 @dataclass
@@ -137,6 +154,18 @@ class Memory:
 
 
 @dataclass
+class External:
+    """A Python function called at the instants of a clock; see `Net.external`."""
+
+    name: str
+    clock: Clock
+    inputs: Expression
+    returned: list[Expression]
+    make: Callable[[], Any]
+    identity: str
+
+
+@dataclass
 class Table:
     """A recorded signal: ``values`` at ``times``, held or interpolated between."""
 
@@ -184,6 +213,7 @@ class Net:
 
     def __init__(self) -> None:
         self.motions: list[Motion] = []
+        self.velocities: list[Velocity] = []
         self.masses: dict[tuple[int, int], Expression] = {}
         self.forces: dict[int, Expression] = {}
         self.ties: list[Tie] = []
@@ -194,6 +224,7 @@ class Net:
         self.states: list[State] = []
         self.clocks: list[Clock] = []
         self.memories: list[Memory] = []
+        self.externals: list[External] = []
         self.tables: list[Table] = []
         self.outputs: dict[str, Output] = {}
         self.inputs: dict[str, Input] = {}
@@ -228,11 +259,30 @@ class Net:
         """An inner degree of freedom, such as a modal coordinate. Its inertia comes from `mass` or `kinetic`."""
         return self.new_motion(self._name(name), kind, inner=True)
 
-    def inertia(self, motion: Motion, value: Expression) -> None:
+    def velocity(self, name: str, terms: Mapping[Motion | Velocity, Expression]) -> Velocity:
+        """A speed ``sum coefficient * speed``, such as a component of a body's velocity, open to mass and force.
+
+        Its acceleration is found by recursion and not substituted: in a chain in which each body's velocities are built
+        on those of the body before, the work grows in proportion to the number of bodies.
+
+        Args:
+            name: local name.
+            terms: coefficient of each motion or earlier velocity; coefficients may depend on parameters and on angles.
+        """
+        made = Velocity(
+            -1 - len(self.velocities),
+            self._name(name),
+            ca.SX.sym(f"{self._name(name)}.speed"),
+            {m.index: ca.SX(c) for m, c in terms.items()},
+        )
+        self.velocities.append(made)
+        return made
+
+    def inertia(self, motion: Motion | Velocity, value: Expression) -> None:
         """Add a constant inertia (kg.m2) or mass (kg) to a motion."""
         self.mass([motion], [[value]])
 
-    def mass(self, motions: Sequence[Motion], matrix: Any) -> None:
+    def mass(self, motions: Sequence[Motion | Velocity], matrix: Any) -> None:
         """Add a symmetric constant mass matrix over the motions (a nested list or an SX matrix)."""
         matrix = ca.SX(matrix) if isinstance(matrix, ca.SX) else ca.vertcat(*[ca.horzcat(*row) for row in matrix])
         for i, a in enumerate(motions):
@@ -243,21 +293,26 @@ class Net:
                 key = (a.index, b.index)
                 self.masses[key] = self.masses.get(key, 0) + entry
 
-    def kinetic(self, motions: Sequence[Motion], energy: Expression) -> None:
+    def kinetic(self, motions: Sequence[Motion | Velocity], energy: Expression) -> Expression:
         """Add a kinetic energy, quadratic in the speeds; its velocity forces follow by Lagrange's equation.
 
         Args:
-            motions: every motion the energy depends on.
-            energy: expression in their angles and speeds, joule.
+            motions: every motion and velocity the energy depends on.
+            energy: expression in the motions' angles and in all the speeds, joule.
+
+        Returns:
+            The momenta, one per entry of ``motions``. Where velocities are components along turning axes, the terms by
+            which Lagrange's equation for them differs from that for coordinates are left to the block.
         """
-        q = ca.vertcat(*[m.angle for m in motions])
         v = ca.vertcat(*[m.speed for m in motions])
         momentum = ca.gradient(energy, v)
-        matrix = ca.jacobian(momentum, v)
-        self.mass(motions, matrix)
-        bias = ca.gradient(energy, q) - ca.jtimes(momentum, q, v)
+        self.mass(motions, ca.jacobian(momentum, v))
+        places = [i for i, motion in enumerate(motions) if isinstance(motion, Motion)]
+        q = ca.vertcat(*[motion.angle for motion in motions if isinstance(motion, Motion)])
+        slope, change = ca.gradient(energy, q), ca.jtimes(momentum, q, v[places])
         for i, motion in enumerate(motions):
-            self.force(motion, bias[i])
+            self.force(motion, (slope[places.index(i)] if i in places else 0) - change[i])
+        return momentum
 
     def potential(self, motions: Sequence[Motion], energy: Expression) -> None:
         """Add a potential energy (joule); its gradient pulls on the motions and it counts as stored."""
@@ -265,8 +320,8 @@ class Net:
             self.force(motion, -ca.gradient(energy, motion.angle))
         self.stored += energy
 
-    def force(self, motion: Motion, value: Expression) -> None:
-        """Add a force (N) or torque (N.m) acting on a motion."""
+    def force(self, motion: Motion | Velocity, value: Expression) -> None:
+        """Add a force (N) or torque (N.m) acting on a motion or along a velocity."""
         self.forces[motion.index] = self.forces.get(motion.index, 0) + value
 
     def pair(self, a: Motion, b: Motion | None, value: Expression) -> None:
@@ -414,6 +469,40 @@ class Net:
                 entry.update = ca.SX(value)
                 return
         raise StructureError(f"{self._owner}: update of something that is not a memory")
+
+    def external(
+        self,
+        name: str,
+        clock: Clock,
+        inputs: Sequence[Expression],
+        outputs: Sequence[tuple[str, str]],
+        make: Callable[[], Any],
+        identity: str = "",
+    ) -> list[Expression]:
+        """A Python function called at the instants of ``clock``; its answers are held until the next instant.
+
+        There is no derivative of it and no C form, so tangents and exports refuse a model that has one.
+
+        Args:
+            name: local name, for messages.
+            clock: when it is called.
+            inputs: what it is given, SI units.
+            outputs: local name and unit of each value it returns; zero before the first instant.
+            make: called at the start of each run; returns the function of that run, ``f(time, inputs)``, which is given
+                the instant (s) and an array, and returns one number or as many as there are outputs.
+            identity: a text that differs where the function does, for stored results.
+
+        Returns:
+            The held values, one symbol per output.
+        """
+        held, returned = [], []
+        for local, unit in outputs:
+            held.append(self.memory(local, unit, clock, held=True))
+            returned.append(ca.SX.sym(self._name(f"{local}.returned")))
+            self.update(held[-1], returned[-1])
+        column = ca.vertcat(*[ca.SX(value) for value in inputs])
+        self.externals.append(External(self._name(name), clock, column, returned, make, identity))
+        return held
 
     def table(self, name: str, unit: str, times: Sequence[float], values: Sequence[float], hold: str) -> Expression:
         """A recorded signal as an expression; ``hold`` is ``zero_order`` or ``linear``; ends are held."""

@@ -24,6 +24,10 @@ _NUMBER = re.compile(
 )
 _POWER = re.compile(r"(?<=[A-Za-z])(-?\d+)")
 _SPELLING = {"1": "dimensionless", "": "dimensionless", "%": "percent"}
+_LONGEST = 200
+"""Characters of a quantity."""
+_NO_UNIT = re.compile(r"(?<![A-Za-z0-9^*.-])(?!1(?![0-9.]))[0-9]|[0-9]{3}|[0-9.]\s*(\^|\*\*)|[0-9.][eE][-+0-9]")
+"""Numbers that no unit holds: other than 1, unless a short exponent. A power of a power would take hours."""
 
 
 @functools.cache
@@ -41,15 +45,22 @@ def _unit(text: str) -> Any:
     Raises:
         ParameterError: the unit is unknown.
     """
+    if len(text) > _LONGEST or _NO_UNIT.search(text):
+        raise _unknown(text)
     spelled = _SPELLING.get(text.strip(), text.strip())
     spelled = _POWER.sub(r"**\1", spelled.replace(" ", "*").replace("^", "**"))
     spelled = re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", "*", spelled)
     try:
         return _registry().Unit(spelled)
     except Exception as error:
-        raise ParameterError(
-            f"unknown unit '{text}'", remedy="write units as in Modelica: N.m/rad, kg.m2, rad/s, V, mm, deg"
-        ) from error
+        raise _unknown(text) from error
+
+
+def _unknown(text: str) -> ParameterError:
+    shown = text if len(text) <= 40 else f"{text[:40]}..."
+    return ParameterError(
+        f"unknown unit '{shown}'", remedy="write units as in Modelica: N.m/rad, kg.m2, rad/s, V, mm, deg"
+    )
 
 
 @functools.cache
@@ -57,7 +68,7 @@ def factor(source: str, target: str) -> float:
     """What a number in ``source`` units is multiplied by to be in ``target`` units.
 
     Raises:
-        ParameterError: the two measure different things, or are offset scales (degC).
+        ParameterError: the two measure different things, or are offset or logarithmic scales (degC, dB).
     """
     if source == target:
         return 1.0
@@ -66,9 +77,11 @@ def factor(source: str, target: str) -> float:
         raise ParameterError(f"unit '{source}' does not fit: '{target}' is expected")
     registry = _registry()
     try:
-        value = float(registry.Quantity(1.0, a).to(b).magnitude)
+        value, twice = (float(registry.Quantity(n, a).to(b).magnitude) for n in (1.0, 2.0))
     except Exception as error:
         raise ParameterError(f"unit '{source}' cannot be converted to '{target}'") from error
+    if not 0 < abs(value) < math.inf or abs(twice - 2 * value) > 1e-9 * abs(value):
+        raise ParameterError(f"unit '{source}' is no multiple of '{target}'", remedy="give the number in another unit")
     cycles = _hertz(a) - _hertz(b)
     if cycles and (_angle(b) - _angle(a)) * cycles > 0:
         value *= (2 * math.pi) ** cycles

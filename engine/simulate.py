@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engine import interpret, native
+from engine import external, interpret, native
 from engine.errors import CompilerUnavailable, ParameterError, SimulationError, nearest
 from engine.model import Model, Vector
 from engine.native import Job, Outcome
@@ -93,7 +93,6 @@ class Result:
 
 
 def rational(value: float) -> Fraction:
-    """The fraction meant by a decimal number of seconds such as 0.001."""
     """A time as the fraction that was meant, so that 0.1 is a tenth."""
     return Fraction(value).limit_denominator(10**9)
 
@@ -158,7 +157,7 @@ def simulate(
     )
     used, outcome = _execute(model, job, backend)
     if outcome.status:
-        raise SimulationError(explain(model, outcome))
+        raise SimulationError(explain(model, outcome)) from outcome.cause
     result = as_result(model, job, outcome, step, used, parameters)
     if step_tolerance is not None:
         _check_step(model, job, result, used, step_tolerance)
@@ -298,6 +297,8 @@ def explain(model: Model, outcome: Any) -> str:
         return f"the simulation diverged {at}: state '{model.states[outcome.culprit].name}' is not finite"
     if outcome.status == native.CANCELLED:
         return f"the simulation was cancelled {at}"
+    if outcome.status == native.EXTERNAL:
+        return f"{external.explain(model, outcome.culprit, outcome.cause)}, {at}"
     name = model.modes[outcome.culprit].name if model.modes else "?"
     if outcome.status == native.CHATTER:
         return f"more than {native.EVENTS_PER_STEP} switches within one step {at}: '{name}' chatters"

@@ -87,10 +87,15 @@ def tangents(
         internal_step: longest integration step (s).
 
     Raises:
-        ParameterError: a name that is neither a parameter nor a starting value.
+        ParameterError: a name that is neither a parameter nor a starting value, or a model that calls Python functions.
         SimulationError: the run diverged or chattered.
         CompilerUnavailable: no compiler runs.
     """
+    if model.externals:
+        raise ParameterError(
+            f"'{model.externals[0].name}' is a Python function, which has no derivative",
+            remedy="leave it out of the model, or compare runs with slightly different values",
+        )
     known = [parameter.name for parameter in model.parameters]
     starting = starting_names(model)
     for name in wrt:

@@ -11,6 +11,7 @@ from engine.block import Block
 
 if TYPE_CHECKING:
     from diagnosis.compare import Comparison
+    from engine.discretise import DiscreteModel
     from engine.linearise import LinearModel
 
 
@@ -94,13 +95,30 @@ def linear_page(linear: LinearModel) -> str:
     moved = [[name, number(value), linear.units.get(name, "")] for name, value in linear.point.items() if value]
     if moved:
         parts.append(columns(["operating point", "value", "unit"], moved))
-    if linear.rate > 1e-9:
-        parts.append(f"  not an equilibrium: the fastest state kept changes at {number(linear.rate)} (SI) per second")
+    if linear.moving:
+        rows = [[name, number(rate), linear.units.get(name, "")] for name, rate in linear.moving.items()]
+        parts.append("  not an equilibrium; give another point by --at, or keep in mind that these states change:")
+        parts.append(columns(["state", "rate per second", "unit"], rows))
     parts.append(columns(["state", "unit"], [[name, linear.units.get(name, "")] for name in linear.states]))
     parts.append("  poles [1/s]:  " + _roots(linear.poles()))
     for output in linear.outputs:
         for driven in linear.inputs:
             parts.append(f"  zeros of {output} / {driven} [1/s]:  {_roots(linear.zeros(output, driven))}")
+    return "\n".join(parts)
+
+
+def discrete_page(discrete: DiscreteModel) -> str:
+    """Period, memories and poles of a discrete-time model."""
+    memories = [[name, discrete.units.get(name, "")] for name in discrete.states if name not in discrete.continuous]
+    parts = [f"in discrete time, every {number(discrete.dt)} s, with the memories of the sampled blocks"]
+    if memories:
+        parts.append(columns(["memory", "unit"], memories))
+    if discrete.drift:
+        rows = [[name, number(change), discrete.units.get(name, "")] for name, change in discrete.drift.items()]
+        parts.append("  not an equilibrium of these memories:")
+        parts.append(columns(["memory", "change per period", "unit"], rows))
+    largest = max((abs(pole) for pole in discrete.poles()), default=0.0)
+    parts.append(f"  poles [z]:  {_roots(discrete.poles())}  (largest magnitude {largest:.6g})")
     return "\n".join(parts)
 
 

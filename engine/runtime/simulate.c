@@ -14,7 +14,10 @@ typedef struct {
   const volatile int32_t *cancel;
   int32_t status, culprit;
   double t1;
+  int32_t (*external)(int32_t which, double t, const double *in, double *out); /* not 0: it failed */
 } fa_job;
+
+enum { FA_EXTERNAL = 5 };
 
 #ifndef FA_ON_RECORD
 #define FA_ON_RECORD(s, row)
@@ -41,13 +44,34 @@ static void fa_record(const fa_sim *s, fa_job *job, int64_t row) {
   job->row = row + 1;
 }
 
+#if FA_NE
+/* Call the external functions whose clock ticks; each may be given what those before it returned. */
+static int fa_externals(fa_sim *s, const fa_job *job, double *fire) {
+  double u[FA_SIZE(FA_NI)], in[FA_SIZE(FA_NEI)];
+  fa_inputs(s, s->t, u);
+  for (int k = 0; k < FA_NE; k++) {
+    if (fire[fa_external_clock[k]] == 0) continue;
+    fa_external(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, in);
+    double *out = fire + FA_NC + fa_external_first_output[k];
+    if (job->external(k, s->t, in + fa_external_first_input[k], out)) {
+      s->culprit = k;
+      return s->status = FA_EXTERNAL;
+    }
+  }
+  return FA_OK;
+}
+#endif
+
 static int fa_clocks(fa_sim *s, const fa_job *job, int64_t tick) {
-  double fire[FA_SIZE(FA_NC)];
+  double fire[FA_SIZE(FA_NC + FA_NEO)] = {0};
   int any = 0;
   for (int c = 0; c < FA_NC; c++) {
     fire[c] = tick >= job->offset[c] && (tick - job->offset[c]) % job->period[c] == 0;
     any |= fire[c] != 0;
   }
+#if FA_NE
+  if (any && fa_externals(s, job, fire)) return s->status;
+#endif
   return any ? fa_tick(s, fire) : FA_OK;
 }
 

@@ -1,0 +1,64 @@
+"""A recorded signal through a spline that keeps its shape."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from blocks.sources.table import read_columns
+from engine.block import Block, option, parameter, signal_out
+
+if TYPE_CHECKING:
+    from engine.net import Net
+
+
+class Spline(Block):
+    """Recorded signal: out = scale * s(t), s the shape-preserving cubic spline through the rows; the end values hold.
+
+    Between the rows k and k + 1, with tau = t - t_k,
+
+        s = y_k + tau (d_k + tau (c_k + tau b_k)),    s and s' continuous,
+
+    the slopes d_k by Fritsch and Butland: 0 at every extremum of the rows and a weighted harmonic mean elsewhere, so
+    that s rises where the rows rise, falls where they fall, and never overshoots them. The integration meets every row
+    and the cubic is exact between. The file is read as by `Table`. ``pchip`` in MATLAB and SciPy; SIAM J. Numer. Anal.
+    17 (1980) 238. Paper 003, section 4.1.3, gives the measured torque so.
+    """
+
+    files: ClassVar[tuple[str, ...]] = ("file",)
+    """Options that name files; a scenario resolves them from where it stands."""
+
+    file = option(str, ..., "path of the CSV file")
+    column = option(str, ..., "name of the column that holds the signal")
+    time = option(str, "time", "name of the column that holds the time")
+    scale = parameter("*", 1.0, "value of one unit of the column, with its unit")
+    time_unit = parameter("s", 1.0, "duration of one unit of the time column", gt=0, structural=True)
+
+    out = signal_out("*", "the recorded signal")
+
+    def check(self) -> None:
+        """Read the file, so that what is wrong with it is said where the block is declared."""
+        times, self.samples = read_columns(self.file, self.time, self.column)
+        self.times = [self.time_unit * t for t in times]
+
+    def stamp(self, net: Net) -> None:
+        rows = _pieces(self.times, self.samples)
+        knots = [row[0] for row in rows]
+        start, value, slope, bend, twist = (
+            net.table(name, "1", knots, column, "zero_order")
+            for name, column in zip(("start", "value", "slope", "bend", "twist"), zip(*rows, strict=True), strict=True)
+        )
+        since = net.time - start
+        signal = value + since * (slope + since * (bend + since * twist))
+        net.output("out", self.scale * signal, self.unit_of("scale"), type(self).ports["out"].doc)
+
+
+def _pieces(times: list[float], samples: list[float]) -> list[tuple[float, float, float, float, float]]:
+    """Beginning, value, slope and further coefficients of each cubic; the first and the last piece are constant."""
+    before = (times[0] - 1.0, samples[0], 0.0, 0.0, 0.0)
+    after = (times[-1], samples[-1], 0.0, 0.0, 0.0)
+    if len(times) < 2:
+        return [before, after]
+    from scipy.interpolate import PchipInterpolator
+
+    coefficients = PchipInterpolator(times, samples).c[::-1].T.tolist()
+    return [before, *((t, *c) for t, c in zip(times[:-1], coefficients, strict=True)), after]

@@ -1,0 +1,151 @@
+"""The discrete-time linear model of a plant with its sampled blocks: exact, with their memories as states."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from engine.errors import ParameterError
+from engine.linearise import LinearModel, linearise, operating_point
+from engine.model import Model
+from engine.simulate import rational
+
+if TYPE_CHECKING:
+    import control
+
+_LARGEST = 100_000
+
+
+@dataclass(frozen=True)
+class DiscreteModel(LinearModel):
+    """``x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k]`` for deviations from a point.
+
+    x[k] holds the continuous states and the memories just before the clocks tick at k dt; u[k] is held until the next
+    instant; y[k] is read just after the tick.
+
+    Attributes:
+        dt: time between instants (s): the sample period, or that after which several clocks repeat.
+        continuous: names of the continuous states; the rest of ``states`` are memories.
+        drift: memory name -> change over dt at the point, of the memories that change there.
+    """
+
+    dt: float = 0.0
+    continuous: tuple[str, ...] = ()
+    drift: dict[str, float] = field(default_factory=dict)
+
+    def gain(self, frequency: float) -> NDArray[np.complex128]:
+        """Frequency response at ``frequency`` (rad/s), shape (outputs, inputs)."""
+        z = np.exp(1j * frequency * self.dt)
+        inner = np.linalg.solve(z * np.eye(len(self.A)) - self.A, self.B.astype(complex))
+        return np.asarray(self.C @ inner + self.D, dtype=complex)
+
+    def to_control(self) -> control.StateSpace:
+        """The same as a python-control system with its dt; dots in names become underscores."""
+        import control
+
+        named = {kind: [n.replace(".", "_") for n in getattr(self, kind)] for kind in ("states", "inputs", "outputs")}
+        return control.ss(self.A, self.B, self.C, self.D, self.dt, **named)
+
+
+def discretise(
+    model: Model,
+    *,
+    at: dict[str, float] | None = None,
+    inputs: dict[str, float] | None = None,
+    modes: dict[str, str] | None = None,
+    parameters: dict[str, float] | None = None,
+    time: float = 0.0,
+) -> DiscreteModel:
+    """The discrete-time model at a point; arguments as of `engine.linearise.linearise`.
+
+    Between instants the continuous states follow ``x' = A x + G d + B u`` with memories d and inputs u held, which the
+    matrix exponential integrates exactly; at an instant the memories of the clocks that tick are updated at once.
+    Roundings, such as an encoder's, have no slope and count as zero.
+
+    Raises:
+        ParameterError: the model has no clock, a Python function ticks at one, the clocks never repeat together, or as
+            for `linearise`.
+    """
+    if not model.clocks:
+        raise ParameterError("the model has no sampled block", remedy="its continuous linear model is all there is")
+    if model.externals:
+        raise ParameterError(
+            f"'{model.externals[0].name}' is a Python function, which has no derivative",
+            remedy="linearise the plant without it: name its outputs as inputs",
+        )
+    settings = {"at": at, "inputs": inputs, "modes": modes, "parameters": parameters}
+    plain = linearise(model, **settings, time=time)  # type: ignore[arg-type]
+    point = operating_point(model, **settings, time=time)  # type: ignore[arg-type]
+    keep, r, n_d = point.kept(model), len(model.inputs), len(model.memories)
+    n = len(keep)
+    e, d = model.equations, model.equations.d
+    key = "discrete"
+    if key not in model.functions:
+        held = [ca.densify(ca.jacobian(f, d)) for f in (e.derivative, e.outputs)]
+        model.functions[key] = ca.Function(key, e.arguments, held)
+        ticked = [ca.densify(ca.jacobian(e.update, s)) for s in (e.x, d, e.u[:r])]
+        model.functions["discrete_tick"] = ca.Function("discrete_tick", [*e.arguments, e.fire], [*ticked, e.update])
+    G, C_d = (np.array(b.full()) for b in model.functions[key](*point.arguments))
+    flow = np.zeros((n + n_d + r, n + n_d + r))
+    flow[:n] = np.hstack([plain.A, G[keep], plain.B])
+    tick, drift = np.eye(n + n_d + r), point.d.copy()
+    period, instants = _instants(model)
+    whole = np.eye(n + n_d + r)
+    first = whole
+    begin = Fraction(0)
+    for instant, firing in instants:
+        whole = scipy.linalg.expm(flow * float(instant - begin)) @ whole
+        fire = np.array([float(i in firing) for i in range(len(model.clocks))])
+        arguments = (point.t, point.x, point.u, drift, point.m, point.p, fire)
+        by_x, by_d, by_u, after = (np.array(b.full()) for b in model.functions["discrete_tick"](*arguments))
+        tick[n : n + n_d] = np.hstack([by_x[:, keep], by_d, by_u])
+        drift, whole, begin = after.ravel(), tick @ whole, instant
+        if instant == 0:
+            first = whole
+    whole = scipy.linalg.expm(flow * float(period - begin)) @ whole
+    read = np.hstack([plain.C, C_d, plain.D]) @ first
+    z = n + n_d
+    change = drift - point.d
+    names = tuple(memory.name for memory in model.memories)
+    return DiscreteModel(
+        A=whole[:z, :z],
+        B=whole[:z, z:],
+        C=read[:, :z],
+        D=read[:, z:],
+        states=(*plain.states, *names),
+        inputs=plain.inputs,
+        outputs=plain.outputs,
+        units=plain.units | {memory.name: memory.unit for memory in model.memories},
+        modes=plain.modes,
+        point=plain.point | dict(zip(names, point.d.tolist(), strict=True)),
+        rate=plain.rate,
+        moving=plain.moving,
+        ambiguous=plain.ambiguous,
+        dt=float(period),
+        continuous=plain.states,
+        drift={name: float(c) for name, c in zip(names, change, strict=True) if abs(c) > 1e-9},
+    )
+
+
+def _instants(model: Model) -> tuple[Fraction, list[tuple[Fraction, set[int]]]]:
+    """The time after which all clocks repeat, and the instants in it with the clocks that tick at each."""
+    periods = [rational(clock.period) for clock in model.clocks]
+    tops, bottoms = [p.numerator for p in periods], [p.denominator for p in periods]
+    whole = Fraction(math.lcm(*tops), math.gcd(*bottoms))
+    if sum(whole / period for period in periods) > _LARGEST:
+        raise ParameterError(
+            f"sample periods {[clock.period for clock in model.clocks]} s repeat only after {float(whole):g} s",
+            remedy="make them multiples of one another",
+        )
+    found: dict[Fraction, set[int]] = {}
+    for i, (clock, period) in enumerate(zip(model.clocks, periods, strict=True)):
+        for k in range(int(whole / period)):
+            found.setdefault((rational(clock.offset) + k * period) % whole, set()).add(i)
+    return whole, sorted(found.items())
