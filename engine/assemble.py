@@ -24,7 +24,8 @@ from engine.model import (
     TableData,
     Variable,
 )
-from engine.net import Input, ModelParameter, Motion, Net
+from engine.net import Net
+from engine.stamps import Input, ModelParameter, Motion
 from engine.system import System, bypass
 from engine.wiring import Wiring, hash_symbol
 

@@ -23,7 +23,7 @@ import numpy as np
 from engine import interpret, native
 from engine.errors import CompilerUnavailable, SimulationError
 from engine.model import Model
-from engine.simulate import Drive, Result, as_result, explain, prepare
+from engine.simulate import Drive, Result, as_result, fault, prepare
 
 Progress = Callable[[int], None]
 
@@ -83,16 +83,19 @@ def batch(
     guard = threading.Lock()
 
     def one(case: Case) -> Result | Failure:
-        job = prepare(
-            model,
-            stop,
-            step,
-            parameters=case.parameters,
-            drive=case.drive,
-            initial=case.initial,
-            internal_step=internal_step,
-            log_capacity=log_capacity,
-        )
+        try:
+            job = prepare(
+                model,
+                stop,
+                step,
+                parameters=case.parameters,
+                drive=case.drive,
+                initial=case.initial,
+                internal_step=internal_step,
+                log_capacity=log_capacity,
+            )
+        except SimulationError as error:
+            return Failure(case, error.message)
         job.cancel = cancel
         backend = "c"
         try:
@@ -101,8 +104,9 @@ def batch(
             outcome = native.run(model, job)
         except CompilerUnavailable:
             backend, outcome = "interpreter", interpret.run(model, job)
-        if outcome.status:
-            return Failure(case, explain(model, outcome))
+        reason = fault(model, job, outcome)
+        if reason:
+            return Failure(case, reason)
         return as_result(model, job, outcome, step, backend, case.parameters)
 
     waiting: deque[Future[Result | Failure]] = deque()

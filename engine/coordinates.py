@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from engine.block import Expression
 from engine.errors import StructureError
-from engine.net import Friction, Motion, Net, Prescription
+from engine.net import Net
+from engine.stamps import Friction, Motion, Prescription
 
 Row = dict[int, Expression]
 _ZERO = 1e-12

@@ -158,7 +158,9 @@ class _Simulation:
 
     def check(self) -> None:
         bad = ~np.isfinite(self.x)
-        if bad.any() or not np.isfinite(self.dx).all():
+        if not bad.any():
+            bad = ~np.isfinite(self.dx)
+        if bad.any():
             raise _Stop(NOT_FINITE, int(np.argmax(bad)))
 
     def step(self, h: float) -> None:

@@ -215,9 +215,9 @@ def operating_point(
     for name, value in (inputs or {}).items():
         u[_index(name, tuple(v.name for v in model.inputs), "input")] = value
     for i, table in enumerate(model.tables):
-        held = table.values[max(int(np.searchsorted(table.times, time, "right")) - 1, 0)]
+        knot = max(int(np.searchsorted(table.times, time, "right")) - 1, 0)
         linear = table.hold == "linear"
-        u[len(model.inputs) + i] = np.interp(time, table.times, table.values) if linear else held
+        u[len(model.inputs) + i] = np.interp(time, table.times, table.values) if linear else table.values[knot]
     return Point(time, x, u, d, _modes_at(model, time, x, u, d, p, dict(modes or {})), p)
 
 

@@ -2,7 +2,7 @@
 
     M q'' = f,   M = T' E M0 T,   f = T' E f0
 
-Velocities built on one another (`engine.net.Velocity`) stand behind the coordinates in M and f, and their accelerations
+Velocities built on one another (`engine.stamps.Velocity`) stand behind the coordinates in M and f, and their accelerations
 follow from ``v' = C z + b``, z = (q'', v'); see `engine.recursion`. T carries coordinates to motions, E holds the
 efficiency weights. A stuck coordinate has its row and column of M masked and its force zeroed, so its acceleration is
 exactly zero; what would move it is the residual of its own row, and that is compared with the static friction.
@@ -21,7 +21,8 @@ from engine.block import Expression
 from engine.coordinates import choose
 from engine.errors import StructureError
 from engine.factor import solve
-from engine.net import Motion, Net, Prescription
+from engine.net import Net
+from engine.stamps import Motion, Prescription
 from engine.system import System
 from engine.wiring import Wiring, hash_symbol
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.block import Expression
-from engine.errors import ParameterError, nearest
+from engine.errors import ParameterError, Where, nearest
 from engine.quantity import Parameter
 
 Vector = NDArray[np.float64]
@@ -210,7 +210,10 @@ class Model:
         values = self.parameter_values
         for name, value in (changes or {}).items():
             index = self.parameter_index(name)
-            values[index] = self.parameters[index].declared.check(value)
+            try:
+                values[index] = self.parameters[index].declared.check(value)
+            except ParameterError as error:
+                raise error.at(Where(path=name)) from None
         return values
 
     def parameter_index(self, name: str) -> int:

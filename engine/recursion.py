@@ -1,7 +1,7 @@
 """Solving for accelerations along recursions of velocities, at a cost that grows linearly with the length of a chain.
 
 With z the accelerations of the coordinates, then those of the velocities v_1, v_2, ... in the order they are built on
-one another (`engine.net.Velocity`), the equations are those of Gauss's principle:
+one another (`engine.stamps.Velocity`), the equations are those of Gauss's principle:
 
     z minimises z' M z / 2 - f' z        subject to        v_k' = sum c_kj z_j + b_k,  j before k
 

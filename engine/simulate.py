@@ -13,11 +13,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from engine import external, interpret, native
 from engine.errors import CompilerUnavailable, ParameterError, SimulationError, nearest
-from engine.model import Model, Vector
+from engine.model import TIME, Model, Vector
 from engine.native import Job, Outcome
 from engine.start import start_values
 from engine.step import fastest
 from engine.step import internal_step as choose_step
+
+MOST_STEPS = 1_000_000_000
+"""Internal steps, sample instants or time events of one run; more would take hours."""
+
+MOST_VALUES = 500_000_000
+"""Recorded numbers of one run (4 GB)."""
+
+SHORTEST = 1e-9
+"""Steps and sample periods (s): time is counted in whole fractions of at most a thousand million a second."""
 
 _warned: set[str] = set()
 
@@ -156,8 +165,9 @@ def simulate(
         log_capacity=log_capacity,
     )
     used, outcome = _execute(model, job, backend)
-    if outcome.status:
-        raise SimulationError(explain(model, outcome)) from outcome.cause
+    reason = fault(model, job, outcome)
+    if reason:
+        raise SimulationError(reason) from outcome.cause
     result = as_result(model, job, outcome, step, used, parameters)
     if step_tolerance is not None:
         _check_step(model, job, result, used, step_tolerance)
@@ -224,6 +234,14 @@ def prepare(
             raise ParameterError(f"{name} is {value}", remedy=f"give a {name} time above zero, in seconds")
     if internal_step is not None and not (math.isfinite(internal_step) and internal_step > 0):
         raise ParameterError(f"internal_step is {internal_step}", remedy="give a time above zero, in seconds")
+    if step < SHORTEST:
+        raise ParameterError(f"step is {step:g} s", remedy=f"give at least {SHORTEST:g} s")
+    for k, clock in enumerate(model.clocks):
+        if clock.period < SHORTEST or clock.period * MOST_STEPS < stop:
+            raise SimulationError(
+                f"{stop:g} s hold too many sample instants of '{_ticking(model, k)}', every {clock.period:g} s",
+                remedy=f"give a longer sample period (at least {SHORTEST:g} s), or an earlier stop",
+            )
     p = model.parameter_vector(parameters)
     x0 = start_values(model, p, initial)
     knots, values, linear = _driven(model, drive)
@@ -236,15 +254,26 @@ def prepare(
             f"step and sample periods {instants} have no common tick", remedy="make them multiples of one another"
         )
     outputs = int(Fraction(stop + 1e-9 * step) / rational(step))
-    if outputs > 200_000_000:
-        raise ParameterError(f"{outputs} rows are too many", remedy="give a longer step or an earlier stop")
+    columns = len(model.outputs) + record_states * (len(model.states) + len(model.modes))
+    if outputs > 200_000_000 or outputs * columns > MOST_VALUES:
+        raise ParameterError(
+            f"{outputs:.3g} rows of {columns} numbers are too many", remedy="give a longer step or an earlier stop"
+        )
+    farthest = max(stop, float(np.abs(knots).max())) / float(tick)
+    if farthest > 2**62:
+        raise ParameterError(
+            f"times up to {farthest * float(tick):g} s do not go with a tick of {float(tick):g} s",
+            remedy="give an earlier stop or drive, or sample periods that are multiples of a longer time",
+        )
+    hmax = internal_step or choose_step(model, p, x0, step)
+    _check_cost(model, p, x0, stop, min(hmax, step))
     return Job(
         p=p,
         x0=x0,
         d0=np.array(model.functions["memory_start"](p).full()).ravel(),
         m0=np.full(len(model.modes), np.nan),
         resolution=float(tick),
-        hmax=internal_step or choose_step(model, p, x0, step),
+        hmax=hmax,
         outputs=outputs,
         output_ticks=int(rational(step) / tick),
         period=[int(rational(c.period) / tick) for c in model.clocks],
@@ -255,6 +284,34 @@ def prepare(
         record_states=record_states,
         log_capacity=log_capacity,
     )
+
+
+def _ticking(model: Model, clock: int) -> str:
+    """What a clock drives."""
+    names = [memory.name for memory, k in zip(model.memories, model.memory_clock, strict=True) if k == clock]
+    return [*names, *(external.name for external in model.externals if external.clock == clock), f"clock {clock}"][0]
+
+
+def _check_cost(model: Model, p: Vector, x0: Vector, stop: float, hmax: float) -> None:
+    """Refuse a run that would not end within hours."""
+    if hmax * MOST_STEPS < stop:
+        mode = fastest(model, p, x0)
+        raise SimulationError(
+            f"{stop:g} s in internal steps of {hmax:.3g} s are more than {MOST_STEPS:.3g} steps; the fastest mode moves "
+            f"'{mode.state}' at {mode.rate:.4g} 1/s",
+            remedy="reduce the stiffness or raise the inertia behind this mode, stop earlier, or give an internal_step",
+        )
+    timed = [mode.name for mode in model.modes if mode.kind == TIME]
+    if timed:
+        first, later = (
+            np.array(model.functions["following"](np.full(len(model.modes), count), p).full()).ravel()
+            for count in (1.0, 3.0)
+        )
+        with np.errstate(invalid="ignore"):
+            hasty = np.flatnonzero((later - first) / 2 * MOST_STEPS < stop)
+        if len(hasty):
+            name = timed[int(hasty[0])]
+            raise SimulationError(f"'{name}' changes more than {MOST_STEPS:.3g} times within {stop:g} s")
 
 
 def _driven(model: Model, drive: Drive | None) -> tuple[Vector, NDArray[np.float64], list[int]]:
@@ -290,11 +347,29 @@ def _execute(model: Model, job: Job, backend: str) -> tuple[str, Outcome]:
     return "interpreter", interpret.run(model, job)
 
 
+def fault(model: Model, job: Job, outcome: Outcome) -> str:
+    """Why a run gives no usable values, in a sentence; empty if it does."""
+    if outcome.status:
+        return explain(model, outcome)
+    if not np.isfinite(outcome.y).all():
+        row, column = np.argwhere(~np.isfinite(outcome.y))[0]
+        time = job.t0 + int(row) * job.output_ticks * job.resolution
+        return f"the simulation diverged at t = {time:.9g} s: output '{model.outputs[column].name}' is not finite"
+    if not np.isfinite(outcome.d1).all():
+        name = model.memories[int(np.argmin(np.isfinite(outcome.d1)))].name
+        return f"the simulation diverged by t = {outcome.t1:.9g} s: memory '{name}' is not finite"
+    return ""
+
+
 def explain(model: Model, outcome: Any) -> str:
     """Why a run stopped early, in a sentence."""
     at = f"at t = {outcome.t1:.9g} s"
     if outcome.status == native.NOT_FINITE:
-        return f"the simulation diverged {at}: state '{model.states[outcome.culprit].name}' is not finite"
+        name = model.states[outcome.culprit].name
+        if np.isfinite(outcome.x1[outcome.culprit]):
+            hint = ": its inertia may be zero, or a value out of all proportion" if outcome.t1 == 0 else ""
+            return f"the simulation diverged {at}: the rate of state '{name}' is not finite{hint}"
+        return f"the simulation diverged {at}: state '{name}' is not finite"
     if outcome.status == native.CANCELLED:
         return f"the simulation was cancelled {at}"
     if outcome.status == native.EXTERNAL:

@@ -9,8 +9,9 @@ import casadi as ca
 
 from engine.block import MOTION, Expression
 from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
-from engine.net import External, Memory, Motion, Net
+from engine.net import Net
 from engine.quantity import compatible
+from engine.stamps import External, Memory, Motion
 from engine.system import System
 
 
@@ -218,7 +219,7 @@ class Wiring:
 
         def new(memory: Memory) -> Expression:
             if memory.name not in held:
-                update = ca.SX(memory.update)
+                update = memory.law
                 external = external_of.get(hash_symbol(update)) if update.is_symbolic() else None
                 with _Step(self, memory.name):
                     if external is not None and external.name not in calls:
@@ -267,7 +268,7 @@ class Wiring:
                 raise StructureError(f"memory '{memory.name}' is never given a value")
         results = []
         for memory in self.net.memories:
-            after = new(memory) if memory.held else at_instant(memory.update)
+            after = new(memory) if memory.held else at_instant(memory.law)
             results.append(after if memory.held else ca.if_else(fire[memory.clock.index], after, memory.symbol))
         return results, list(calls.values())
 

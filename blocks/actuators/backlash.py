@@ -8,7 +8,8 @@ from blocks.symbolic import by_mode, choose, greatest, least
 from engine.block import TRANSLATIONAL, Block, Expression, flange, option, parameter, signal_out
 
 if TYPE_CHECKING:
-    from engine.net import Motion, Net
+    from engine.net import Net
+    from engine.stamps import Motion
 
 _LAWS = ("push_only", "two_sided")
 _LAW = "whether a contact only pushes, or its damper may pull until the faces part"

@@ -10,7 +10,8 @@ from engine.errors import ParameterError
 from engine.quantity import SameAs
 
 if TYPE_CHECKING:
-    from engine.net import Motion, Net
+    from engine.net import Net
+    from engine.stamps import Motion
 
 _COULOMB = "sliding friction Fc in the positive direction"
 _COULOMB_BACK = "sliding friction in the negative direction, a positive number; that of the positive if not given"

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from engine.block import TRANSLATIONAL, Block, Expression, flange, option, parameter, signal_in, signal_out
 
 if TYPE_CHECKING:
-    from engine.net import Motion, Net
+    from engine.net import Net
+    from engine.stamps import Motion
 
 _COURSES = ("exact", "filtered")
 _COURSE = "whether the flange follows the input itself, or a second-order filter of it"

@@ -10,7 +10,8 @@ from engine.errors import ParameterError
 from engine.quantity import SameAs
 
 if TYPE_CHECKING:
-    from engine.net import Motion, Net
+    from engine.net import Net
+    from engine.stamps import Motion
 
 
 def stribeck(block: Any, velocity: Expression) -> Expression:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from engine.block import TRANSLATIONAL, Block, Expression, flange, parameter, signal_out
 
 if TYPE_CHECKING:
-    from engine.net import Motion, Net
+    from engine.net import Net
+    from engine.stamps import Motion
 
 
 class _SpringDamper(Block):

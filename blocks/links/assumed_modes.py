@@ -10,7 +10,8 @@ from engine.block import TRANSLATIONAL, Block, Expression, flange, option, param
 from engine.errors import ParameterError
 
 if TYPE_CHECKING:
-    from engine.net import Motion, Net
+    from engine.net import Net
+    from engine.stamps import Motion
 
 
 class AssumedModesLink(Block):

@@ -21,7 +21,8 @@ from blocks.symbolic import cos, sin
 from engine.block import Expression
 
 if TYPE_CHECKING:
-    from engine.net import Motion, Net, Velocity
+    from engine.net import Net
+    from engine.stamps import Motion, Velocity
 
     Mover = Motion | Velocity
 

@@ -9,7 +9,8 @@ from blocks.links.fictitious_joints import element_lengths, mass_matrix
 from engine.block import Block, Expression, Port, flange, option, parameter, signal_out
 
 if TYPE_CHECKING:
-    from engine.net import Motion, Net
+    from engine.net import Net
+    from engine.stamps import Motion
 
 
 class LumpedMassLink(Block):

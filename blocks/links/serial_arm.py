@@ -13,7 +13,8 @@ from engine.block import TRANSLATIONAL, Block, Port, flange, option, parameter, 
 from engine.errors import ParameterError
 
 if TYPE_CHECKING:
-    from engine.net import Motion, Net
+    from engine.net import Net
+    from engine.stamps import Motion
 
 
 class SerialArm(Block):

@@ -237,8 +237,10 @@ static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
 
 static int fa_not_finite(fa_sim *s) {
   s->culprit = 0;
-  for (int i = 0; i < FA_NX; i++)
-    if (!(s->x[i] - s->x[i] == 0)) { s->culprit = i; break; }
+  for (int i = 2 * FA_NX - 1; i >= 0; i--) { /* the first state that is not finite; else the first such rate */
+    const double value = i < FA_NX ? s->x[i] : s->full[i - FA_NX];
+    if (!(value - value == 0)) s->culprit = i < FA_NX ? i : i - FA_NX;
+  }
   return s->status = FA_NOT_FINITE;
 }
 
