@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.catalogue import Candidate, Surroundings, candidates, surroundings
+from diagnosis.catalogue import Candidate, candidates
 from diagnosis.fit import Fit, descend, fit, prior
 from diagnosis.problem import Array, Problem, problem
 from diagnosis.recording import Recording
+from diagnosis.surroundings import Surroundings, surroundings
 from engine.errors import FlexarmError
 from scenarios.amend import Edit, amended
 from scenarios.load import Scenario, load
