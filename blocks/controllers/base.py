@@ -9,7 +9,8 @@ from engine.errors import ParameterError
 from engine.quantity import coherent
 
 if TYPE_CHECKING:
-    from engine.net import Clock, Net
+    from engine.net import Net
+    from engine.stamps import Clock
 
 OUTPUT_UNIT = "coherent SI unit of the output; * takes that of the input"
 

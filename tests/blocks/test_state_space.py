@@ -352,3 +352,14 @@ def test_zeros_in_a_matrix_are_no_dependencies() -> None:
     parts: dict[str, Block] = {"g": StateSpace(A=-1, B=1, C=1, D=0, start=1), "h": StateSpace(D=-1)}
     made = model(parts, "g.out h.in", "h.out g.in", energy=False)
     np.testing.assert_allclose(linearise(made).poles(), [-2.0], rtol=1e-12)
+
+
+def test_the_json_schema_knows_matrices() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    from scenarios.jsonschema import json_schema
+
+    validator = jsonschema.Draft202012Validator(json_schema())
+    document: dict[str, Any] = {"schema": 1, "name": "s", "blocks": {"g": {"type": "StateSpace", "B": [0, 1], "C": 1}}}
+    for matrix, fits in (([[0, 1], ["$rate", -3]], True), (-2, True), ("high", False), ([[1], "x"], False)):
+        document["blocks"]["g"]["A"] = matrix
+        assert validator.is_valid(document) == fits

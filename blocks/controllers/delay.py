@@ -1,0 +1,60 @@
+"""Transport delay."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from blocks.controllers.base import SignalBlock, clock, sample_offset
+from engine.block import parameter, signal_in, signal_out
+from engine.errors import ParameterError
+
+if TYPE_CHECKING:
+    from engine.net import Net
+
+LONGEST = 20_000
+"""Most samples in a delay line."""
+
+
+class Delay(SignalBlock):
+    """Transport delay: out(t) = in(t - delay), sampled: at each instant k, out = in taken delay / period instants ago.
+
+    A delay line of delay / period memories, which must be a whole number; out holds until the next instant and is
+    ``start`` until the line is full. There is no delay of a continuous signal as such: it would not be a state of
+    finite size. Give a period short against the signal; holding the samples adds half a period to the delay on average.
+    A delay of 0 is a sample and hold. The output has the input's unit.
+    """
+
+    delay = parameter("s", ..., "time by which the signal is late", ge=0, structural=True)
+    period = parameter("s", ..., "sample period", gt=0, structural=True)
+    sample_offset = sample_offset()
+    start = parameter("*", 0.0, "output until the first sample has passed through")
+
+    input = signal_in("*", "signal to be delayed", name="in")
+    out = signal_out("*", "delayed signal")
+
+    def check(self) -> None:
+        """The delay must be a whole number of samples."""
+        super().check()
+        count = self.delay / self.period
+        self.count = round(count)
+        if abs(count - self.count) > 1e-6:
+            low, high = math.floor(count) * self.period, math.ceil(count) * self.period
+            raise ParameterError(
+                f"delay = {self.delay:g} s is {count:g} periods of {self.period:g} s",
+                remedy=f"give {low:g} s or {high:g} s, or a shorter period",
+            )
+        if self.count > LONGEST:
+            raise ParameterError(
+                f"a delay of {self.count} samples is too long", remedy=f"give a period above {self.delay / LONGEST:g} s"
+            )
+
+    def stamp(self, net: Net) -> None:
+        ticks, late = clock(net, self), self.input
+        for k in range(self.count):
+            stage = net.memory(f"line{k + 1}", "*", ticks, start=self.start)
+            net.update(stage, late)
+            late = stage
+        out = net.memory("delayed", "*", ticks, start=self.start, held=True)
+        net.update(out, late)
+        self.publish(net, out)

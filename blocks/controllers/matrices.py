@@ -1,0 +1,137 @@
+"""Matrices of linear controllers: given in the scenario, or read from a .json or .mat file, which runs no code."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.block import Expression, Port
+from engine.errors import ParameterError, nearest
+
+Matrix = NDArray[np.float64]
+Rows = Sequence[Sequence[float]]
+
+LARGEST_FILE = 20_000_000
+"""Bytes."""
+
+
+def read(file: str) -> dict[str, Matrix]:
+    """Every numeric matrix of a file by name: keys of a JSON object, or variables of a MATLAB file.
+
+    Raises:
+        ParameterError: no such file, another kind of file, or not what its name says.
+    """
+    path = Path(file)
+    kind = path.suffix.lower()
+    if kind not in (".json", ".mat"):
+        raise ParameterError(f"'{file}' is of no kind that is read here", remedy="give a .json or .mat file")
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ParameterError(f"'{file}' is larger than {LARGEST_FILE / 1e6:g} MB", remedy="save the matrices alone")
+        found: Mapping[str, Any] = _json(path) if kind == ".json" else _mat(path)
+    except OSError as error:
+        raise ParameterError(f"cannot read '{file}': {error.strerror or error}", remedy="check the path") from None
+    return {name: made for name, value in found.items() if (made := _numeric(value)) is not None}
+
+
+def _json(path: Path) -> Mapping[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise ParameterError(f"'{path}' is not JSON: {error}", remedy='write {"A": [[...]], ...}') from None
+    if not isinstance(found, dict):
+        raise ParameterError(f"'{path}' holds no JSON object", remedy='write {"A": [[...]], ...}')
+    return found
+
+
+def _mat(path: Path) -> Mapping[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        found: Mapping[str, Any] = loadmat(path, struct_as_record=True)
+    except NotImplementedError:
+        raise ParameterError(f"'{path}' is a MATLAB file of version 7.3", remedy="save it with '-v7'") from None
+    except OSError:
+        raise
+    except Exception as error:
+        raise ParameterError(f"'{path}' is not a MATLAB file: {error}", remedy="save it with '-v7'") from None
+    return {name: value for name, value in found.items() if not name.startswith("__")}
+
+
+def _numeric(value: Any) -> Matrix | None:
+    """A value as a matrix, None if it is something else."""
+    try:
+        made = np.array(value, ndmin=2)
+    except ValueError:
+        return None
+    return made.astype(float) if made.ndim == 2 and made.dtype.kind in "iuf" else None
+
+
+def collect(given: Mapping[str, Rows], file: str, wanted: Iterable[str]) -> dict[str, Matrix]:
+    """The wanted matrices: those given, and the rest from the file, if one is named.
+
+    Raises:
+        ParameterError: one is given in both places, is missing, or holds a number that is not finite.
+    """
+    read_in = read(file) if file else {}
+    made: dict[str, Matrix] = {}
+    for name in wanted:
+        here, there = bool(given.get(name)), name in read_in
+        if here and there:
+            raise ParameterError(f"'{name}' is given, and in '{file}' too", remedy="keep one of them")
+        if here or there:
+            made[name] = np.array(given[name], dtype=float, ndmin=2) if here else read_in[name]
+            if not np.isfinite(made[name]).all():
+                raise ParameterError(f"'{name}' holds a number that is not finite")
+    if file and not made:
+        found = nearest("", read_in) if read_in else "it holds no matrices"
+        raise ParameterError(f"'{file}' holds none of {', '.join(wanted)}", remedy=found)
+    return made
+
+
+def shaped(name: str, matrix: Matrix | None, rows: int, columns: int, why: str) -> Matrix:
+    """The matrix in a given shape; zeros for None; a single row stands for a column where one is wanted.
+
+    Raises:
+        ParameterError: it has another shape.
+    """
+    if matrix is None or (matrix.size == 0 and rows * columns == 0):
+        return np.zeros((rows, columns))
+    if matrix.shape == (1, rows) and columns == 1:
+        matrix = matrix.T
+    if matrix.shape != (rows, columns):
+        got = f"{matrix.shape[0]} by {matrix.shape[1]}"
+        raise ParameterError(f"{name} is {got}, not {rows} by {columns}", remedy=why)
+    return matrix
+
+
+def times(matrix: Matrix, vector: Sequence[Expression]) -> list[Expression]:
+    """``matrix @ vector`` without the products with zero, which would be dependencies."""
+    return [sum((float(c) * x for c, x in zip(row, vector, strict=True) if c), 0.0) for row in matrix]
+
+
+def numbered(role: str, name: str, count: int, doc: str, default: float | None = None, unit: str = "*") -> list[Port]:
+    """Ports ``name1``, ``name2``, ... , or ``name`` alone where there is one."""
+    names = [name] if count == 1 else [f"{name}{k + 1}" for k in range(count)]
+    return [Port(n, role, doc if count == 1 else f"{doc}, element {k + 1}", "", unit, default)
+            for k, n in enumerate(names)]  # fmt: skip
+
+
+def period_of(given: float, matrices: Mapping[str, Matrix]) -> float:
+    """The sample period (s): the one given, or ``dt`` of the file.
+
+    Raises:
+        ParameterError: neither, or both and different.
+    """
+    found = float(matrices["dt"].ravel()[0]) if "dt" in matrices else 0.0
+    if given and found and not math.isclose(given, found, rel_tol=1e-9):
+        raise ParameterError(f"period = {given:g} s, but the file says dt = {found:g} s", remedy="leave the period out")
+    if not (given or found > 0):
+        raise ParameterError("no sample period is given", remedy="give period, or dt in the file")
+    return given or found
