@@ -276,7 +276,7 @@ def _time_error(name: str, unit: str, time: Vector, measured: Vector, simulated:
         name,
         unit,
         float(np.sqrt(np.mean(error**2))),
-        100 * (1 - float(np.linalg.norm(error)) / spread),
+        100 * (1 - float(np.linalg.norm(error)) / spread) if spread > 0 else -math.inf,
         time,
         measured,
         simulated,

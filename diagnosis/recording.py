@@ -12,10 +12,15 @@ from numpy.typing import NDArray
 from diagnosis.columns import Columns, RecordingError, Vector, read_columns
 from engine.errors import ParameterError, Where
 from engine.quantity import coherent, convert, factor, split
+from engine.simulate import SHORTEST
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario
     from scenarios.schema import FrequencyRecording, TimeRecording
+
+
+LARGEST = 1e100
+"""Values beyond it, whose squares no sum can hold, are refused; a range below its inverse counts as constant."""
 
 
 @dataclass(frozen=True)
@@ -247,10 +252,25 @@ def checked(recording: Recording, reader: Reader, skip: bool, raw: dict[str, Vec
             Where(reader.columns.file, int(rows[i])),
             "sort the rows, or give each sample its own time",
         )
+    interval = (time[-1] - time[0]) / (len(time) - 1)
+    if not SHORTEST <= interval < math.inf:
+        raise RecordingError(
+            f"samples are {interval:.3g} s apart in column '{time_column}'",
+            Where(reader.columns.file),
+            f"intervals of at least {SHORTEST:g} s can be simulated; is the unit of the time right?",
+        )
+    for channel in (*recording.drive, *recording.measurements):
+        large = ~(np.abs(channel.values) <= LARGEST) & keep
+        if large.any():
+            raise RecordingError(
+                f"column '{channel.column}' holds more than {LARGEST:g} {channel.unit} in {reader.rows(large)}",
+                reader.first(large),
+                "is the unit right?",
+            )
     measured = []
     for channel in recording.measurements:
         values = channel.values[keep]
-        if np.ptp(values) == 0:
+        if np.ptp(values) <= 1 / LARGEST:
             raise RecordingError(
                 f"column '{channel.column}' is constant ({values[0]:g} {channel.unit} in all {len(values)} rows), "
                 "so there is nothing to compare",
@@ -309,10 +329,10 @@ def _frequency(reader: Reader, name: str, made: FrequencyRecording, scenario: Sc
         scale, unit = reader.factor(meant.unit, meant.scale, "response", signal)
         responses.append(Channel(scenario.resolve(signal), unit, values * scale, meant.column))
     for column, values in raw.items():
-        wrong = ~np.isfinite(values) | (np.nan_to_num(values) <= 0)
+        wrong = ~((np.nan_to_num(values) > 1 / LARGEST) & (values < LARGEST))
         if wrong.any():
             raise RecordingError(
-                f"column '{column}' holds no positive number in {reader.rows(wrong)}",
+                f"column '{column}' holds no positive number, or one out of all proportion, in {reader.rows(wrong)}",
                 reader.first(wrong),
                 "repair or remove the rows",
             )

@@ -155,6 +155,9 @@ class _Assembly:
             except FlexarmError as error:
                 place = self.system.place(name)
                 raise (error.at(place) if place else error) from None
+            except ArithmeticError as error:
+                said = f"the values of '{name}' are out of all proportion: {error.args[-1]}"
+                raise StructureError(said, self.system.place(name), "check their units") from error
 
     def _parameter(self, block_name: str, name: str) -> Any:
         block = self.system.blocks[block_name]

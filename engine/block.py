@@ -189,7 +189,13 @@ class Block:
                 self.values[name] = self._given(declared, values, lambda v, d=declared: self._checked(d, v))
         for name, other in self._aliases.items():
             self.values[name] = self.values[other]
-        self.check()
+        try:
+            self.check()
+        except ArithmeticError as error:
+            raise ParameterError(
+                f"the values of {cls.__name__} are out of all proportion: {error.args[-1]}",
+                remedy="one of them is too large or too small to compute with; check its unit",
+            ) from error
         further = {port.name: port for port in self.further_ports()}
         if further:
             self.ports = {**cls.ports, **further}

@@ -7,6 +7,7 @@ shared between the functions, and a division by a lower-level value becomes a pr
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,10 @@ _UNARY = {
     ca.OP_FLOOR: "floor({0})",
     ca.OP_CEIL: "ceil({0})",
 }
+_COSTLY = frozenset(_UNARY) - {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_NOT, ca.OP_FABS, ca.OP_SIGN}
+_COSTLY |= {ca.OP_DIV, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_ATAN2, ca.OP_HYPOT}
+_INLINED = 600
+"""Statements up to which the derivative is compiled into every stage of a step, so that stages share what they can."""
 _CONSTANT, _PARAMETER, _MODE, _STATE = range(4)
 _ARGUMENTS = ("t", "x", "u", "d", "m", "p", "fire")
 
@@ -154,18 +159,44 @@ class Emitter:
             return "t" if key[1] == "t" else f"{key[1]}[{key[2]}]"
         return f"v{node}" if node in local else stored[node]
 
-    def _body(self, nodes: list[int], stored: dict[int, str]) -> list[str]:
+    def _body(self, nodes: list[int], stored: dict[int, str], results: Sequence[int] | None = None) -> list[str]:
+        """Statements that compute the nodes; given the results, costly ones only where a mode or phase needs them."""
         lines: list[str] = []
-        local: set[int] = set()
-        for node in nodes:
+        local = {node for node in nodes if self.nodes[node][0] not in ("const", "input")}
+        wanted = self._wanted(nodes, results) if results is not None else {}
+        computed = [node for node in nodes if node in local]
+        for conditions, run in itertools.groupby(computed, lambda node: wanted.get(node, frozenset())):
+            group = list(run)
+            texts = {}
+            for node in group:
+                key = self.nodes[node]
+                form = _UNARY.get(key[0]) or _BINARY[key[0]]
+                texts[node] = form.format(*[self._operand(o, stored, local) for o in key[1:]])
+            if conditions and any(self.nodes[node][0] in _COSTLY for node in group):
+                tests = " && ".join(f"{self._operand(c, stored, local)} != 0" for c in sorted(conditions))
+                lines.append("  double " + ", ".join(f"v{node} = 0" for node in group) + ";")
+                lines.append(f"  if ({tests}) {{")
+                lines += [f"    v{node} = {text};" for node, text in texts.items()]
+                lines.append("  }")
+            else:
+                lines += [f"  const double v{node} = {text};" for node, text in texts.items()]
+        return lines
+
+    def _wanted(self, nodes: list[int], results: Sequence[int]) -> dict[int, frozenset[int]]:
+        """For each node the conditions, known at the last switch, without which nothing uses it."""
+        inside = set(nodes)
+        found = {node: frozenset[int]() for node in results if node in inside}
+        for node in reversed(nodes):
             key = self.nodes[node]
             if key[0] in ("const", "input"):
                 continue
-            form = _UNARY.get(key[0]) or _BINARY[key[0]]
-            text = form.format(*[self._operand(o, stored, local) for o in key[1:]])
-            lines.append(f"  const double v{node} = {text};")
-            local.add(node)
-        return lines
+            own = found.get(node, frozenset())
+            for place, operand in enumerate(key[1:]):
+                needed = own
+                if key[0] == ca.OP_IF_ELSE_ZERO and place and self.levels[key[1]] < _STATE:
+                    needed = own | {key[1]}
+                found[operand] = found[operand] & needed if operand in found else needed
+        return found
 
     def text(self) -> str:
         """C source of the preparations and of every function added."""
@@ -204,15 +235,17 @@ class Emitter:
             "const double *restrict cm, const double *restrict fire, double *restrict r"
         )
         for name, results in self.functions.items():
-            body = self._body(state_nodes[name], stored)
+            body = self._body(state_nodes[name], stored, results)
             local = set(state_nodes[name])
             body += [f"  r[{i}] = {self._operand(node, stored, local)};" for i, node in enumerate(results)]
-            parts.append(_function(f"fa_{name}", arguments, body))
+            inlined = name == "derivative" and len(body) <= _INLINED
+            parts.append(_function(f"fa_{name}", arguments, body, inlined))
         return "\n".join(parts)
 
 
-def _function(name: str, arguments: str, body: list[str]) -> str:
-    return f"static void {name}({arguments}) {{\n" + "\n".join(body) + "\n}\n"
+def _function(name: str, arguments: str, body: list[str], inlined: bool = False) -> str:
+    inline = "inline __attribute__((always_inline)) " if inlined else ""
+    return f"static {inline}void {name}({arguments}) {{\n" + "\n".join(body) + "\n}\n"
 
 
 def _literal(value: float) -> str:
@@ -249,6 +282,7 @@ def _emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expressi
     emitter = Emitter()
     arguments = [*e.arguments, e.fire]
     emitter.add("derivative", arguments, e.derivative)
+    emitter.add("guards", arguments, e.guards)
     emitter.add("full", arguments, ca.vertcat(e.derivative, e.guards))
     emitter.add("outputs", arguments, e.outputs)
     emitter.add("update", arguments, e.update)

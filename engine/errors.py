@@ -42,9 +42,22 @@ class FlexarmError(Exception):
         return self
 
     def __str__(self) -> str:
-        place = f"{self.where}: " if self.where and str(self.where) else ""
+        place = f"{_short(str(self.where))}: " if self.where and str(self.where) else ""
         remedy = f"\n  {self.remedy}" if self.remedy else ""
-        return f"{place}{self.message}{remedy}"
+        return _printable(f"{place}{_short(self.message)}{remedy}")
+
+
+LONGEST = 1000
+"""Characters of a message; what was given may be a megabyte of text."""
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 200]} ... {text[-190:]}"
+
+
+def _printable(text: str) -> str:
+    """Half characters (surrogates), which no stream can write, as escapes."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 class ParameterError(FlexarmError):

@@ -17,13 +17,13 @@ from engine.native import CANCELLED, CHATTER, EVENTS_PER_STEP, EXTERNAL, NO_MODE
 _SNAP = 1e-12
 
 
-class _Stop(Exception):
+class Stop(Exception):
     def __init__(self, status: int, culprit: int) -> None:
         super().__init__(status)
         self.status, self.culprit = status, culprit
 
 
-class _Simulation:
+class Simulation:
     """State and stepping of one run; names as in ``core.c``."""
 
     def __init__(self, model: Model, job: Job) -> None:
@@ -88,7 +88,7 @@ class _Simulation:
             if not self.switch():
                 return
             self.events += 1
-        raise _Stop(NO_MODE, int(np.argmax(self.g)) // 2)
+        raise Stop(NO_MODE, int(np.argmax(self.g)) // 2)
 
     def time_events(self) -> bool:
         happened = False
@@ -97,7 +97,7 @@ class _Simulation:
             while self.next[k] <= self.t + _SNAP * max(1.0, abs(self.t)):
                 count += 1
                 if count > EVENTS_PER_STEP + 1:
-                    raise _Stop(CHATTER, self.switching + k)
+                    raise Stop(CHATTER, self.switching + k)
                 self.set_mode(self.switching + k, self.m[self.switching + k] + 1)
                 self.modes_changed()
                 self.events += 1
@@ -161,7 +161,7 @@ class _Simulation:
         if not bad.any():
             bad = ~np.isfinite(self.dx)
         if bad.any():
-            raise _Stop(NOT_FINITE, int(np.argmax(bad)))
+            raise Stop(NOT_FINITE, int(np.argmax(bad)))
 
     def step(self, h: float) -> None:
         end, which = self.t + h, 0
@@ -182,7 +182,7 @@ class _Simulation:
             if self.t == end:
                 self.steps += 1
                 return None
-        raise _Stop(CHATTER, which // 2)
+        raise Stop(CHATTER, which // 2)
 
     def start(self) -> None:
         for k in range(len(self.m)):
@@ -222,7 +222,7 @@ class _Simulation:
                     first, last = external.first_input, external.first_input + external.inputs
                     answer = self.calls.call(k, self.t, self.call("external", self.t, self.x, fire)[first:last])
                     if answer is None:
-                        raise _Stop(EXTERNAL, k)
+                        raise Stop(EXTERNAL, k)
                     begin = len(self.job.period) + external.first_output
                     fire[begin : begin + external.outputs] = answer.tolist()
             self.d = self.call("update", self.t, self.x, fire)
@@ -254,7 +254,7 @@ def run(model: Model, job: Job) -> Outcome:
     Raises:
         SimulationError: an external function cannot be made.
     """
-    s = _Simulation(model, job)
+    s = Simulation(model, job)
     rows = job.outputs + 1
     y = np.zeros((rows, len(model.outputs)))
     states = np.zeros((rows, len(model.states))) if job.record_states else None
@@ -290,8 +290,8 @@ def run(model: Model, job: Job) -> Outcome:
                 record(tick // job.output_ticks)
                 row = tick // job.output_ticks + 1
                 if job.cancel is not None and job.cancel.value:
-                    raise _Stop(CANCELLED, 0)
-    except _Stop as stop:
+                    raise Stop(CANCELLED, 0)
+    except Stop as stop:
         status, culprit = stop.status, stop.culprit
     s.calls.finish()
     log = np.array(s.log, dtype=float).reshape(-1, 3)

@@ -101,16 +101,20 @@ def _by_magnitude(values: Any) -> NDArray[np.complex128]:
 
 
 def transmission_zeros(A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> NDArray[np.complex128]:
-    """Finite zeros of a square system, by the generalised eigenvalues of the Rosenbrock pencil."""
+    """Finite zeros of a square system, by the generalised eigenvalues of the Rosenbrock pencil.
+
+    There are none where nothing passes from input to output at any frequency: the pencil is singular then.
+    """
     n = len(A)
-    scale = max(np.abs(B).max(initial=0.0), 1e-300)
-    out = max(np.abs(C).max(initial=0.0), 1e-300)
+    scale, out = (float(np.abs(m).max(initial=0.0)) or 1.0 for m in (B, C))
     pencil = np.block([[A, B / scale], [C / out, D / (scale * out)]])
     mass = np.zeros_like(pencil)
     mass[:n, :n] = np.eye(n)
     alpha, beta = scipy.linalg.eig(pencil, mass, right=False, homogeneous_eigvals=True)
     size = np.abs(alpha) + np.abs(beta)
     rate = max(np.abs(A).max(initial=0.0), 1.0)
+    if (size < 1e-13 * rate).any():
+        return np.zeros(0, dtype=complex)
     finite = np.abs(beta) > 1e-11 * size / rate
     return _by_magnitude(alpha[finite] / beta[finite])
 
@@ -136,7 +140,7 @@ def linearise(
         time: instant (s), for sources.
 
     Raises:
-        ParameterError: a name or label that does not exist.
+        ParameterError: a name or label that does not exist, or something has no derivative at the point.
     """
     point = operating_point(model, at=at, inputs=inputs, modes=modes, parameters=parameters, time=time)
     e = model.equations
@@ -146,7 +150,15 @@ def linearise(
         blocks = [ca.jacobian(f, s) for f in (e.derivative, e.outputs) for s in (e.x, external)]
         model.functions[key] = ca.Function(key, e.arguments, [ca.densify(b) for b in blocks])
     A, B, C, D = (np.array(b.full()) for b in model.functions[key](*point.arguments))
+    _check_finite(model, A, B, C, D)
     keep = point.kept(model)
+    unbounded = ~np.isfinite(np.vstack([np.hstack([A, B]), np.hstack([C, D])])).all(axis=1)
+    if unbounded.any():
+        rows = [variable.name for variable in (*model.states, *model.outputs)]
+        raise ParameterError(
+            f"'{rows[int(np.argmax(unbounded))]}' has no finite derivative at the operating point",
+            remedy="linearise at another point or in another mode",
+        )
     rates = np.array(model.functions["derivative"](*point.arguments).full()).ravel()[keep]
     names = tuple(model.states[i].name for i in keep)
     variables = (*model.states, *model.inputs, *model.outputs)
@@ -168,6 +180,17 @@ def linearise(
         _moving(names, rates, kept, point.x[keep]),
         _ambiguous(model, point, dict(modes or {})),
     )
+
+
+def _check_finite(model: Model, A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> None:
+    """Refuse matrices that hold no finite numbers, by the name of the state or output."""
+    for kind, names, left, right in (("rate of state", model.states, A, B), ("output", model.outputs, C, D)):
+        bad = np.flatnonzero(~(np.isfinite(left).all(axis=1) & np.isfinite(right).all(axis=1)))
+        if len(bad):
+            raise ParameterError(
+                f"the derivatives of the {kind} '{names[int(bad[0])].name}' are not finite at this point",
+                remedy="an inertia may be zero, or a value out of all proportion",
+            )
 
 
 @dataclass(frozen=True)

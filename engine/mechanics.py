@@ -267,7 +267,10 @@ class Mechanics:
             if value <= 0:
                 raise self._massless(i, "has no inertia")
         scale = 1 / np.sqrt(diagonal)
-        eigenvalues, vectors = np.linalg.eigh(scale[:, None] * numbers * scale[None, :])
+        scaled = scale[:, None] * numbers * scale[None, :]
+        if not (np.isfinite(diagonal).all() and np.isfinite(scaled).all()):
+            raise self._massless(int(np.argmin(np.isfinite(scaled).all(axis=1))), "has no finite inertia")
+        eigenvalues, vectors = np.linalg.eigh(scaled)
         if len(eigenvalues) and eigenvalues[0] < 1e-12:
             raise self._massless(int(np.argmax(np.abs(vectors[:, 0]))), "has no inertia of its own")
 

@@ -51,7 +51,9 @@ def _unit(text: str) -> Any:
     spelled = _POWER.sub(r"**\1", spelled.replace(" ", "*").replace("^", "**"))
     spelled = re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", "*", spelled)
     try:
-        return _registry().Unit(spelled)
+        unit = _registry().Unit(spelled)
+        _ = unit.dimensionality  # pint finds some mistakes only here
+        return unit
     except Exception as error:
         raise _unknown(text) from error
 
@@ -109,7 +111,13 @@ def coherent(text: str) -> tuple[float, str]:
     registry = _registry()
     numerator: list[str] = []
     denominator: list[str] = []
-    for name, power in _coherent_parts(_unit(text)).items():
+    try:
+        parts = _coherent_parts(_unit(text))
+    except ParameterError:
+        raise
+    except Exception as error:
+        raise _unknown(text) from error
+    for name, power in parts.items():
         symbol = name if name == "ohm" else registry.get_symbol(name)
         spelled = symbol + (f"{abs(power):g}" if abs(power) != 1 else "")
         (numerator if power > 0 else denominator).append(spelled)

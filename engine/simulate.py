@@ -253,12 +253,14 @@ def prepare(
         raise ParameterError(
             f"step and sample periods {instants} have no common tick", remedy="make them multiples of one another"
         )
-    outputs = int(Fraction(stop + 1e-9 * step) / rational(step))
     columns = len(model.outputs) + record_states * (len(model.states) + len(model.modes))
-    if outputs > 200_000_000 or outputs * columns > MOST_VALUES:
+    if stop / step > min(200_000_000, MOST_VALUES / max(columns, 1)):
         raise ParameterError(
-            f"{outputs:.3g} rows of {columns} numbers are too many", remedy="give a longer step or an earlier stop"
+            f"{stop / step:.3g} rows of {columns} numbers are too many", remedy="give a longer step or an earlier stop"
         )
+    if stop > 1e300:
+        raise ParameterError(f"stop is {stop:g} s", remedy="give an earlier stop")
+    outputs = int(Fraction(stop + 1e-9 * step) / rational(step))
     farthest = max(stop, float(np.abs(knots).max())) / float(tick)
     if farthest > 2**62:
         raise ParameterError(
@@ -297,7 +299,7 @@ def _check_cost(model: Model, p: Vector, x0: Vector, stop: float, hmax: float) -
     if hmax * MOST_STEPS < stop:
         mode = fastest(model, p, x0)
         raise SimulationError(
-            f"{stop:g} s in internal steps of {hmax:.3g} s are more than {MOST_STEPS:.3g} steps; the fastest mode moves "
+            f"{stop:g} s in internal steps of {hmax:.3g} s exceed {MOST_STEPS:.3g} steps; the fastest mode moves "
             f"'{mode.state}' at {mode.rate:.4g} 1/s",
             remedy="reduce the stiffness or raise the inertia behind this mode, stop earlier, or give an internal_step",
         )

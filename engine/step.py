@@ -38,7 +38,10 @@ def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
         matrix = np.array(matrix.full())
         if not matrix.size or not np.isfinite(matrix).all():
             continue
-        values, vectors = np.linalg.eig(matrix)
+        try:
+            values, vectors = np.linalg.eig(matrix)
+        except np.linalg.LinAlgError:  # numbers out of all proportion; the run itself says where they lead
+            continue
         k = int(np.argmax(np.abs(values)))
         if np.abs(values[k]) > found.rate:
             share = np.abs(vectors[:, k]) * np.linalg.norm(matrix, axis=0)

@@ -66,7 +66,8 @@ def block_page(name: str, cls: type[Block]) -> str:
             kinds = {int: "whole number", bool: "true or false", str: "text", list: "matrix"}
             allowed = " | ".join(choice.choices) or kinds[choice.kind]
             empty = choice.default in ("", ())
-            default = "required" if choice.required else "none" if empty else str(choice.default).lower()
+            shown = str(choice.default).lower() if choice.kind is bool else str(choice.default)
+            default = "required" if choice.required else "none" if empty else shown
             doc = choice.doc + (f" (one per {choice.size}, or one for all)" if choice.size else "")
             rows.append([key, allowed, default, doc])
         parts += ["", columns(["option", "allowed", "default", "meaning"], rows)]

@@ -123,7 +123,7 @@ def scalar(text: str) -> Any:
         return _WORDS[text]
     if _INTEGER.fullmatch(text) and len(text) <= 40:
         return int(text)
-    if _BASED.fullmatch(text):
+    if _BASED.fullmatch(text) and len(text) <= 40:
         return int(text, 0)
     if _FLOAT.fullmatch(text):
         return float(text)
@@ -223,7 +223,8 @@ class _Builder:
         self.count(event, 1)
         line = event.start_mark.line + 1
         if kind == "ScalarEvent":
-            made = Node(scalar(event.value) if event.implicit[0] else event.value, self.shown, line)
+            text = self.text(event)
+            made = Node(scalar(text) if event.implicit[0] else text, self.shown, line)
         else:
             self.depth += 1
             if self.depth > DEEPEST:
@@ -247,13 +248,21 @@ class _Builder:
             if type(event).__name__ != "ScalarEvent":
                 raise self.problem(event, "a key must be a name")
             self.node(event)
-            key = event.value
+            key = self.text(event)
             if key in items:
                 raise self.problem(event, f"the key '{key}' was given before, in line {lines[key]}", "keep one of them")
             lines[key] = event.start_mark.line + 1
             items[key] = self.node(next(self.events))
         size = 1 + sum(1 + item.size for item in items.values())
         return Node(items, self.shown, line, lines, size)
+
+    def text(self, event: Any) -> str:
+        """The text of a scalar, characters that were escaped as two halves joined."""
+        text = str(event.value)
+        try:
+            return text if text.isascii() else text.encode("utf-16", "surrogatepass").decode("utf-16")
+        except UnicodeDecodeError:
+            raise self.problem(event, "the text holds half of a character (a lone surrogate)") from None
 
     def count(self, event: Any, size: int) -> None:
         self.nodes += size

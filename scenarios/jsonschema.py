@@ -96,8 +96,9 @@ def _option(made: Option) -> dict[str, Any]:
     kinds = {int: "integer", bool: "boolean", str: "string", list: "array"}
     own: dict[str, Any] = {"type": kinds[made.kind]}
     if made.kind is list:
-        row = {"type": "array", "items": {"type": "number"}, "minItems": 1}
-        own = {"anyOf": [{"type": "number"}, row, {"type": "array", "items": row}]}
+        number = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": REFERENCE}]}
+        row = {"type": "array", "items": number, "minItems": 1}
+        own = {"anyOf": [number, row, {"type": "array", "items": row}]}
     if made.choices:
         own["enum"] = list(made.choices)
     if made.ge is not None:

@@ -28,6 +28,7 @@ typedef struct {
   double cp[FA_SIZE(FA_NCP)], cm[FA_SIZE(FA_NCM)];               /* prepared from p, and from p and m */
   double base[FA_SIZE(FA_NI)], slope[FA_SIZE(FA_NI)], from[FA_SIZE(FA_NI)]; /* inputs: base + slope (t - from) */
   double full[FA_SIZE(FA_NX + FA_NG)];                           /* dx/dt and guards at t */
+  int rated;                                                     /* whether dx/dt in full is that at t */
   double next[FA_SIZE(FA_NT)];                                   /* instants of the next time events */
   int cursor[FA_SIZE(FA_NW)];                                    /* knot of each table that holds at t */
   double hmax;
@@ -38,9 +39,9 @@ typedef struct {
 } fa_sim;
 
 static int fa_finite(const double *a, int n) {
-  double s = 0;
-  for (int i = 0; i < n; i++) s += a[i] - a[i];
-  return s == 0;
+  int yes = 1;
+  for (int i = 0; i < n; i++) yes &= a[i] - a[i] == 0;
+  return yes;
 }
 
 static void fa_inputs(const fa_sim *s, double t, double *u) {
@@ -67,6 +68,7 @@ static void fa_evaluate(fa_sim *s) {
   double u[FA_SIZE(FA_NI)];
   fa_inputs(s, s->t, u);
   fa_full(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, s->full);
+  s->rated = 1;
 }
 
 static void fa_set_mode(fa_sim *s, int k, double value) {
@@ -184,20 +186,21 @@ static void fa_rk4(const fa_sim *s, double h, double *restrict x1) {
   for (int i = 0; i < FA_NX; i++) x1[i] = s->x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
 }
 
-typedef struct { double h, x[FA_SIZE(FA_NX)], full[FA_SIZE(FA_NX + FA_NG)]; } fa_trial;
+typedef struct { double h, x[FA_SIZE(FA_NX)], guards[FA_SIZE(FA_NG)]; } fa_trial;
 
 static void fa_try(const fa_sim *s, double h, fa_trial *r) {
   double u[FA_SIZE(FA_NI)];
   r->h = h;
   fa_rk4(s, h, r->x);
+  if (!FA_NG) return;
   fa_inputs(s, s->t + h, u);
-  fa_full(s->t + h, r->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, r->full);
+  fa_guards(s->t + h, r->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, r->guards);
 }
 
-static double fa_worst(const double *full, int *which) {
+static double fa_worst(const double *guards, int *which) {
   double worst = -HUGE_VAL;
   for (int k = 0; k < FA_NG; k++)
-    if (full[FA_NX + k] > worst) { worst = full[FA_NX + k]; *which = k; }
+    if (guards[k] > worst) { worst = guards[k]; *which = k; }
   return worst;
 }
 
@@ -207,7 +210,7 @@ static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
   fa_trial c;
   double a = 0, fa, fb, wa = 1, wb = 1;
   int which = 0, side = 0;
-  fb = fa_worst(b->full, &which);
+  fb = fa_worst(b->guards, &which);
   fa = s->full[FA_NX + which];
   const double tolerance = 1e-13 * whole;
   for (int turn = 0; turn < 120 && b->h - a > tolerance; turn++) {
@@ -217,7 +220,7 @@ static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
     if (h >= b->h - tolerance / 2) h = b->h - tolerance / 2;
     int guard = 0;
     fa_try(s, h, &c);
-    const double worst = fa_worst(c.full, &guard);
+    const double worst = fa_worst(c.guards, &guard);
     if (worst > 0) {
       *b = c;
       if (guard != which) { which = guard; fa = s->full[FA_NX + which]; wa = wb = 1; side = 0; }
@@ -227,7 +230,7 @@ static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
       side = 1;
     } else {
       a = h;
-      fa = c.full[FA_NX + which];
+      fa = c.guards[which];
       wa = 1;
       wb = side < 0 ? wb / 2 : 1;
       side = -1;
@@ -244,26 +247,42 @@ static int fa_not_finite(fa_sim *s) {
   return s->status = FA_NOT_FINITE;
 }
 
-/* One step of length h, split at the switches inside it. Needs s->full at s->t; leaves it there for the next. */
+/* See that s->full holds dx/dt at s->t. */
+static int fa_rate(fa_sim *s) {
+  if (s->rated) return FA_OK;
+  double u[FA_SIZE(FA_NI)];
+  fa_inputs(s, s->t, u);
+  fa_derivative(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, s->full);
+  s->rated = 1;
+  return fa_finite(s->full, FA_NX) ? FA_OK : fa_not_finite(s);
+}
+
+/* Take over the trial; dx/dt at its end is left for when it is needed, since memories may change before. */
+static void fa_accept(fa_sim *s, const fa_trial *b) {
+  memcpy(s->x, b->x, sizeof s->x);
+  memcpy(s->full + FA_NX, b->guards, sizeof(double) * FA_NG);
+  s->rated = 0;
+}
+
+/* One step of length h, split at the switches inside it. Needs the guards in s->full at s->t; leaves them there. */
 static int fa_step(fa_sim *s, double h) {
   const double end = s->t + h;
   fa_trial b;
   for (int events = 0; events <= FA_EVENTS_PER_STEP; events++) {
     int which = 0;
+    if (fa_rate(s)) return s->status;
     fa_try(s, end - s->t, &b);
-    if (!(fa_worst(b.full, &which) > 0)) {
+    if (!(fa_worst(b.guards, &which) > 0)) {
       FA_ON_STEP(s, b.h, -1);
-      memcpy(s->x, b.x, sizeof s->x);
-      memcpy(s->full, b.full, sizeof s->full);
+      fa_accept(s, &b);
       s->t = end;
       s->steps++;
-      return fa_finite(s->x, FA_NX) && fa_finite(s->full, FA_NX) ? FA_OK : fa_not_finite(s);
+      return fa_finite(s->x, FA_NX) && fa_finite(b.guards, FA_NG) ? FA_OK : fa_not_finite(s);
     }
     fa_locate(s, h, &b);
-    fa_worst(b.full, &which);
+    fa_worst(b.guards, &which);
     FA_ON_STEP(s, b.h, which);
-    memcpy(s->x, b.x, sizeof s->x);
-    memcpy(s->full, b.full, sizeof s->full);
+    fa_accept(s, &b);
     s->t = end - s->t - b.h > 1e-13 * h ? s->t + b.h : end;
     if (!fa_finite(s->x, FA_NX)) return fa_not_finite(s);
     fa_switch(s);
@@ -301,8 +320,8 @@ static int fa_start(fa_sim *s) {
   return fa_finite(s->full, FA_NX) ? FA_OK : fa_not_finite(s);
 }
 
-/* Integrate to t_end, hitting every knot and time event on the way. Needs s->full. */
-static int fa_integrate(fa_sim *s, double t_end) {
+/* Integrate to t_end, hitting every knot and time event on the way. Needs s->full; leaves its guards alone up to date. */
+static int fa_reach(fa_sim *s, double t_end) {
   while (s->t < t_end) {
     int event;
     double target = fa_next_knot(s, &event);
@@ -311,7 +330,7 @@ static int fa_integrate(fa_sim *s, double t_end) {
       target = t_end;
     }
     const double start = s->t, span = target - start;
-    const int64_t n = span > s->hmax ? (int64_t)ceil(span / s->hmax * (1 - 1e-9)) : 1;
+    const int64_t n = span * (1 - 1e-9) > s->hmax ? (int64_t)ceil(span / s->hmax * (1 - 1e-9)) : 1;
     for (int64_t i = 1; i <= n; i++) {
       const double to = i < n ? start + span * ((double)i / (double)n) : target;
       FA_ON_TARGET(s, event, i, n);
@@ -323,6 +342,11 @@ static int fa_integrate(fa_sim *s, double t_end) {
     if ((knots || events) && fa_settle(s)) return s->status;
   }
   return FA_OK;
+}
+
+/* The same, leaving all of s->full up to date. */
+static int fa_integrate(fa_sim *s, double t_end) {
+  return fa_reach(s, t_end) || fa_rate(s) ? s->status : FA_OK;
 }
 
 /* Let the clocks flagged in fire tick: memories take their new values and the guards are checked again. */

@@ -62,12 +62,14 @@ static int fa_externals(fa_sim *s, const fa_job *job, double *fire) {
 }
 #endif
 
-static int fa_clocks(fa_sim *s, const fa_job *job, int64_t tick) {
+/* due: the next tick of each clock. */
+static int fa_clocks(fa_sim *s, const fa_job *job, int64_t tick, int64_t *due) {
   double fire[FA_SIZE(FA_NC + FA_NEO)] = {0};
   int any = 0;
   for (int c = 0; c < FA_NC; c++) {
-    fire[c] = tick >= job->offset[c] && (tick - job->offset[c]) % job->period[c] == 0;
-    any |= fire[c] != 0;
+    if (due[c] != tick) continue;
+    due[c] += job->period[c];
+    fire[c] = any = 1;
   }
 #if FA_NE
   if (any && fa_externals(s, job, fire)) return s->status;
@@ -75,37 +77,28 @@ static int fa_clocks(fa_sim *s, const fa_job *job, int64_t tick) {
   return any ? fa_tick(s, fire) : FA_OK;
 }
 
-static int64_t fa_next_tick(const fa_job *job, int64_t tick, int64_t next_knot) {
-  int64_t next = tick - tick % job->output_ticks + job->output_ticks;
-  for (int c = 0; c < FA_NC; c++) {
-    const int64_t since = tick - job->offset[c];
-    const int64_t hit = since < 0 ? job->offset[c] : tick - since % job->period[c] + job->period[c];
-    if (hit < next) next = hit;
-  }
-  if (next_knot < job->knots && job->knot[next_knot] < next) next = job->knot[next_knot];
-  return next;
-}
-
 static int fa_run(fa_sim *s, fa_job *job) {
   const int64_t last = job->outputs * job->output_ticks;
-  int64_t tick = 0, knot = 0;
+  int64_t tick = 0, knot = 0, row = 0, due[FA_SIZE(FA_NC)];
+  for (int c = 0; c < FA_NC; c++) due[c] = job->offset[c];
   if (FA_NU) while (knot < job->knots && job->knot[knot] <= 0) fa_drive(s, job, knot++);
-  if (fa_start(s) || fa_clocks(s, job, 0)) return s->status;
+  if (fa_start(s) || fa_clocks(s, job, 0, due)) return s->status;
   fa_record(s, job, 0);
   while (tick < last) {
-    const int64_t next = fa_next_tick(job, tick, FA_NU ? knot : job->knots);
-    if (fa_integrate(s, job->t0 + (double)next * job->resolution)) return s->status;
-    tick = next;
+    tick = (row + 1) * job->output_ticks;
+    for (int c = 0; c < FA_NC; c++) if (due[c] < tick) tick = due[c];
+    if (FA_NU && knot < job->knots && job->knot[knot] < tick) tick = job->knot[knot];
+    if (fa_reach(s, job->t0 + (double)tick * job->resolution)) return s->status;
     int driven = 0;
     if (FA_NU) while (knot < job->knots && job->knot[knot] <= tick) { fa_drive(s, job, knot++); driven = 1; }
     if (driven && fa_settle(s)) return s->status;
-    if (fa_clocks(s, job, tick)) return s->status;
-    if (tick % job->output_ticks == 0) {
-      fa_record(s, job, tick / job->output_ticks);
+    if (fa_clocks(s, job, tick, due)) return s->status;
+    if (tick == (row + 1) * job->output_ticks) {
+      fa_record(s, job, ++row);
       if (job->cancel && *job->cancel) return s->status = FA_CANCELLED;
     }
   }
-  return FA_OK;
+  return fa_rate(s);
 }
 
 FA_EXPORT int fa_simulate(fa_job *job, void *listener) {

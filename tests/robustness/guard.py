@@ -1,0 +1,61 @@
+"""What any input may lead to: a result without NaN, or an error that says where; within bounded time."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import signal
+import warnings
+from collections.abc import Iterator
+from types import FrameType
+
+from engine import simulate
+from engine.errors import FlexarmError
+
+LONGEST = 30
+"""Seconds that one example may take before it counts as a hang."""
+
+STEPS = 20_000
+"""Bound on internal steps while properties run, so that the bound itself is met and every example is short."""
+
+REFUSED, RESULT = "refused", "result"
+
+_NAMED = re.compile(r"'[^']+'|t = |\b(step|stop|internal_step|drive|rows|line|times?)\b")
+
+
+class Hang(BaseException):
+    """An example took too long; not an `Exception`, so that no handler of the library swallows it."""
+
+
+@contextlib.contextmanager
+def bounded(seconds: int = LONGEST, steps: int = STEPS) -> Iterator[None]:
+    """Within it Python code that runs for longer than ``seconds`` is stopped, and a run has at most ``steps``."""
+
+    def ring(number: int, frame: FrameType | None) -> None:
+        raise Hang(f"longer than {seconds} s")
+
+    before, most = signal.signal(signal.SIGALRM, ring), simulate.MOST_STEPS
+    signal.alarm(seconds)
+    simulate.MOST_STEPS = steps
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+        simulate.MOST_STEPS = most
+
+
+def explained(error: FlexarmError, file: bool = False) -> str:
+    """Assert that an error says what is wrong and where; ``file``: the place must be one in a file."""
+    text = str(error)
+    assert error.message.strip(), "an empty message"
+    assert len(text) < 5000, f"a message of {len(text)} characters"
+    text.encode("utf-8")
+    if file:
+        assert error.where is not None, f"no place: {text}"
+        assert error.where.file, f"no file: {text}"
+    else:
+        assert (error.where is not None and str(error.where)) or _NAMED.search(text), f"names nothing: {text}"
+    return REFUSED
