@@ -18,6 +18,8 @@ _SNAP = 1e-12
 
 
 class Stop(Exception):
+    """A run ends early, with a status and the culprit of `engine.native`."""
+
     def __init__(self, status: int, culprit: int) -> None:
         super().__init__(status)
         self.status, self.culprit = status, culprit
@@ -44,21 +46,26 @@ class Simulation:
         self.next: Vector = np.zeros(0)
 
     def call(self, name: str, t: float, x: Vector, *extra: Any) -> Vector:
+        """An equation of the model at ``t`` and ``x``, with inputs, memories and modes as they are."""
         u = self.base + self.slope * (t - self.origin)
         return np.array(self.f[name](t, x, u, self.d, self.m, self.p, *extra).full()).ravel()
 
     def evaluate(self) -> None:
+        """Derivative and guards at the present state."""
         self.dx, self.g = self.call("derivative", self.t, self.x), self.call("guards", self.t, self.x)
 
     def modes_changed(self) -> None:
+        """Renew what depends on the modes."""
         self.next = np.array(self.f["following"](self.m, self.p).full()).ravel()
 
     def set_mode(self, k: int, value: float) -> None:
+        """Change a mode and log it."""
         self.m[k] = value
         if len(self.log) < self.job.log_capacity:
             self.log.append((self.t, k, value))
 
     def switch(self) -> bool:
+        """Change every mode whose guard is violated; whether anything changed."""
         changed, breakaway, worst = False, -1, 0.0
         for k in range(self.switching):
             above, below = self.g[2 * k], self.g[2 * k + 1]
@@ -83,6 +90,7 @@ class Simulation:
         return changed
 
     def settle(self) -> None:
+        """Bring the modes into agreement with the state."""
         for _ in range(4 * len(self.m) + 20):
             self.evaluate()
             if not self.switch():
@@ -91,6 +99,7 @@ class Simulation:
         raise Stop(NO_MODE, int(np.argmax(self.g)) // 2)
 
     def time_events(self) -> bool:
+        """Count the time events that are due; whether any was."""
         happened = False
         for k in range(len(self.next)):
             count = 0
@@ -105,6 +114,7 @@ class Simulation:
         return happened
 
     def table_knots(self) -> bool:
+        """Move each table to the knot that holds now; whether any moved."""
         moved, now, first = False, self.t + _SNAP * max(1.0, abs(self.t)), len(self.model.inputs)
         for i, table in enumerate(self.model.tables):
             c = int(np.searchsorted(table.times, now, side="right")) - 1
@@ -117,11 +127,13 @@ class Simulation:
         return moved
 
     def next_knot(self) -> float:
+        """The next instant that must be hit (s)."""
         tables = zip(self.model.tables, self.cursor, strict=True)
         knots = [table.times[c + 1] for table, c in tables if c + 1 < len(table.times)]
         return float(min([math.inf, *knots, *self.next]))
 
     def trial(self, h: float) -> tuple[float, Vector, Vector, Vector]:
+        """One RK4 step of length ``h`` with the modes frozen: length, state, derivative, guards."""
         t, x, k1 = self.t, self.x, self.dx
         k2 = self.call("derivative", t + h / 2, x + h / 2 * k1)
         k3 = self.call("derivative", t + h / 2, x + h / 2 * k2)
@@ -130,6 +142,7 @@ class Simulation:
         return h, end, self.call("derivative", t + h, end), self.call("guards", t + h, end)
 
     def locate(self, whole: float, b: tuple[float, Vector, Vector, Vector]) -> tuple[float, Vector, Vector, Vector]:
+        """Shorten a trial that violates a guard to the instant of the first violation."""
         a, tolerance = 0.0, 1e-13 * whole
         which = int(np.argmax(b[3]))
         fa, fb, wa, wb, side = self.g[which], b[3][which], 1.0, 1.0, 0
@@ -157,6 +170,7 @@ class Simulation:
         return b
 
     def check(self) -> None:
+        """Stop if the state, its rate or the memories are not finite."""
         bad = ~np.isfinite(self.x)
         if not bad.any():
             bad = ~np.isfinite(self.dx)
@@ -164,6 +178,7 @@ class Simulation:
             raise Stop(NOT_FINITE, int(np.argmax(bad)))
 
     def step(self, h: float) -> None:
+        """One step, split at the switches inside it."""
         end, which = self.t + h, 0
         for _ in range(EVENTS_PER_STEP + 1):
             b = self.trial(end - self.t)
@@ -185,6 +200,7 @@ class Simulation:
         raise Stop(CHATTER, which // 2)
 
     def start(self) -> None:
+        """Settle modes, tables and time events at the start."""
         for k in range(len(self.m)):
             if not math.isfinite(self.m[k]):
                 stuck = k >= len(self.frictions)
@@ -198,6 +214,7 @@ class Simulation:
         self.check()
 
     def integrate(self, t_end: float) -> None:
+        """Go on to ``t_end``, hitting every knot and time event on the way."""
         while self.t < t_end:
             target = self.next_knot()
             if target > t_end - _SNAP * max(1.0, abs(t_end)):
@@ -213,6 +230,7 @@ class Simulation:
                 self.settle()
 
     def tick(self, tick: int) -> None:
+        """Let the clocks that are due tick."""
         pairs = zip(self.job.period, self.job.offset, strict=True)
         fire = [float(tick >= offset and (tick - offset) % period == 0) for period, offset in pairs]
         if any(fire):
@@ -229,6 +247,7 @@ class Simulation:
             self.settle()
 
     def drive(self, k: int) -> None:
+        """Let the inputs follow knot ``k`` of the drive."""
         job = self.job
         for i, linear in enumerate(job.linear):
             rise = 0.0
@@ -238,6 +257,7 @@ class Simulation:
             self.base[i], self.slope[i], self.origin[i] = job.value[k, i], rise, self.t
 
     def next_tick(self, tick: int, knot: int) -> int:
+        """The next tick at which something happens."""
         job = self.job
         hits = [tick - tick % job.output_ticks + job.output_ticks]
         for period, offset in zip(job.period, job.offset, strict=True):
