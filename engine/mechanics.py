@@ -3,9 +3,10 @@
     M q'' = f,   M = T' E M0 T,   f = T' E f0
 
 Velocities built on one another (`engine.stamps.Velocity`) stand behind the coordinates in M and f, and their
-accelerations follow from ``v' = C z + b``, z = (q'', v'); see `engine.recursion`. T carries coordinates to motions, E holds the
-efficiency weights. A stuck coordinate has its row and column of M masked and its force zeroed, so its acceleration is
-exactly zero; what would move it is the residual of its own row, and that is compared with the static friction.
+accelerations follow from ``v' = C z + b``, z = (q'', v'); see `engine.recursion`. T carries coordinates to motions, E
+holds the efficiency weights. A stuck coordinate has its row and column of M masked and its force zeroed, so its
+acceleration is exactly zero; what would move it is the residual of its own row, and that is compared with the static
+friction.
 """
 
 from __future__ import annotations

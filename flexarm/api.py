@@ -18,6 +18,7 @@ from scenarios.validate import ScenarioError
 if TYPE_CHECKING:
     from diagnosis.compare import Comparison
     from diagnosis.recording import FrequencyTable, Recording
+    from engine.discretise import DiscreteModel
     from engine.linearise import LinearModel
 
 Source = Scenario | str | Path
@@ -36,6 +37,7 @@ def simulate(
     drive: Drive | None = None,
     initial: dict[str, float] | None = None,
     internal_step: float | None = None,
+    step_tolerance: float | None = None,
     record_states: bool = False,
     backend: str = "auto",
 ) -> Result:
@@ -49,6 +51,7 @@ def simulate(
         drive: external inputs of a model built with inputs.
         initial: starting values by name, SI units.
         internal_step: longest integration step (s).
+        step_tolerance: warn if half that step changes an output by more than this share of its range.
         record_states: also keep states and modes at every row.
         backend: ``c``, ``interpreter`` or ``auto``.
 
@@ -65,6 +68,7 @@ def simulate(
             stop = planned.stop if stop is None else stop
             step = planned.step if step is None else step
             internal_step = planned.internal_step if internal_step is None else internal_step
+            step_tolerance = planned.step_tolerance if step_tolerance is None else step_tolerance
         elif stop is None:
             raise ScenarioError(
                 "the scenario does not say how long to simulate",
@@ -81,6 +85,7 @@ def simulate(
         drive=drive,
         initial=initial,
         internal_step=internal_step,
+        step_tolerance=step_tolerance,
         record_states=record_states,
         backend=backend,
     )
@@ -93,6 +98,7 @@ class Cut:
     model: Model
     bypassed: tuple[str, ...]
     settings: AnalysisSettings
+    scenario: Scenario
     simulation: Simulation | None = None
 
 
@@ -125,7 +131,7 @@ def cut(
     }
     settings = replace(settings, modes=kept)
     dropped = bypass(scenario.system, list(settings.inputs))[1]
-    return Cut(model, tuple(dropped), settings, scenario.simulation)
+    return Cut(model, tuple(dropped), settings, scenario, scenario.simulation)
 
 
 def _is_block(scenario: Scenario, name: str) -> bool:
@@ -192,11 +198,41 @@ def linearise(
         at: states, motions and inputs at the point, over those of the analysis: SI numbers or texts with a unit.
 
     Raises:
-        FlexarmError: a name, label or unit that does not fit.
+        FlexarmError: a name, label or unit that does not fit, or the point lies between two modes and none is chosen.
     """
     from engine.linearise import linearise as linear
 
     made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
+    found = linear(made.model, **_point(made, modes, at))
+    if found.ambiguous:
+        (mode, labels), *_ = found.ambiguous.items()
+        choices = " or ".join(f"--mode '{mode}={label}'" for label in labels)
+        raise ParameterError(
+            f"the point lies exactly on the edge between the modes {' and '.join(labels)} of '{mode}', "
+            "and the linear model of each is another",
+            remedy=f"choose: {choices}; in a file, under 'modes:' of the analysis; or another point, by --at",
+        )
+    return found
+
+
+def discretise(
+    source: Source | Cut,
+    analysis: str | None = None,
+    *,
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    modes: Mapping[str, int | str] | None = None,
+    at: Mapping[str, Any] | None = None,
+) -> DiscreteModel:
+    """The discrete-time linear model of a scenario with sampled blocks; arguments and errors as of `linearise`."""
+    from engine.discretise import discretise as discrete
+
+    made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
+    return discrete(made.model, **_point(made, modes, at))
+
+
+def _point(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Arguments for `engine.linearise.linearise`: the point and modes of the analysis and those given, in SI units."""
     model = made.model
     wanted: dict[str, int | str] = {**made.settings.modes, **(modes or {})}
     labels = dict(_label(model, name, value) for name, value in wanted.items())
@@ -204,17 +240,16 @@ def linearise(
     input_units = {variable.name: variable.unit for variable in model.inputs}
     state_units = _motion_units(model)
     given = {name: si(value, {**state_units, **input_units}, name) for name, value in point.items()}
-    return linear(
-        model,
-        at={name: value for name, value in given.items() if name not in input_units},
-        inputs={name: value for name, value in given.items() if name in input_units},
-        modes=labels,
-    )
+    return {
+        "at": {name: value for name, value in given.items() if name not in input_units},
+        "inputs": {name: value for name, value in given.items() if name in input_units},
+        "modes": labels,
+    }
 
 
 def _motion_units(model: Model) -> dict[str, str]:
     """Units of everything that has a value at an operating point."""
-    units = {state.name: state.unit for state in model.states}
+    units = {variable.name: variable.unit for variable in (*model.states, *model.memories)}
     for flange in model.motions:
         for quantity, unit in (("angle", "rad"), ("speed", "rad/s"), ("position", "m")):
             units.setdefault(f"{flange}.{quantity}", unit)
@@ -242,6 +277,12 @@ def export(
     inputs: Iterable[str] | None = None,
     outputs: Iterable[str] | None = None,
     platforms: Iterable[str] | None = None,
+    version: int = 2,
+    linear_twin: bool = False,
+    beside: bool = True,
+    backend: str = "c",
+    modes: Mapping[str, int | str] | None = None,
+    at: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a scenario's model as an FMU, whose default experiment is that of the scenario.
 
@@ -252,20 +293,57 @@ def export(
         inputs: signal inputs in place of those of the analysis.
         outputs: signals in place of those of the analysis.
         platforms: what to compile for, such as ``linux64`` and ``win64``; those of `fmu.export` if None.
+        version: of FMI: 2 or 3.
+        linear_twin: also run the linear model on the same inputs, as outputs ``NAME_lin``.
+        beside: also write ``NAME_linear.mat`` and ``NAME_linear.m`` beside the FMU, if there is a linear model.
+        backend: ``c``, or ``python`` for a model with Python functions: the FMU then needs Python where it runs.
+        modes: modes of the linear model, over those of the analysis; see `linearise`.
+        at: operating point of the linear model, over that of the analysis.
 
     Returns:
         The path written.
 
     Raises:
-        FlexarmError: a name that does not fit, or no compiler.
+        FlexarmError: a name that does not fit, or no compiler. Nothing is written then.
     """
     from fmu import export as write_fmu
 
     made = source if isinstance(source, Cut) else cut(source, "export", analysis, inputs=inputs, outputs=outputs)
-    settings: dict[str, Any] = {} if platforms is None else {"platforms": tuple(platforms)}
+    if backend not in ("c", "python"):
+        raise ParameterError(f"there is no backend '{backend}'", remedy="allowed: c, python")
+    settings: dict[str, Any] = {}
     if made.simulation is not None:
         settings |= {"step": made.simulation.step, "stop": made.simulation.stop}
-    return write_fmu(made.model, path, **settings)
+    if backend == "python":
+        if version != 2 or linear_twin or platforms is not None:
+            raise ParameterError(
+                "the python backend writes FMI 2 without a linear twin, for any platform that has Python",
+                remedy="leave out --fmi, --linear-twin and --platforms",
+            )
+        from flexarm.recipe import LOADER, recipe
+        from fmu.python_backend import export_python
+
+        return export_python(made.model, path, LOADER, *recipe(made), **settings)
+    if platforms is not None:
+        settings["platforms"] = tuple(platforms)
+    model = made.model
+    if beside or linear_twin:
+        settings |= _linear_settings(made, modes, at)
+        beside = beside and "linear" in settings
+    return write_fmu(model, path, version=version, linear_twin=linear_twin, beside=beside, **settings)
+
+
+def _linear_settings(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
+    """The linear models that travel with an FMU: those of the modes and point of its analysis, if there are any."""
+    from engine.discretise import discretise as discrete
+    from engine.linearise import linearise as linear
+
+    model = made.model
+    if not (model.states and model.inputs and model.outputs) or model.externals:
+        return {}
+    point = _point(made, modes, at)
+    found: dict[str, Any] = {"linear": linear(model, **point)}
+    return found | ({"discrete": discrete(model, **point)} if model.clocks else {})
 
 
 def compare(
@@ -280,4 +358,4 @@ def compare(
     return run(_scenario(source), recording, progress=progress)
 
 
-__all__ = ["Cut", "FlexarmError", "compare", "cut", "export", "linearise", "simulate"]
+__all__ = ["Cut", "FlexarmError", "compare", "cut", "discretise", "export", "linearise", "simulate"]

@@ -32,6 +32,7 @@ class Simulation:
     stop: float
     step: float = 1e-3
     internal_step: float | None = None
+    step_tolerance: float | None = None
     record: tuple[str, ...] | None = None
 
 
@@ -255,22 +256,22 @@ def _simulation(document: Node, file: ScenarioFile, flat: Flat) -> Simulation | 
         return None
     scope = root_scope(document)
 
-    def seconds(key: str) -> float | None:
+    def positive(key: str, unit: str = "s") -> float | None:
         node = document.get("simulate", key)
         if node is None or node.value is None:
             return None
         where = document.where("simulate", key)
-        number = _number(substitute(node, scope, where), "s", where)
+        number = _number(substitute(node, scope, where), unit, where)
         if number <= 0:
-            raise ScenarioError(f"{node.value!r} is not a positive time", where)
+            raise ScenarioError(f"{node.value!r} is not a positive {'time' if unit == 's' else 'number'}", where)
         return number
 
-    stop, step = seconds("stop"), seconds("step") or 1e-3
+    stop, step = positive("stop"), positive("step") or 1e-3
     assert stop is not None
     if step > stop:
         raise ScenarioError(f"the step ({step:g} s) is longer than the simulation", document.where("simulate", "step"))
     record = None if file.simulate.record is None else tuple(flat.resolve(name) for name in file.simulate.record)
-    return Simulation(stop, step, seconds("internal_step"), record)
+    return Simulation(stop, step, positive("internal_step"), positive("step_tolerance", "1"), record)
 
 
 def _analysis(document: Node, name: str, made: Linearise | Export, flat: Flat) -> AnalysisSettings:

@@ -83,6 +83,10 @@ class Simulate(Section):
     internal_step: Quantity | None = Field(
         default=None, description="step of the integration, s; chosen from the fastest mode if absent"
     )
+    step_tolerance: Quantity | None = Field(
+        default=None,
+        description="repeat with half the internal step; warn if an output changes by more than this share of its range",
+    )
     record: list[Text] | None = Field(default=None, description="signals to record; all if absent")
 
 

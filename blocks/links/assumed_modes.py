@@ -21,7 +21,8 @@ class AssumedModesLink(Block):
 
     L = length, rho = mass / L, EI = flexural_rigidity, mp = payload, Jh = hub_inertia, theta = angle of the hub; in the
     horizontal plane, small w. A positive torque at the hub turns it in the positive sense; alpha_1 > 0 bends the tip
-    that way. Each mode is damped by zeta_j = 2 xi_j sqrt(K_j M_j), xi = damping_ratio of the clamped arm,
+    that way. A payload of 0 leaves its terms out, and cannot be tuned later. Each mode is damped by zeta_j = 2 xi_j
+    sqrt(K_j M_j), xi = damping_ratio of the clamped arm,
     K_j = EI beta_j^4 / L^3, M_j = m + mp Q_j(L)^2.
 
     ``nonlinear`` adds 1/2 theta'^2 (int rho w^2 ds + mp w(L)^2): the terms alpha^2 theta'' and alpha theta'^2 of paper
@@ -58,7 +59,7 @@ class AssumedModesLink(Block):
             raise ParameterError("foreshortening needs nonlinear: true", remedy="set both, or neither")
 
     def stamp(self, net: Net) -> None:
-        hub, length, mass, payload = self.hub, self.length, self.mass, self.payload
+        hub, length, mass, payload = self.hub, self.length, self.mass, self._tip_mass()
         orders = range(1, self.modes + 1)
         alpha = [net.coordinate(f"mode{i}", kind=TRANSLATIONAL) for i in orders]
         tip = [mode_shapes.tip(i) for i in orders]
@@ -83,15 +84,19 @@ class AssumedModesLink(Block):
             net.kinetic([hub, *alpha], hub.speed**2 / 2 * self._added_inertia(alpha))
         self._observe(net, alpha)
 
+    def _tip_mass(self) -> Expression:
+        """The payload; a plain zero where there is none, which keeps the modes' mass matrix diagonal."""
+        return self.payload if self.values["payload"] else 0.0
+
     def _added_inertia(self, alpha: list[Motion]) -> Expression:
         """What the deflection adds to the moment of inertia about the hub."""
         bent = self.mass * sum(a.position**2 for a in alpha)
-        bent += self.payload * sum(mode_shapes.tip(i) * a.position for i, a in enumerate(alpha, 1)) ** 2
+        bent += self._tip_mass() * sum(mode_shapes.tip(i) * a.position for i, a in enumerate(alpha, 1)) ** 2
         if self.foreshortening:
             beam, end = mode_shapes.stiffening(self.modes)
             for i, a in enumerate(alpha):
                 for j, b in enumerate(alpha):
-                    g = self.mass * float(beam[i, j]) + self.payload * float(end[i, j])
+                    g = self.mass * float(beam[i, j]) + self._tip_mass() * float(end[i, j])
                     bent -= g * a.position * b.position
         return bent
 

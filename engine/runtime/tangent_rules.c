@@ -3,8 +3,11 @@
 
 enum { FA_AT_T = FA_NX, FA_AT_U = FA_NX + 1, FA_AT_D = FA_NX + 1 + FA_NI, FA_AT_Q = FA_NX + 1 + FA_NI + FA_ND };
 
+/* Inlined everywhere, so that the number of columns is a constant of each loop over directions. */
+#define FA_INLINE static inline __attribute__((always_inline))
+
 /* out += J seeds, for columns 0..cols-1; parameters' own columns only where with_q. */
-static void fa_apply(const fa_sim *s, const int *row, const int *col, int n, const double *j, double (*S)[FA_COLS],
+FA_INLINE void fa_apply(const fa_sim *s, const int *row, const int *col, int n, const double *j, double (*S)[FA_COLS],
                      double (*D)[FA_COLS], const double *dt, int cols, int with_q, double (*out)[FA_COLS]) {
   for (int k = 0; k < n; k++) {
     double *restrict o = out[row[k]];
@@ -27,7 +30,7 @@ static void fa_apply(const fa_sim *s, const int *row, const int *col, int n, con
 }
 
 /* Derivative and its tangent at (t, x). */
-static void fa_stage(const fa_sim *s, double t, const double *x, double (*S)[FA_COLS], const double *dt, int cols,
+FA_INLINE void fa_stage(const fa_sim *s, double t, const double *x, double (*S)[FA_COLS], const double *dt, int cols,
                      double *k, double (*dk)[FA_COLS]) {
   fa_tangents *T = s->listener;
   double u[FA_SIZE(FA_NI)], r[FA_SIZE(FA_NX + FA_DERIVATIVE_NNZ)];
@@ -40,7 +43,7 @@ static void fa_stage(const fa_sim *s, double t, const double *x, double (*S)[FA_
 
 /* Tangent of one RK4 step of length h from the present state, into T->S; end receives the state there. dh may be NULL.
  * With with_length, column FA_DIRS of T->S becomes Phi_h: its only seed is a unit change of the length. */
-static void fa_tangent_rk4(fa_sim *s, double h, const double *dh, int with_length, double *end) {
+FA_INLINE void fa_tangent_rk4(fa_sim *s, double h, const double *dh, int with_length, double *end) {
   static const double part[4] = {0, 0.5, 0.5, 1};
   fa_tangents *T = s->listener;
   const int cols = with_length ? FA_COLS : FA_DIRS, timed = T->moving || with_length || dh;

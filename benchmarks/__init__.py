@@ -1,0 +1,1 @@
+"""Measurements of flexarm: speed, and the proof on concealed effects."""
