@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
-from engine.errors import FlexarmError, ParameterError, Where
+from engine.errors import FlexarmError
+from flexarm import damping_command, diagnose_command, fmu_commands, linear_command
+from flexarm.options import ScenarioArgument, SetOption, file_name, load, say_bypassed, seconds
 
 if TYPE_CHECKING:
-    from engine.model import Model
-    from flexarm.api import Cut
-    from scenarios.load import Scenario
+    pass
 
 app = typer.Typer(
     name="flexarm",
@@ -28,25 +28,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-ScenarioArgument = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped scenario.")
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option("--set", "-s", metavar="KEY=VALUE", help="Change a value, such as gear.ratio=14; repeatable."),
-]
-AnalysisOption = Annotated[
-    str | None, typer.Option("--analysis", "-a", metavar="NAME", help="An analysis of the file; the first by default.")
-]
-InputsOption = Annotated[
-    list[str] | None,
-    typer.Option("--inputs", "-u", metavar="NAME", help="Inputs in place of the file's; repeatable, or with commas."),
-]
-OutputsOption = Annotated[
-    list[str] | None,
-    typer.Option("--outputs", "-y", metavar="NAME", help="Outputs in place of the file's; repeatable, or with commas."),
-]
 
 
 def _version(wanted: bool) -> None:
@@ -66,52 +47,6 @@ def _all(
     pass
 
 
-def _seconds(text: str | None, option: str) -> float | None:
-    if text is None:
-        return None
-    from engine.quantity import convert
-
-    try:
-        number = convert(text, "s")
-    except ParameterError as error:
-        raise error.at(Where(option)) from None
-    if number <= 0:
-        raise ParameterError(f"'{text}' is not a positive time", Where(option), f"write for example {option} '10 s'")
-    return number
-
-
-def _pairs(given: list[str] | None, option: str) -> dict[str, str]:
-    pairs: dict[str, str] = {}
-    for text in given or []:
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise FlexarmError(f"'{text}' sets nothing", Where(option), "write NAME=VALUE")
-        pairs[name.strip()] = value.strip()
-    return pairs
-
-
-def _names(given: list[str] | None) -> list[str] | None:
-    if given is None:
-        return None
-    return [name.strip() for text in given for name in text.split(",") if name.strip()]
-
-
-def _load(scenario: str, overrides: list[str] | None) -> Scenario:
-    from scenarios.load import load
-
-    return load(scenario, overrides or ())
-
-
-def _file_name(scenario: Scenario) -> str:
-    """The scenario's name without what a file name cannot hold."""
-    return "".join(c if c.isalnum() or c in "-_. " else "_" for c in scenario.name).strip(". ") or "scenario"
-
-
-def _say_bypassed(blocks: tuple[str, ...], by: str) -> None:
-    if blocks:
-        typer.echo(f"bypassed by {by}: {', '.join(blocks)}")
-
-
 @app.command()
 def run(
     scenario: ScenarioArgument,
@@ -128,21 +63,22 @@ def run(
     """Simulate a scenario."""
     import time
 
+    from engine.files import check_suffix
     from flexarm.api import simulate
-    from flexarm.output import TABLES, check_suffix, write_result
+    from flexarm.output import TABLES, write_result
     from flexarm.plot import FIGURES
     from flexarm.plot import plot as draw
     from flexarm.text import columns, number, plural
 
     if output is not None:
         check_suffix(output, TABLES)
-    loaded = _load(scenario, overrides)
+    loaded = load(scenario, overrides)
     if plot is not None and str(plot) == AUTOMATIC:
-        plot = Path(f"{_file_name(loaded)}.png")
+        plot = Path(f"{file_name(loaded)}.png")
     if plot is not None:
         check_suffix(plot, FIGURES)
     begun = time.perf_counter()
-    result = simulate(loaded, _seconds(stop, "--stop"), _seconds(step, "--step"))
+    result = simulate(loaded, seconds(stop, "--stop"), seconds(step, "--step"))
     spent = time.perf_counter() - begun
     typer.echo(f"{loaded.name}: {loaded.description}" if loaded.description else loaded.name)
     typer.echo(
@@ -170,7 +106,7 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
     from flexarm.api import linearise as linear_model
     from flexarm.text import columns, plural
 
-    loaded = _load(scenario, overrides)
+    loaded = load(scenario, overrides)
     model = loaded.build()
     typer.echo(f"{loaded.name}: {loaded.description}" if loaded.description else loaded.name)
     typer.echo(
@@ -191,7 +127,7 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
         made = cut(loaded, analysis.kind, name)
         if analysis.kind == "linearise":
             linear_model(made)
-        _say_bypassed(made.bypassed, f"analysis {name}")
+        say_bypassed(made.bypassed, f"analysis {name}")
     for name in loaded.recordings:
         recording = from_scenario(loaded, name)
         verify(loaded, recording)
@@ -219,7 +155,7 @@ def schema(
     output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write it to a file.")] = None,
 ) -> None:
     """Print the JSON Schema of scenario files, for editors."""
-    from flexarm.output import writing
+    from engine.files import writing
     from scenarios.jsonschema import json_schema
 
     text = json.dumps(json_schema(), indent=2)
@@ -229,81 +165,6 @@ def schema(
     with writing(output, (".json",)) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
     typer.echo(f"written: {output}")
-
-
-@app.command()
-def linearise(
-    scenario: ScenarioArgument,
-    overrides: SetOption = None,
-    analysis: AnalysisOption = None,
-    inputs: InputsOption = None,
-    outputs: OutputsOption = None,
-    mode: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="State of a friction or contact: its label, or -1, 0, 1; repeatable."),
-    ] = None,
-    at: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Operating point, such as 'link.hub.angle=10 deg'; repeatable."),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write .json, .npz, .mat or .m.")
-    ] = None,
-) -> None:
-    """Print and write the linear model at an operating point."""
-    from flexarm.api import cut
-    from flexarm.api import linearise as linear_model
-    from flexarm.output import LINEAR, check_suffix, write_linear
-    from flexarm.text import linear_page
-
-    if output is not None:
-        check_suffix(output, LINEAR)
-    loaded = _load(scenario, overrides)
-    made = cut(loaded, "linearise", analysis, inputs=_names(inputs), outputs=_names(outputs))
-    linear = linear_model(made, modes=_pairs(mode, "--mode"), at=_pairs(at, "--at"))
-    typer.echo(f"{loaded.name}, linearised")
-    _say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
-    typer.echo(linear_page(linear))
-    if output is not None:
-        write_linear(output, linear, loaded.name)
-        typer.echo(f"written: {output}")
-
-
-@app.command()
-def export(
-    scenario: ScenarioArgument,
-    overrides: SetOption = None,
-    analysis: AnalysisOption = None,
-    inputs: InputsOption = None,
-    outputs: OutputsOption = None,
-    platform: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="What to compile for: linux64, win64, ...; repeatable.")
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", metavar="FMU", help="The file; NAME.fmu by default.")
-    ] = None,
-) -> None:
-    """Write the model as an FMU."""
-    from flexarm.api import cut
-    from flexarm.api import export as write_fmu
-    from flexarm.output import check_suffix
-
-    if output is not None:
-        check_suffix(output, (".fmu",))
-    loaded = _load(scenario, overrides)
-    made = cut(loaded, "export", analysis, inputs=_names(inputs), outputs=_names(outputs))
-    _say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
-    path = write_fmu(
-        made, output if output is not None else Path(f"{_file_name(loaded)}.fmu"), platforms=_names(platform)
-    )
-    _describe(made, path)
-
-
-def _describe(made: Cut, path: Path) -> None:
-    model: Model = made.model
-    typer.echo(f"inputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.inputs)}")
-    typer.echo(f"outputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.outputs)}")
-    typer.echo(f"written: {path}")
 
 
 @app.command()
@@ -322,7 +183,7 @@ def compare(
     from flexarm.progress import Progress
     from flexarm.text import comparison_page
 
-    loaded = _load(scenario, overrides)
+    loaded = load(scenario, overrides)
     found = [find_recording(loaded, given) for given in recordings]
     done: list[dict[str, Any]] = []
     for recording in found:
@@ -336,6 +197,11 @@ def compare(
             json.dumps({"scenario": loaded.name, "overrides": list(loaded.overrides), "recordings": done}, indent=2)
         )
 
+
+diagnose_command.register(app)
+linear_command.register(app)
+fmu_commands.register(app)
+damping_command.register(app)
 
 AUTOMATIC = ":automatic:"
 """Stands for ``--plot`` without a file name."""

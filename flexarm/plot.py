@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexarm.output import writing
+from engine.files import writing
 
 if TYPE_CHECKING:
     from engine.simulate import Result

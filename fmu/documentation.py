@@ -15,6 +15,18 @@ _STYLE = (
     "th{background:#eee}code{background:#f4f4f4}"
 )
 
+_DERIVATIVES = (
+    "<h2>Derivatives</h2>",
+    "<p>Directional derivatives are exact, of outputs and state derivatives by states and inputs, with modes and "
+    "sampled memories held.</p>",
+    "<h2>Rebuild</h2>",
+)
+_PYTHON = (
+    "<h2>What it needs</h2>",
+    "<p>The model holds Python functions and runs in Python: where it is imported, the importing process must find a "
+    "Python 3 with flexarm and pythonfmu. Co-Simulation only.</p>",
+)
+
 _SLOPES = ", or follow the slope given by fmi2SetRealInputDerivatives for one step"
 
 
@@ -31,8 +43,8 @@ def _bounds(variable: FmuVariable) -> str:
     return f"{low:g} to {high:g}"
 
 
-def page(plan: Plan, platforms: Sequence[str], version: int = 2) -> str:
-    """The page for an export."""
+def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = False) -> str:
+    """The page for an export; ``python`` for one that runs in Python."""
 
     def of(kind: str) -> list[FmuVariable]:
         return [variable for variable in plan.variables if variable.kind == kind]
@@ -73,11 +85,10 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2) -> str:
         f"communication points{_SLOPES if version == 2 else ''}.</p>",
         f"<p>Sample clocks: {html.escape('; '.join(clocks)) or 'none'}. A clock that is due at a communication point "
         "uses the inputs set there: set inputs first, then read outputs.</p>",
-        "<h2>Derivatives</h2>",
-        "<p>Directional derivatives are exact, of outputs and state derivatives by states and inputs, with modes and "
-        "sampled memories held.</p>",
-        "<h2>Rebuild</h2>",
-        f"<p><code>gcc -O2 -ffp-contract=off -shared -fPIC sources/all.c -lm -o {plan.identifier}.so</code></p>",
+        *(_PYTHON if python else _DERIVATIVES),
+        ""
+        if python
+        else f"<p><code>gcc -O2 -ffp-contract=off -shared -fPIC sources/all.c -lm -o {plan.identifier}.so</code></p>",
     ]
     body = "\n".join(part for part in parts if part)
     title = html.escape(model.name or plan.identifier)

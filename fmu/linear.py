@@ -2,82 +2,38 @@
 
 from __future__ import annotations
 
-import io
-import json
 from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from engine.discretise import DiscreteModel
 from engine.errors import FlexarmError
+from engine.linear_files import as_json, as_mat
 from engine.linearise import LinearModel
 from engine.model import TIME, Model, Variable, Vector
-from fmu.variables import flat
-
-_MAT_TEXT = b"MATLAB 5.0 MAT-file, written by flexarm"
+from engine.start import start_values
 
 
-def linear_files(linear: LinearModel) -> dict[str, bytes]:
+def linear_files(linear: LinearModel, discrete: DiscreteModel | None = None) -> dict[str, bytes]:
     """``resources/linear.json`` and ``resources/linear.mat`` of an archive."""
-    return {"resources/linear.json": as_json(linear), "resources/linear.mat": as_mat(linear)}
+    return {
+        "resources/linear.json": as_json(linear, discrete=discrete),
+        "resources/linear.mat": as_mat(linear, discrete),
+    }
 
 
-def as_json(linear: LinearModel) -> bytes:
-    """Matrices, names, units, modes and the operating point."""
-    content: dict[str, Any] = {key: getattr(linear, key).tolist() for key in "ABCD"}
-    content |= {"states": linear.states, "inputs": linear.inputs, "outputs": linear.outputs}
-    content |= {"units": linear.units, "modes": linear.modes, "point": linear.point}
-    return (json.dumps(content, indent=1) + "\n").encode()
-
-
-def as_mat(linear: LinearModel) -> bytes:
-    """The same for MATLAB, with a fixed header in place of the date."""
-    from scipy.io import savemat
-
-    content: dict[str, Any] = {key: getattr(linear, key) for key in "ABCD"}
-    for key in ("states", "inputs", "outputs"):
-        names = getattr(linear, key)
-        content[key] = np.array(names, dtype=object)
-        content[f"{key[:-1]}_units"] = np.array([linear.units.get(name, "") for name in names], dtype=object)
-    buffer = io.BytesIO()
-    savemat(buffer, content, long_field_names=True)
-    return _MAT_TEXT.ljust(116) + buffer.getvalue()[116:]
-
-
-def script(linear: LinearModel, name: str) -> str:
-    """A MATLAB or Octave script that builds the named ``ss`` object from ``NAME_linear.mat`` beside it."""
-
-    def cell(names: tuple[str, ...]) -> str:
-        return "{" + ", ".join("'" + n.replace("'", "''") + "'" for n in names) + "}"
-
-    variable = f"{flat(name)}_linear"
-    lines = [f"% {name}: x' = A x + B u, y = C x + D u for deviations from the operating point; by flexarm"]
-    lines += [f"% mode {mode}: {label}" for mode, label in linear.modes.items()]
-    lines += [f"% {state} = {linear.point[state]!r}" for state in linear.states]
-    lines += [
-        f"flexarm_data = load(fullfile(fileparts(mfilename('fullpath')), '{name}_linear.mat'));",
-        f"{variable} = ss(flexarm_data.A, flexarm_data.B, flexarm_data.C, flexarm_data.D);",
-        "clear flexarm_data",
-    ]
-    for key, property_name in (("states", "State"), ("inputs", "Input"), ("outputs", "Output")):
-        names = getattr(linear, key)
-        lines.append(f"{variable}.{property_name}Name = {cell(names)};")
-        units = cell(tuple(linear.units.get(n, "") for n in names))
-        lines.append(f"if isprop({variable}, '{property_name}Unit'), {variable}.{property_name}Unit = {units}; end")
-    return "\n".join(lines) + "\n"
-
-
-def with_twin(model: Model, linear: LinearModel, inputs: Vector | None = None) -> Model:
+def with_twin(model: Model, linear: LinearModel) -> Model:
     """The model with its linear model beside it, driven by the same inputs.
 
     Args:
         model: the model.
         linear: linearised from it, with all its inputs and outputs.
-        inputs: inputs at the operating point; zero if None.
 
     Returns:
-        A model whose further outputs ``NAME_lin`` are y0 + C dx + D du.
+        A model whose further outputs ``NAME_lin`` are y0 + C dx + D du, with dx at the start as far from the operating
+        point as the model's start is.
 
     Raises:
         FlexarmError: the linear model has other inputs or outputs.
@@ -89,7 +45,9 @@ def with_twin(model: Model, linear: LinearModel, inputs: Vector | None = None) -
                 remedy="linearise the model that is exported, with all its inputs and outputs",
             )
     e, n = model.equations, len(linear.states)
-    u0 = np.zeros(len(model.inputs)) if inputs is None else np.asarray(inputs, dtype=float)
+    u0 = np.array([linear.point.get(variable.name, 0.0) for variable in model.inputs])
+    begun = dict(zip((state.name for state in model.states), start_values(model, model.parameter_values), strict=True))
+    dx0 = [float(begun[name]) - linear.point[name] for name in linear.states]
     dx, du = ca.SX.sym("linear", n), e.u[: len(model.inputs)] - ca.DM(u0)
     units = {variable.name: variable.unit for variable in model.states}
     equations = replace(
@@ -99,7 +57,7 @@ def with_twin(model: Model, linear: LinearModel, inputs: Vector | None = None) -
         outputs=ca.densify(
             ca.vertcat(e.outputs, _outputs_at(model, linear, u0) + _times(linear.C, dx) + _times(linear.D, du))
         ),
-        start=ca.densify(ca.vertcat(e.start, ca.SX.zeros(n))),
+        start=ca.densify(ca.vertcat(e.start, ca.SX(ca.DM(dx0)))),
     )
     return replace(
         model,

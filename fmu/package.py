@@ -6,16 +6,17 @@ import logging
 import os
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import IO
 
+from engine.discretise import DiscreteModel, discretise
 from engine.errors import FlexarmError
+from engine.linear_files import as_mat, script
 from engine.linearise import LinearModel, linearise
 from engine.model import Model
-from fmu import build, describe, documentation
-from fmu.linear import as_mat, linear_files, script, with_twin
+from fmu import build, describe, documentation, icon
+from fmu.linear import linear_files, with_twin
 from fmu.plan import Plan
 from fmu.plan import plan as make_plan
 from fmu.source import placeholder, source
@@ -32,6 +33,7 @@ def export(
     stop: float = 10.0,
     version: int = 2,
     linear: LinearModel | None = None,
+    discrete: DiscreteModel | None = None,
     linear_twin: bool = False,
     beside: bool = False,
 ) -> Path:
@@ -48,6 +50,7 @@ def export(
         stop: end of the default experiment (s).
         version: of FMI: 2 or 3.
         linear: the linear model to send along as ``resources/linear.json`` and ``.mat``; that at the start if None.
+        discrete: its discrete-time model; that at the start if neither is given and the model has clocks.
         linear_twin: also run the linear model on the same inputs, as outputs ``NAME_lin``.
         beside: also write ``NAME_linear.mat`` and ``NAME_linear.m`` beside the FMU.
 
@@ -62,32 +65,48 @@ def export(
         raise FlexarmError(f"FMI {version} is not supported", remedy="allowed: 2, 3")
     chosen = build.check(platforms)
     target = Path(path)
-    _check_target(target)
-    linear = _linear(model) if linear is None else linear
+    check_target(target)
+    if linear is None:
+        linear, discrete = _linear(model)
     if linear is None and (linear_twin or beside):
         raise FlexarmError("the model has no linear model at its start", remedy="give one, made by engine.linearise")
     travelling = with_twin(model, linear) if linear is not None and linear_twin else model
-    write_archive(target, contents(make_plan(travelling, step, stop), chosen, linear, version))
+    files: dict[Path, Callable[[IO[bytes]], object]] = {}
+    inside = contents(make_plan(travelling, step, stop), chosen, linear, version, discrete)
+    files[target] = lambda handle: _zip(handle, inside)
     if linear is not None and beside:
-        write_file(target.with_name(f"{target.stem}_linear.mat"), as_mat(linear))
-        write_file(target.with_name(f"{target.stem}_linear.m"), script(linear, target.stem).encode())
+        mat, text = as_mat(linear, discrete), script(linear, target.stem, discrete).encode()
+        files[target.with_name(f"{target.stem}_linear.mat")] = lambda handle: handle.write(mat)
+        files[target.with_name(f"{target.stem}_linear.m")] = lambda handle: handle.write(text)
+    write_files(files)
     log.info("wrote %s for %s", target, ", ".join(chosen))
     return target
 
 
-def _linear(model: Model) -> LinearModel | None:
-    """The linear model at the start, or None with a message where there is none."""
-    if not (model.states and model.inputs and model.outputs):
-        return None
+def _linear(model: Model) -> tuple[LinearModel | None, DiscreteModel | None]:
+    """The linear models at the start, or None with a message where there is none."""
+    if not (model.states and model.inputs and model.outputs) or model.externals:
+        return None, None
     try:
-        return linearise(model)
+        linear = linearise(model)
     except FlexarmError as error:
         log.warning("the FMU goes without its linear model: %s", error.message)
-        return None
+        return None, None
+    for mode, labels in linear.ambiguous.items():
+        log.warning("the start lies between the modes %s of '%s'; linearised: %s", labels, mode, linear.modes[mode])
+    try:
+        return linear, discretise(model) if model.clocks else None
+    except FlexarmError as error:
+        log.warning("the FMU goes without its discrete-time linear model: %s", error.message)
+        return linear, None
 
 
 def contents(
-    plan: Plan, platforms: Sequence[str], linear: LinearModel | None = None, version: int = 2
+    plan: Plan,
+    platforms: Sequence[str],
+    linear: LinearModel | None = None,
+    version: int = 2,
+    discrete: DiscreteModel | None = None,
 ) -> dict[str, bytes]:
     """Every file of the archive by name."""
     described = describe.fmi2 if version == 2 else describe.fmi3
@@ -101,12 +120,14 @@ def contents(
     if version == 3:
         made["sources/buildDescription.xml"] = describe.build_description(plan).encode()
     if linear is not None:
-        made |= linear_files(linear)
+        made |= linear_files(linear, discrete)
+    made |= icon.files(plan, version)
     made["documentation/index.html"] = documentation.page(plan, platforms, version).encode()
     return made
 
 
-def _check_target(path: Path) -> None:
+def check_target(path: Path) -> None:
+    """Refuse what cannot be written, before any work is done."""
     if path.is_dir():
         raise FlexarmError(f"'{path}' is a folder", remedy="give a file name")
     if not path.parent.is_dir():
@@ -121,7 +142,11 @@ def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
     Raises:
         FlexarmError: it cannot be written; an older file is left as it was.
     """
-    with _replacing(path) as handle, zipfile.ZipFile(handle, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+    write_files({path: lambda handle: _zip(handle, files)})
+
+
+def _zip(handle: IO[bytes], files: Mapping[str, bytes]) -> None:
+    with zipfile.ZipFile(handle, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name, content in files.items():
             entry = zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
@@ -130,31 +155,28 @@ def write_archive(path: Path, files: Mapping[str, bytes]) -> None:
             archive.writestr(entry, content)
 
 
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all.
+def write_files(writers: Mapping[Path, Callable[[IO[bytes]], object]]) -> None:
+    """Write files that belong together: each is made whole beside its place, and all are moved there at the end.
 
     Raises:
-        FlexarmError: it cannot be written.
+        FlexarmError: one cannot be written; older files are left as they were.
     """
-    with _replacing(path) as handle:
-        handle.write(content)
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A file beside ``path`` that takes its place when the block ends well."""
-    temporary: Path | None = None
+    made: dict[Path, Path] = {}
+    path = Path()
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.stem}-", delete=False) as handle:
-            temporary = Path(handle.name)
-            yield handle
+        for path, write in writers.items():
+            if path.is_dir():
+                raise FlexarmError(f"'{path}' is a folder", remedy="remove it, or write somewhere else")
+            with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.stem}-", delete=False) as handle:
+                made[path] = Path(handle.name)
+                write(handle)
         mask = os.umask(0)
         os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        temporary.replace(path)
-        temporary = None
+        for path, temporary in made.items():
+            temporary.chmod(0o666 & ~mask)
+            temporary.replace(path)
     except OSError as error:
         raise FlexarmError(f"cannot write '{path}': {error.strerror}", remedy="write somewhere else") from error
     finally:
-        if temporary is not None:
+        for temporary in made.values():
             temporary.unlink(missing_ok=True)

@@ -111,7 +111,7 @@ def model_source(model: Model) -> str:
     except NotImplementedError as error:
         raise FlexarmError(
             f"the model cannot be written in C: {error}",
-            remedy="replace the block that has no C form, or export with the python backend",
+            remedy="replace the block that has no C form, or export with the python backend: --backend python",
         ) from error
 
 

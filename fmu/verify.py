@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from engine.errors import FlexarmError, SimulationError, nearest
 from engine.model import Model, Vector
 from engine.simulate import Drive, simulate
+from fmu.host import Host, host
 from fmu.variables import flat
 
 
@@ -52,36 +52,13 @@ def validate(path: str | Path) -> list[str]:
 
 @contextmanager
 def slave(path: str | Path, name: str = "instance") -> Iterator[tuple[Any, Any, list[str]]]:
-    """An instance of an FMI 2 Co-Simulation FMU, not yet set up.
+    """An instance of an FMI 2 Co-Simulation FMU, not yet set up, for calls one by one.
 
     Yields:
         (fmpy's `FMU2Slave`, its model description, the list into which its log messages go).
     """
-    from fmpy import extract, fmi2, read_model_description
-
-    messages: list[str] = []
-
-    def log(environment: Any, instance: Any, status: int, category: Any, message: bytes) -> None:
-        messages.append(message.decode("utf-8", "replace"))
-
-    callbacks = fmi2.fmi2CallbackFunctions()
-    callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(log)
-    callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmi2.calloc)
-    callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmi2.free)
-    description = read_model_description(str(path))
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        extract(str(path), folder)
-        instance = fmi2.FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=folder,
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName=name,
-        )
-        instance.instantiate(callbacks=callbacks)
-        try:
-            yield instance, description, messages
-        finally:
-            instance.freeInstance()
+    with host(path, name) as made:
+        yield made.raw, made.description, made.messages
 
 
 def references(description: Any, causality: str) -> list[int]:
@@ -109,7 +86,9 @@ def cosim(
     drive: Drive | None = None,
     parameters: dict[str, float] | None = None,
 ) -> Trace:
-    """Run an FMI 2 Co-Simulation FMU with FMPy. At each communication point inputs are set before outputs are read.
+    """Run a Co-Simulation FMU of FMI 2 or 3 with FMPy.
+
+    At each communication point inputs are set before outputs are read.
 
     Args:
         path: the FMU.
@@ -122,31 +101,23 @@ def cosim(
         SimulationError: a call failed; the message is the FMU's.
         FlexarmError: no such parameter.
     """
-    from fmpy.fmi1 import FMICallException
-
-    with slave(path) as (instance, description, messages):
-        given = {reference(description, name): value for name, value in (parameters or {}).items()}
-        inputs, outputs = references(description, "input"), references(description, "output")
+    with host(path) as instance:
+        inputs, outputs = instance.names("input"), instance.names("output")
+        instance.set(list(parameters or {}), list((parameters or {}).values()))
         times, rows = [0.0], []
-        try:
-            instance.setupExperiment(startTime=0.0, stopTime=stop)
-            instance.setReal(list(given), list(given.values()))
-            instance.enterInitializationMode()
+        with instance.starting(0.0, stop):
             _apply(instance, inputs, drive, 0.0)
-            instance.exitInitializationMode()
-            rows.append(instance.getReal(outputs))
-            for begin, end in _points(stop, step):
-                instance.doStep(currentCommunicationPoint=begin, communicationStepSize=end - begin)
-                _apply(instance, inputs, drive, end)
-                times.append(end)
-                rows.append(instance.getReal(outputs))
-        except FMICallException as error:
-            raise SimulationError(messages[-1] if messages else str(error)) from error
-        names = tuple(v.name for v in description.modelVariables if v.causality == "output")
-    return Trace(np.array(times), np.array(rows).reshape(len(times), -1), names)
+        rows.append(instance.get(outputs))
+        for begin, end in points(stop, step):
+            instance.step(begin, end - begin)
+            _apply(instance, inputs, drive, end)
+            times.append(end)
+            rows.append(instance.get(outputs))
+        instance.end()
+    return Trace(np.array(times), np.array(rows).reshape(len(times), -1), outputs)
 
 
-def _points(stop: float, step: float | Sequence[float]) -> Iterator[tuple[float, float]]:
+def points(stop: float, step: float | Sequence[float]) -> Iterator[tuple[float, float]]:
     """Begin and end of every communication step."""
     steps = [step] if isinstance(step, int | float) else list(step)
     cycle, count, begin = sum(steps), 0, 0.0
@@ -157,22 +128,27 @@ def _points(stop: float, step: float | Sequence[float]) -> Iterator[tuple[float,
         begin, count = end, count + 1
 
 
-def _apply(instance: Any, inputs: list[int], drive: Drive | None, time: float) -> None:
-    if drive is None or not inputs:
-        return
+def _apply(instance: Host, inputs: Sequence[str], drive: Drive | None, time: float) -> None:
+    if drive is not None and inputs:
+        values, slopes = present(drive, len(inputs), time)
+        instance.set(inputs, values.tolist(), slopes.tolist())
+
+
+def present(drive: Drive | None, count: int, time: float) -> tuple[Vector, Vector]:
+    """Values and slopes of a drive's signals from an instant on; shape (count,) each."""
+    if drive is None:
+        return np.zeros(count), np.zeros(count)
     knots, values = np.asarray(drive.time, dtype=float), np.asarray(drive.values, dtype=float)
     values = values.reshape(len(knots), -1)
     k = max(int(np.searchsorted(knots, time + 1e-9, side="right")) - 1, 0)
-    holds = (drive.hold,) * len(inputs) if isinstance(drive.hold, str) else drive.hold
-    present, slopes = values[k].copy(), np.zeros(len(inputs))
+    holds = (drive.hold,) * count if isinstance(drive.hold, str) else drive.hold
+    now, slopes = values[k].copy(), np.zeros(count)
     if k + 1 < len(knots) and knots[0] <= time:
         for i, hold in enumerate(holds):
             if hold == "linear":
                 slopes[i] = (values[k + 1, i] - values[k, i]) / (knots[k + 1] - knots[k])
-                present[i] += slopes[i] * (time - knots[k])
-    instance.setReal(inputs, present.tolist())
-    if slopes.any():
-        instance.setRealInputDerivatives(inputs, [1] * len(inputs), slopes.tolist())
+                now[i] += slopes[i] * (time - knots[k])
+    return now, slopes
 
 
 def compare_with_runner(

@@ -85,7 +85,7 @@ class Simulate(Section):
     )
     step_tolerance: Quantity | None = Field(
         default=None,
-        description="repeat with half the internal step; warn if an output changes by more than this share of its range",
+        description="repeat with half the internal step; warn if an output changes by more of its range than this",
     )
     record: list[Text] | None = Field(default=None, description="signals to record; all if absent")
 

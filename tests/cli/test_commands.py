@@ -97,7 +97,7 @@ def test_linearise(base: Path, command: Callable) -> None:
         assert command("linearise", base.name, "-o", f"p.{suffix}").code == 0
     np.testing.assert_array_equal(np.load(base.parent / "p.npz")["A"], stated["A"])
     np.testing.assert_array_equal(loadmat(base.parent / "p.mat")["A"], stated["A"])
-    assert "'InputName', {'motor.voltage'}" in (base.parent / "p.m").read_text()
+    assert "InputName = {'motor.voltage'};" in (base.parent / "p.m").read_text()
 
 
 def test_linearise_through_the_dead_zone(base: Path, command: Callable) -> None:
@@ -133,7 +133,7 @@ def test_export(base: Path, command: Callable) -> None:
         answer = command("export", base.name, *bad)
         assert answer.code == 1
         assert piece in answer.err
-    assert {path.name for path in base.parent.iterdir()} == {"base.yaml", "arm.fmu"}
+    assert {path.name for path in base.parent.iterdir()} == {"base.yaml", "arm.fmu", "arm_linear.mat", "arm_linear.m"}
 
 
 def test_version(command: Callable) -> None:

@@ -183,3 +183,26 @@ def test_refusals(switching_model: Model, exported3: Any, tmp_path: Path) -> Non
         modes = [v for v in description.modelVariables if v.type == "Int32"]
         assert {m.name for m in modes} == {"friction.mode", "zone.zone.mode", "play.contact.mode"}
         assert all(value in (-1, 0, 1) for value in instance.getInt32([m.valueReference for m in modes]))
+
+
+def test_terminals_and_icon(exported3: Callable[[Model], Path], exported: Any, smooth_model: Model) -> None:
+    """Against the schema that comes with FMPy; members are variables of the FMU, each once."""
+    from io import BytesIO
+
+    import fmpy
+    from lxml import etree
+    from matplotlib.image import imread
+
+    with zipfile.ZipFile(exported3(smooth_model)) as archive:
+        found = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+        picture = imread(BytesIO(archive.read("terminalsAndIcons/icon.png")))
+    schema = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
+    etree.XMLSchema(etree.parse(str(schema))).assertValid(found)
+    assert picture.shape == (96, 96)
+    assert 0.05 < (picture < 0.5).mean() < 0.5
+    members = [m.get("variableName") for m in found.iter("TerminalMemberVariable")]
+    assert sorted(members) == sorted(
+        ["motor_voltage", "link_hub_angle", "link_tip_deflection", "link_tip_acceleration", "motor_current"]
+    )
+    with zipfile.ZipFile(exported(smooth_model)) as archive:
+        assert archive.read("model.png").startswith(b"\x89PNG")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +37,12 @@ def _constant(model: Model, value: float) -> Drive | None:
 
 
 @pytest.mark.parametrize("model", MODELS, indirect=True)
-def test_equals_the_runner_at_the_same_step(model: Model, exported: Any) -> None:
-    assert fmu.compare_with_runner(model, exported(model), 1.5, drive=_drive(model)) <= 1e-12
+def test_equals_the_runner_at_the_same_step(
+    model: Model, exported: Any, record_property: Callable[[str, object], None]
+) -> None:
+    difference = fmu.compare_with_runner(model, exported(model), 1.5, drive=_drive(model))
+    record_property("largest difference", f"{difference:.1e}")
+    assert difference <= 1e-12
 
 
 @pytest.mark.parametrize("model", ["smooth_model", "switching_model"], indirect=True)
@@ -54,7 +59,9 @@ def test_equals_the_runner_with_a_linear_input(smooth_model: Model, exported: An
     assert fmu.compare_with_runner(smooth_model, exported(smooth_model), 1.0, drive=drive) <= 1e-12
 
 
-def test_agrees_with_an_adaptive_solver_and_has_order_four(smooth_model: Model, exported: Any) -> None:
+def test_agrees_with_an_adaptive_solver_and_has_order_four(
+    smooth_model: Model, exported: Any, record_property: Callable[[str, object], None]
+) -> None:
     f = smooth_model.functions
     p, n = smooth_model.parameter_values, len(smooth_model.states)
     empty = np.zeros(0)
@@ -70,6 +77,8 @@ def test_agrees_with_an_adaptive_solver_and_has_order_four(smooth_model: Model, 
         errors.append(float(np.abs(trace.values[-1] - exact)[:2].max()))
     assert errors[0] < 1e-6
     orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    record_property("difference at 1 ms", f"{errors[0]:.1e}")
+    record_property("orders", ", ".join(f"{order:.2f}" for order in orders))
     assert (np.abs(orders - 4) < 0.5).all(), (errors, orders)
 
 

@@ -1,0 +1,64 @@
+"""``flexarm linearise SCENARIO``: the linear model and its files. Heavy imports happen inside the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexarm.options import (
+    AnalysisOption,
+    AtOption,
+    InputsOption,
+    ModeOption,
+    OutputsOption,
+    ScenarioArgument,
+    SetOption,
+    load,
+    names,
+    pairs,
+    say_bypassed,
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to a command line."""
+    app.command()(linearise)
+
+
+def linearise(
+    scenario: ScenarioArgument,
+    overrides: SetOption = None,
+    analysis: AnalysisOption = None,
+    inputs: InputsOption = None,
+    outputs: OutputsOption = None,
+    mode: ModeOption = None,
+    at: AtOption = None,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write .json, .npz, .mat or .m; repeatable."),
+    ] = None,
+) -> None:
+    """Print and write the linear model at an operating point; with sampled blocks also that in discrete time."""
+    from engine.files import check_suffix
+    from flexarm.api import cut, discretise
+    from flexarm.api import linearise as linear_model
+    from flexarm.output import LINEAR, write_linear
+    from flexarm.text import discrete_page, linear_page
+
+    for path in output or []:
+        check_suffix(path, LINEAR)
+    loaded = load(scenario, overrides)
+    made = cut(loaded, "linearise", analysis, inputs=names(inputs), outputs=names(outputs))
+    settings = {"modes": pairs(mode, "--mode"), "at": pairs(at, "--at")}
+    linear = linear_model(made, **settings)  # type: ignore[arg-type]
+    discrete = discretise(made, **settings) if made.model.clocks else None  # type: ignore[arg-type]
+    typer.echo(f"{loaded.name}, linearised")
+    say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
+    typer.echo(linear_page(linear))
+    if discrete is not None:
+        typer.echo(discrete_page(discrete))
+    for path in output or []:
+        write_linear(path, linear, loaded.name, discrete)
+        typer.echo(f"written: {path}")

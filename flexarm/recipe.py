@@ -1,0 +1,40 @@
+"""A scenario inside an FMU that runs in Python: its files and how they are read again."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scenarios.load import load
+
+if TYPE_CHECKING:
+    from engine.model import Model
+    from flexarm.api import Cut
+
+LOADER = "flexarm.recipe:model"
+
+
+def recipe(made: Cut) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """What `model` needs to know, and the files it reads, by path in the archive's resources."""
+    scenario = made.scenario
+    paths = [path.resolve() for path in scenario.flat.files]
+    for block in scenario.system.blocks.values():
+        for option in getattr(type(block), "files", ()):
+            name = getattr(block, option)
+            if name:
+                paths.append(Path(name).resolve())
+    root = Path(os.path.commonpath([path.parent for path in paths]))
+    files = {f"scenario/{path.relative_to(root).as_posix()}": path.read_bytes() for path in paths}
+    main = scenario.path.resolve().relative_to(root).as_posix()
+    return {
+        "scenario": f"scenario/{main}",
+        "overrides": list(scenario.overrides),
+        "inputs": list(made.settings.inputs),
+        "outputs": list(made.settings.outputs),
+    }, files
+
+
+def model(folder: Path, recipe: dict[str, Any]) -> Model:
+    """The model of a recipe; called when the FMU is loaded."""
+    return load(folder / recipe["scenario"], recipe["overrides"]).build(recipe["inputs"], recipe["outputs"])

@@ -1,0 +1,169 @@
+"""Somebody else's FMU as a block of a scenario: ``type: FMU``."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+import weakref
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from engine.block import Block, Port, option, parameter
+from engine.errors import FlexarmError, ParameterError, nearest
+from engine.quantity import coherent
+from fmu.host import NUMBERS, host
+
+if TYPE_CHECKING:
+    from engine.model import Vector
+    from engine.net import Net
+
+
+class FMU(Block):
+    """A Co-Simulation FMU, FMI 2 or 3, stepped at a clock: its inputs and outputs are the connectors.
+
+    At each instant the FMU does the step that ends there, with the inputs of the instant before; then it is given the
+    inputs of this instant, and its outputs are read and held until the next. An output that follows its input at once
+    is therefore no step late; one that is worked out inside a step is. Outputs are 0 before the first instant.
+
+    Inputs that nothing feeds keep the FMU's start value. Units are converted where the FMU names one that is known.
+    The FMU's binary runs with all the rights of this program: a warning names it when it is loaded, which happens only
+    where a scenario names it. There is no derivative of it and no C form: fits by gradients refuse the model, and it
+    exports by the python backend alone.
+    """
+
+    files: ClassVar[tuple[str, ...]] = ("file",)
+    """Options that name files; a scenario resolves them from where it stands."""
+
+    file = option(str, ..., "the .fmu file")
+    period = parameter("s", ..., "sample period, which is the communication step", gt=0, structural=True)
+    sample_offset = parameter("s", 0.0, "instant of the first sample", ge=0, structural=True)
+    set = option(str, "", "start values of the FMU's parameters in its own units: NAME=VALUE; NAME=VALUE")
+
+    _description: Any
+
+    def __init__(self, **values: Any) -> None:
+        self._description = _read(str(values.get("file", "")))
+        super().__init__(**values)
+
+    def check(self) -> None:
+        """Parameters must be the FMU's own."""
+        self.start_values()
+
+    def start_values(self) -> dict[str, float]:
+        """Start values asked for by name.
+
+        Raises:
+            ParameterError: the FMU has no such parameter, or the value is no number.
+        """
+        known = [v.name for v in self._description.modelVariables if v.causality in ("parameter", "input")]
+        found = {}
+        for text in filter(None, (part.strip() for part in self.set.split(";"))):
+            name, _, value = (part.strip() for part in text.partition("="))
+            if name not in known:
+                raise ParameterError(f"the FMU has no parameter '{name}'", remedy=nearest(name, known))
+            try:
+                found[name] = float(value)
+            except ValueError:
+                raise ParameterError(f"'{text}' gives no number", remedy="write NAME=VALUE") from None
+        return found
+
+    def variables(self, causality: str) -> list[Any]:
+        """The FMU's inputs or outputs that are numbers."""
+        return [
+            v
+            for v in self._description.modelVariables
+            if v.causality == causality and v.type in NUMBERS and not v.dimensions
+        ]
+
+    def further_ports(self) -> Iterable[Port]:
+        """The FMU's own inputs and outputs."""
+        for v in self.variables("input"):
+            start = float(v.start) * _scale(v)[0] if _is_number(v.start) else 0.0
+            yield Port(v.name, "input", v.description or "input of the FMU", unit=_scale(v)[1], default=start)
+        for v in self.variables("output"):
+            yield Port(v.name, "output", v.description or "output of the FMU", unit=_scale(v)[1])
+
+    def stamp(self, net: Net) -> None:
+        """Call the FMU at the instants of its clock."""
+        path = Path(self.file)
+        warnings.warn(f"'{path}' is run: an FMU block of the scenario names it", RuntimeWarning, stacklevel=2)
+        inputs, outputs = self.variables("input"), self.variables("output")
+        start = self.start_values()
+        units = [(f"held{k + 1}", _scale(v)[1]) for k, v in enumerate(outputs)]
+        identity = f"{path} {hashlib.sha256(path.read_bytes()).hexdigest()[:16]} {sorted(start.items())}"
+        clock = net.clock(self.period, self.sample_offset)
+        given = [self.port(v.name) for v in inputs]
+        held = net.external("fmu", clock, given, units, lambda: Stepped(path, inputs, outputs, start), identity)
+        for v, value in zip(outputs, held, strict=True):
+            net.output(self.ports[v.name], value)
+
+
+class Stepped:
+    """One run of an FMU: called with an instant (s) and its inputs, answers with its outputs, SI units.
+
+    Raises:
+        FlexarmError: it cannot be loaded or refuses a start value.
+    """
+
+    def __init__(self, path: Path, inputs: Sequence[Any], outputs: Sequence[Any], start: Mapping[str, float]) -> None:
+        self._inputs, self._outputs = [v.name for v in inputs], [v.name for v in outputs]
+        self._in = np.array([1 / _scale(v)[0] for v in inputs])
+        self._out = np.array([_scale(v)[0] for v in outputs])
+        self._stack = ExitStack()
+        self._time: float | None = None
+        try:
+            self._host = self._stack.enter_context(host(path, path.stem))
+            self._host.set(list(start), list(start.values()))
+        except BaseException:
+            self._stack.close()
+            raise
+        weakref.finalize(self, self._stack.close)
+
+    def __call__(self, time: float, inputs: Vector) -> Vector:
+        """Step to ``time``, give the inputs, read the outputs."""
+        values = (inputs * self._in).tolist()
+        if self._time is None:
+            with self._host.starting(time):
+                self._host.set(self._inputs, values)
+        else:
+            self._host.step(self._time, time - self._time)
+            self._host.set(self._inputs, values)
+        self._time = time
+        return np.asarray(np.array(self._host.get(self._outputs)) * self._out)
+
+
+def _read(file: str) -> Any:
+    from fmpy import read_model_description
+
+    if not file or not Path(file).is_file():
+        raise ParameterError(f"there is no FMU '{file}'", remedy="give file: the path of an .fmu from the scenario")
+    try:
+        description = read_model_description(file, validate=False)
+    except Exception as error:
+        raise ParameterError(f"'{file}' is no FMU that can be read: {error}") from error
+    if description.coSimulation is None or description.fmiVersion.startswith("1"):
+        raise ParameterError(f"'{file}' has no Co-Simulation of FMI 2 or 3", remedy="export it for Co-Simulation")
+    return description
+
+
+def _scale(variable: Any) -> tuple[float, str]:
+    """Factor to SI and coherent unit of a variable; 1 and any unit where its unit is not known."""
+    if not variable.unit:
+        return 1.0, "*"
+    try:
+        factor, unit = coherent(variable.unit)
+    except FlexarmError:
+        return 1.0, "*"
+    return float(factor), str(unit)
+
+
+def _is_number(text: Any) -> bool:
+    try:
+        float(text)
+    except (TypeError, ValueError):
+        return False
+    return True

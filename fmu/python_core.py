@@ -1,0 +1,312 @@
+"""The instants of a run in Python, as ``heads/common.c`` has them in C: for models with Python functions.
+
+At a communication point inputs set there, tuned parameters and clocks that are due wait until a value is asked for or
+the next step begins; a value set after one was read takes the instant back and it is evaluated afresh.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import pickle
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from engine.errors import FlexarmError, SimulationError
+from engine.interpret import Simulation, Stop
+from engine.model import TIME, Vector
+from engine.simulate import explain, prepare
+from fmu.plan import Plan
+from fmu.variables import DERIVATIVE, INDICATOR, INPUT, MEMORY, MODE, OUTPUT, PARAMETER, STATE, TIME_KIND
+
+_ARRAYS = (
+    "t",
+    "x",
+    "d",
+    "m",
+    "p",
+    "base",
+    "slope",
+    "origin",
+    "cursor",
+    "steps",
+    "events",
+    "dx",
+    "g",
+    "next",
+    "returned",
+)
+
+
+@dataclass
+class Standing:
+    """Where a run stands, apart from the simulation itself.
+
+    Attributes:
+        p, u: parameters and inputs as the importer set them.
+        start, tick: start time (s), and the last instant passed, in ticks from it.
+        pending: what waits at this instant: of ``starting``, ``tuned``, ``driven`` and ``clocked``.
+        simulation: fields of the simulation, or nothing before the start.
+        functions: attributes of each Python function that is an object.
+    """
+
+    p: Vector
+    u: Vector
+    start: float = 0.0
+    tick: int = 0
+    pending: set[str] = field(default_factory=lambda: {"starting"})
+    simulation: dict[str, Any] = field(default_factory=dict)
+    functions: list[dict[str, Any]] = field(default_factory=list)
+
+
+class Core:
+    """One instance of an exported model.
+
+    Attributes:
+        plan: the export.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        model = plan.model
+        self._standing = Standing(model.parameter_values, np.zeros(len(model.inputs)))
+        self._sim: Simulation | None = None
+        self._before: Standing | None = None
+        self._failed = False
+
+    # -- the standing, kept and restored ------------------------------------------------------------------------------
+
+    def snapshot(self) -> Standing:
+        """Everything that changes during a run, copied.
+
+        Raises:
+            FlexarmError: a Python function holds what cannot be copied.
+        """
+        kept = replace(self._standing, p=self._standing.p.copy(), u=self._standing.u.copy())
+        kept.pending = set(self._standing.pending)
+        if self._sim is not None:
+            kept.simulation = copy.deepcopy({name: getattr(self._sim, name) for name in _ARRAYS})
+            kept.functions = []
+            for function, external in zip(self._sim.calls.functions, self.plan.model.externals, strict=True):
+                try:
+                    kept.functions.append(copy.deepcopy(_attributes(function)))
+                except Exception as error:
+                    raise FlexarmError(f"the state of '{external.name}' cannot be copied: {error}") from error
+        return kept
+
+    def restore(self, kept: Standing) -> None:
+        """Go back to what `snapshot` gave."""
+        kept = copy.deepcopy(kept)
+        self._standing, self._before, self._failed = kept, None, False
+        if not kept.simulation:
+            self._sim = None
+            return
+        if self._sim is None:
+            self._sim = self._made()
+        for name, value in kept.simulation.items():
+            setattr(self._sim, name, value)
+        for function, attributes in zip(self._sim.calls.functions, kept.functions, strict=True):
+            if hasattr(function, "__dict__") and attributes:
+                function.__dict__.clear()
+                function.__dict__.update(attributes)
+
+    @staticmethod
+    def to_bytes(kept: Standing, identity: str) -> bytes:
+        """A snapshot as bytes, with a check sum over it and the identity of the model.
+
+        Raises:
+            FlexarmError: a Python function holds what cannot be written.
+        """
+        try:
+            body = pickle.dumps(vars(kept))
+        except Exception as error:
+            raise FlexarmError(f"the state of a Python function cannot be written: {error}") from error
+        return hashlib.sha256(identity.encode() + body).digest() + body
+
+    @staticmethod
+    def from_bytes(text: bytes, identity: str) -> Standing:
+        """The snapshot that `to_bytes` wrote.
+
+        Raises:
+            FlexarmError: it is damaged or that of another model.
+        """
+        head, body = text[:32], text[32:]
+        if hashlib.sha256(identity.encode() + body).digest() != head:
+            raise FlexarmError("the state is damaged, or that of another FMU")
+        return Standing(**pickle.loads(body))
+
+    # -- instants -----------------------------------------------------------------------------------------------------
+
+    def _made(self) -> Simulation:
+        plan, s = self.plan, self._standing
+        model = plan.model
+        changes = {q.name: float(v) for q, v in zip(model.parameters, s.p, strict=True)}
+        job = prepare(model, plan.step, plan.step, parameters=changes, internal_step=plan.hmax)
+        sim = Simulation(model, replace(job, log_capacity=0))
+        sim.t = s.start
+        return sim
+
+    def begin(self, start: float) -> None:
+        """Say when the run starts (s)."""
+        self._standing.start = start
+
+    @property
+    def time(self) -> float:
+        """Where the run stands (s)."""
+        return self._standing.start if self._sim is None else float(self._sim.t)
+
+    def _arrive(self) -> None:
+        s = self._standing
+        what, s.pending = s.pending, set()
+        if not what:
+            return
+        if "starting" in what:
+            self._sim = self._made()
+            self._sim.base[: len(s.u)] = s.u
+            self._sim.start()
+            self._tick()
+            return
+        sim = self._sim
+        assert sim is not None
+        if "tuned" in what:
+            sim.p = s.p.copy()
+            sim.modes_changed()
+            sim.time_events()
+        if "driven" in what:
+            sim.base[: len(s.u)], sim.slope[: len(s.u)], sim.origin[: len(s.u)] = s.u, 0.0, sim.t
+        if what & {"tuned", "driven"}:
+            sim.settle()
+        if "clocked" in what:
+            self._tick()
+
+    def _tick(self) -> None:
+        assert self._sim is not None
+        self._sim.tick(self._standing.tick)
+
+    def _guarded(self, action: Any) -> None:
+        if self._failed:
+            raise SimulationError("the run has failed; reset the instance or restore a state")
+        try:
+            action()
+        except Stop as stop:
+            self._failed = True
+            sim = self._sim
+            assert sim is not None
+            cause = sim.calls.failure
+            outcome = _Outcome(stop.status, stop.culprit, sim.t, cause)
+            raise SimulationError(explain(self.plan.model, outcome)) from cause
+
+    def _evaluated(self) -> Simulation:
+        if self._standing.pending:
+            self._before = self.snapshot()
+            self._guarded(self._arrive)
+        assert self._sim is not None
+        return self._sim
+
+    def _recall(self) -> None:
+        if self._before is not None:
+            self.restore(self._before)
+
+    # -- values -------------------------------------------------------------------------------------------------------
+
+    def get(self, references: list[int]) -> list[float]:
+        """Values by reference."""
+        return [float(self._value(reference)) for reference in references]
+
+    def _value(self, reference: int) -> float:
+        variable = self.plan.variables[reference]
+        k, s = reference - self.plan.first(variable.kind), self._standing
+        if variable.kind == TIME_KIND:
+            return self.time
+        if variable.kind == PARAMETER:
+            return float(s.p[k])
+        if variable.kind == INPUT:
+            return float(s.u[k])
+        sim = self._evaluated()
+        if variable.kind == OUTPUT:
+            return float(sim.call("outputs", sim.t, sim.x)[k])
+        found: dict[str, Vector] = {STATE: sim.x, DERIVATIVE: sim.dx, MEMORY: sim.d, INDICATOR: -sim.g}
+        if variable.kind == MODE:
+            held = [value for value, mode in zip(sim.m, self.plan.model.modes, strict=True) if mode.kind != TIME]
+            return float(held[k])
+        return float(found[variable.kind][k])
+
+    def set(self, references: list[int], values: list[float]) -> None:
+        """Set inputs and parameters; nothing is changed if one does not fit.
+
+        Raises:
+            FlexarmError: a value is not finite or out of bounds, or the variable is neither or can no longer be set.
+        """
+        started = self._sim is not None
+        for reference, value in zip(references, values, strict=True):
+            variable = self.plan.variables[reference]
+            if variable.kind not in (INPUT, PARAMETER):
+                raise FlexarmError(f"'{variable.name}' is calculated and cannot be set")
+            if not np.isfinite(value):
+                raise FlexarmError(f"'{variable.name}' cannot be {value}")
+            if variable.kind == PARAMETER:
+                k = reference - self.plan.first(PARAMETER)
+                self.plan.model.parameters[k].declared.check(value)
+                if started and not variable.tunable:
+                    raise FlexarmError(f"'{variable.name}' acts on the start alone and cannot be set any more")
+        self._recall()
+        for reference, value in zip(references, values, strict=True):
+            kind = self.plan.variables[reference].kind
+            given, what = (self._standing.p, "tuned") if kind == PARAMETER else (self._standing.u, "driven")
+            given[reference - self.plan.first(kind)] = value
+            self._standing.pending.add(what)
+
+    # -- steps --------------------------------------------------------------------------------------------------------
+
+    def step(self, begin: float, length: float) -> None:
+        """Integrate over ``length`` from ``begin`` (s).
+
+        Raises:
+            SimulationError: the step cannot be done, or the run fails.
+        """
+        if not (length > 0 and begin + length > begin and np.isfinite(begin + length)):
+            raise SimulationError(f"a step of {length:g} s from {begin:g} s cannot be done")
+        if abs(begin - self.time) > min(1e-8 * max(1.0, abs(self.time)), 0.01 * self.plan.step):
+            raise SimulationError(f"the step starts at {begin!r} s but this instance stands at {self.time!r} s")
+        self._before = None
+        self._guarded(lambda: self._advance(begin + length, length))
+
+    def _advance(self, given: float, length: float) -> None:
+        self._arrive()
+        sim, s, plan = self._sim, self._standing, self.plan
+        assert sim is not None
+        own = float(sim.t) + length
+        low, high = min(own, given), max(own, given)
+        snap = 1e-6 * plan.step + 4 * np.finfo(float).eps * abs(high)
+        grid = plan.ticks(plan.step)
+        while True:
+            following = s.tick - s.tick % grid + grid
+            for period, offset in zip(sim.job.period, sim.job.offset, strict=True):
+                since = s.tick - offset
+                following = min(following, offset if since < 0 else s.tick - since % period + period)
+            at = s.start + following * float(plan.tick)
+            if at > high + snap:
+                if given > sim.t:
+                    sim.integrate(given)
+                return
+            sim.integrate(at)
+            s.tick = following
+            if at >= low - snap:
+                s.pending.add("clocked")
+                return
+            self._tick()
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    status: int
+    culprit: int
+    t1: float
+    cause: BaseException | None
+
+
+def _attributes(function: Any) -> dict[str, Any]:
+    """What an object remembers; nothing for a plain function."""
+    return {} if callable(function) and hasattr(function, "__code__") else dict(getattr(function, "__dict__", {}))

@@ -1,0 +1,133 @@
+"""``flexarm export``, ``cosim`` and ``linearise``: options, refusals, and files that are whole or absent."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+
+def _names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("version", ["2", "3"])
+def test_export_and_cosim(version: str, base: Path, command: Callable[..., Any]) -> None:
+    made = command("export", base.name, "--fmi", version, "--platforms", "linux64", "--linear-twin", "-o", "arm.fmu")
+    assert made.code == 0, made.err
+    assert _names(base.parent) == {"base.yaml", "arm.fmu", "arm_linear.mat", "arm_linear.m"}
+    assert "written: arm_linear.m" in made.out
+    given = ["--input", "motor.voltage=2 V", "--stop", "0.5 s", "--scenario", base.name]
+    answer = command("cosim", "arm.fmu", *given)
+    assert answer.code == 0, answer.err
+    assert "input motor_voltage = 2 V" in answer.out
+    assert "load_shaft_angle_lin" in answer.out
+    largest = float(answer.out.splitlines()[-1].removeprefix("largest difference: "))
+    assert largest <= 1e-12
+
+
+def test_cosim_takes_the_parameters_of_the_fmu(base: Path, command: Callable[..., Any]) -> None:
+    """An FMU exported with another value agrees with the scenario as it stands, because its own value is used."""
+    command("export", base.name, "-s", "load.inertia=0.004 kg.m2", "--platforms", "linux64", "-o", "arm.fmu")
+    answer = command("cosim", "arm.fmu", "--scenario", base.name, "--stop", "0.2 s")
+    assert float(answer.out.splitlines()[-1].removeprefix("largest difference: ")) <= 1e-12
+
+
+def test_refusals_write_nothing(base: Path, command: Callable[..., Any]) -> None:
+    for bad, piece in (
+        (["--fmi", "1"], "allowed: 2, 3"),
+        (["--platforms", "linux64,amiga"], "amiga"),
+        (["--backend", "rust"], "allowed: c, python"),
+        (["--inputs", "motor.volt"], "motor.voltage"),
+        (["--outputs", "load.shaft.angel"], "load.shaft.angle"),
+        (["-o", "nowhere/arm.fmu"], "no folder"),
+    ):
+        answer = command("export", base.name, *bad)
+        assert answer.code == 1, (bad, answer.out)
+        assert piece in answer.err
+    (base.parent / "arm_linear.m").mkdir()
+    answer = command("export", base.name, "--platforms", "linux64", "-o", "arm.fmu")
+    assert answer.code == 1
+    assert "arm_linear.m" in answer.err
+    assert _names(base.parent) == {"base.yaml", "arm_linear.m"}
+
+
+def test_cosim_refusals(base: Path, command: Callable[..., Any]) -> None:
+    (base.parent / "broken.fmu").write_bytes(b"no archive")
+    command("export", base.name, "--platforms", "linux64", "-o", "arm.fmu")
+    for arguments, piece in (
+        (["missing.fmu"], "no file"),
+        (["broken.fmu"], "no FMU that can be read"),
+        (["base.yaml"], "neither FMU nor SSP"),
+        (["arm.fmu", "--input", "motor.volt=1 V"], "motor_voltage"),
+        (["arm.fmu", "--input", "motor.voltage=1 rad"], "rad"),
+        (["arm.fmu", "--scenario", "lumped-arm-pulse"], "inputs are"),
+        (["arm.fmu", "-s", "load.inertia=1"], "--scenario"),
+    ):
+        answer = command("cosim", *arguments)
+        assert answer.code == 1, arguments
+        assert piece in answer.err, answer.err
+
+
+def test_linearise_says_when_the_point_is_no_equilibrium(base: Path, command: Callable[..., Any]) -> None:
+    rest = command("linearise", base.name)
+    assert "not an equilibrium" not in rest.out
+    driven = command("linearise", base.name, "--at", "motor.voltage=1 V", "-o", "p.json")
+    assert driven.code == 0, driven.err
+    assert "not an equilibrium" in driven.out
+    stated = json.loads((base.parent / "p.json").read_text())
+    # Torque through the gear over the inertia at the motor: kt V / R / (J + JL / n^2) at the load's side.
+    rate = 7.68e-3 / 2.6 / (4.6e-7 + 2e-3 / 70**2) / 70
+    assert not stated["equilibrium"]
+    assert stated["moving"] == {"gear.output.speed": pytest.approx(rate, rel=1e-9)}
+    assert stated["point"]["motor.voltage"] == 1.0
+    # A steady turn under a voltage that balances the back-EMF is one: only the angle moves, on which nothing depends.
+    turning = command("linearise", base.name, "--at", "load.shaft.speed=1 rad/s", "--at", "motor.voltage=0.5376 V")
+    assert "not an equilibrium" not in turning.out, turning.out
+
+
+def test_linearise_refuses_the_edge_of_a_dead_zone(base: Path, command: Callable[..., Any]) -> None:
+    free = ["linearise", base.name, "--inputs", "zone.in", "--outputs", "load.shaft.speed"]
+    text = base.read_text()
+    edge = next(line for line in text.splitlines() if "DeadZone" in line)
+    upper = edge.split("upper:")[1].split("}")[0].strip().rstrip(",")
+    answer = command(*free, "--at", f"zone.in={upper}", "-o", "p.json")
+    assert answer.code == 1
+    assert "--mode 'zone.zone=inside' or --mode 'zone.zone=above'" in answer.err
+    assert not (base.parent / "p.json").exists()
+    chosen = command(*free, "--at", f"zone.in={upper}", "--mode", "zone.zone=above", "-o", "p.json")
+    assert chosen.code == 0
+    assert json.loads((base.parent / "p.json").read_text())["modes"]["zone.zone"] == "above"
+
+
+def test_linearise_in_discrete_time(command: Callable[..., Any], tmp_path: Path) -> None:
+    kinds = ["json", "npz", "mat", "m"]
+    arguments = [piece for kind in kinds for piece in ("-o", str(tmp_path / f"b.{kind}"))]
+    answer = command(
+        "linearise",
+        "reference-b",
+        "-u",
+        "pi.reference",
+        "-y",
+        "link.hub.angle",
+        "--mode",
+        "zone.zone=inside",
+        *arguments,
+    )
+    assert answer.code == 0, answer.err
+    assert "in discrete time, every 0.001 s" in answer.out
+    stated = json.loads((tmp_path / "b.json").read_text())["discrete"]
+    assert stated["dt"] == 1e-3
+    arrays = np.load(tmp_path / "b.npz")
+    cells = loadmat(tmp_path / "b.mat", simplify_cells=True)
+    for key in "ABCD":
+        np.testing.assert_array_equal(arrays[f"discrete_{key}"], stated[key])
+        np.testing.assert_array_equal(np.atleast_2d(cells["discrete"][key]).reshape(np.shape(stated[key])), stated[key])
+    assert list(arrays["discrete_states"]) == stated["states"] == list(cells["discrete"]["states"])
+    assert list(arrays["modes"][:, 0]) == list(stated["modes"])
+    assert "reference_b_discrete = ss(" in (tmp_path / "b.m").read_text()

@@ -1,0 +1,222 @@
+"""Writes docs/fmu-conformance.md: ``python -m tools.fmu_conformance`` runs the FMU tests and lists the checks.
+
+Figures of cost come from benchmarks/results/fmu.json, which ``python -m benchmarks.bench_fmu`` writes.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PAGE = ROOT / "docs" / "fmu-conformance.md"
+FIGURES = ROOT / "benchmarks" / "results" / "fmu.json"
+
+CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (
+        "FMPy and the XML schemas find no error",
+        ("test_archive.test_fmpy_finds_no_problem", "test_fmi3.test_valid_and_equal_to_fmi2"),
+    ),
+    (
+        "Exported symbols are exactly the FMI functions",
+        (
+            "test_archive.test_symbols_are_exactly_the_functions_of_fmi",
+            "test_archive.test_windows_binary_exports_the_functions",
+            "test_fmi3.test_symbols_are_exactly_the_functions_of_fmi3",
+        ),
+    ),
+    (
+        "Runs in a host without Python, with an empty environment",
+        ("test_host.test_runs_with_an_empty_environment_and_agrees_with_the_runner",),
+    ),
+    (
+        "Same result within 1e-12 in FMPy, libcosimpy and ecospy; win64 under Wine within 1e-9",
+        (
+            "test_importers.test_libcosimpy",
+            "test_importers.test_ecospy",
+            "test_wine.test_the_windows_binary_under_wine",
+        ),
+    ),
+    (
+        "Equals `flexarm run` to 1e-12, a fine adaptive solver within a bound; order 4",
+        (
+            "test_time.test_equals_the_runner_at_the_same_step",
+            "test_time.test_every_shipped_scenario_equals_the_runner",
+            "test_time.test_agrees_with_an_adaptive_solver_and_has_order_four",
+            "test_reference.test_outputs_equal_those_of_hand_written_c",
+        ),
+    ),
+    (
+        "1 ms and 10 ms communication steps are bit-identical; irregular steps end right",
+        (
+            "test_time.test_long_and_short_communication_steps_are_bit_identical",
+            "test_time.test_irregular_steps_end_at_the_right_time_and_value",
+        ),
+    ),
+    (
+        "1000 interleaved instances, 8 threads, two FMUs with overlapping names",
+        (
+            "test_host.test_interleaved_instances_do_not_disturb_one_another",
+            "test_host.test_a_thousand_instances",
+            "test_host.test_threads_give_the_serial_result",
+            "test_state.test_two_fmus_in_one_process_do_not_meet",
+        ),
+    ),
+    (
+        "Loaded 2000 times, 1e6 steps: no crash, no leak; Valgrind clean",
+        (
+            "test_host.test_loading_and_freeing_two_thousand_times",
+            "test_host.test_loading_and_freeing_leaves_no_handle",
+            "test_host.test_memory_does_not_grow_over_a_million_steps",
+            "test_host.test_valgrind_finds_nothing",
+        ),
+    ),
+    ("Reset equals a fresh instance bit for bit", ("test_state.test_reset_equals_a_fresh_instance",)),
+    (
+        "State rolls back bit for bit, travels to a new process; damaged or foreign ones are refused",
+        (
+            "test_state.test_a_saved_state_rolls_back_bit_for_bit",
+            "test_state.test_a_serialised_state_continues_in_a_new_process",
+            "test_state.test_damaged_and_foreign_states_are_refused",
+        ),
+    ),
+    (
+        "Directional derivatives against central differences within 1e-6; columns equal A, B, C, D",
+        (
+            "test_derivatives.test_columns_are_the_linear_model",
+            "test_derivatives.test_input_derivatives_agree_with_central_differences",
+            "test_linear.test_resources_equal_the_directional_derivatives",
+        ),
+    ),
+    (
+        "Bad calls: a defined status and a message, value unchanged, no crash",
+        (
+            "test_robust.test_unknown_references",
+            "test_robust.test_wrong_types",
+            "test_robust.test_only_inputs_and_parameters_can_be_set",
+            "test_robust.test_values_that_are_not_finite",
+            "test_robust.test_steps_that_cannot_be_done",
+            "test_robust.test_missing_pointers",
+            "test_robust.test_calls_out_of_order",
+            "test_robust.test_instances_that_cannot_be_made",
+            "test_fmi3.test_refusals",
+        ),
+    ),
+    ("A state that is not finite makes doStep an error", ("test_robust.test_a_state_that_is_not_finite_is_an_error",)),
+    (
+        "Tuning in mid-run equals a restart from the same state",
+        ("test_state.test_tuning_equals_a_restart_from_the_same_state",),
+    ),
+    ("Start values read back equal the XML", ("test_robust.test_start_values_read_back",)),
+    (
+        "Model Exchange under CVODE agrees with Co-Simulation; stick-slip instants",
+        (
+            "test_exchange.test_cvode_agrees_with_fine_co_simulation",
+            "test_exchange.test_stick_slip_happens_at_the_same_instants",
+        ),
+    ),
+    ("Sources rebuilt with gcc agree within 1e-12", ("test_archive.test_gcc_rebuilds_it_to_the_same_results",)),
+    (
+        "The SSP of arm and drive converges to the single FMU",
+        (
+            "test_ssp.test_converges_with_order_two_when_rates_are_passed_on",
+            "test_ssp.test_converges_in_fmpys_own_co_simulation",
+            "test_ssp.test_converges_with_backlash_and_friction",
+        ),
+    ),
+)
+"""The acceptance checks in their order, and the tests that prove each: file and function in tests/fmu."""
+
+
+@dataclass
+class Outcome:
+    """What became of a test, all its cases together."""
+
+    passed: int = 0
+    failed: int = 0
+    skipped: tuple[str, ...] = ()
+    figures: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        if not self.passed + self.failed + len(self.skipped):
+            return "not run"
+        parts = [f"{self.passed} passed"] if self.passed else []
+        parts += [f"**{self.failed} failed**"] if self.failed else []
+        parts += [f"skipped: {reason}" for reason in dict.fromkeys(self.skipped)]
+        return ", ".join(parts) + "".join(f"; {figure}" for figure in dict.fromkeys(self.figures))
+
+
+def outcomes(report: ET.Element) -> dict[str, Outcome]:
+    """Outcomes by file and function, from pytest's JUnit report."""
+    found: dict[str, Outcome] = {}
+    for case in report.iter("testcase"):
+        key = f"{case.get('classname', '').rpartition('.')[2]}.{case.get('name', '').partition('[')[0]}"
+        outcome = found.setdefault(key, Outcome())
+        skipped = case.find("skipped")
+        if case.find("failure") is not None or case.find("error") is not None:
+            outcome.failed += 1
+        elif skipped is not None:
+            outcome.skipped += (skipped.get("message", "").removeprefix("Skipped: ").partition(":")[0],)
+        else:
+            outcome.passed += 1
+        outcome.figures += tuple(f"{p.get('name')} {p.get('value')}" for p in case.iter("property"))
+    return found
+
+
+def page(found: dict[str, Outcome], figures: dict[str, float] | None) -> str:
+    """The document."""
+    lines = [
+        "# FMU conformance",
+        "",
+        "Written by `python -m tools.fmu_conformance`; do not edit. Tests are in `tests/fmu`.",
+        "",
+        "| # | Check | Test | Last run |",
+        "|---|---|---|---|",
+    ]
+    for number, (check, tests) in enumerate(CHECKS, 1):
+        for i, test in enumerate(tests):
+            head = f"| {number} | {check} " if i == 0 else "| | "
+            lines.append(f"{head}| `{test}` | {found.get(test, Outcome()).text} |")
+    lines += ["", "## Cost", ""]
+    if figures is None:
+        lines.append("Not measured: run `python -m benchmarks.bench_fmu`.")
+    else:
+        lines += [
+            "The 8-state reference arm (motor, gear, nonlinear link of three modes), by `benchmarks/bench_fmu.py`.",
+            "The hand-written loop is `benchmarks/reference/arm8.c`; like the FMU it leaves every parameter tunable.",
+            "",
+            "| Figure | Measured | Bound |",
+            "|---|---|---|",
+            f"| 1 ms doStep / the same step in a hand-written C loop | {figures['ratio_to_hand_written']:.2f} | 1.3 |",
+            f"| 1 ms doStep of a pythonfmu FMU of the same model / of ours | {figures['pythonfmu_ratio']:.0f} | |",
+            f"| Difference of the outputs from the hand-written loop after 1 s | "
+            f"{figures['difference_from_hand_written']:.1e} | 1e-9 |",
+            f"| Export with a warm cache, for each platform | {figures['export_warm_s_per_platform']:.2f} s | 1 s |",
+            f"| Archive for two platforms | {figures['two_platforms_kB']:.0f} kB | 200 kB |",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def main(arguments: Sequence[str] = ()) -> int:
+    """Run the tests and write the page; 1 if a test failed."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.xml"
+        command = [sys.executable, "-m", "pytest", "-q", "tests/fmu", "-m", "slow or not slow", f"--junitxml={report}"]
+        run = subprocess.run([*command, *arguments], cwd=ROOT, check=False)
+        found = outcomes(ET.parse(report).getroot())
+    figures = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.exists() else None
+    PAGE.write_text(page(found, figures), encoding="utf-8")
+    print(f"written: {PAGE.relative_to(ROOT)}")
+    return 1 if run.returncode else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
