@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -65,3 +68,16 @@ def test_ecospy(name: str, exported: Any, request: pytest.FixtureRequest) -> Non
             run.step(500)
             given = [run.get_real(f"arm::{names[r]}") for r in y]
     assert np.allclose(given, _expected(path, Drive([0.0], [[1.5]])), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("name", ["smooth_model", "switching_model"])
+def test_fmutool_finds_no_error(name: str, version: int, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    tool = Path(sys.executable).parent / "fmutool"
+    if not tool.is_file():
+        pytest.skip("fmutool is not installed (fmu-manipulation-toolbox)")
+    path = fmu.export(request.getfixturevalue(name), tmp_path / "m.fmu", platforms=["linux64"], version=version)
+    run = subprocess.run([str(tool), "-input", str(path), "-check"], capture_output=True, text=True, check=False)
+    said = run.stdout + run.stderr
+    assert f"compliant with FMI-{version}" in said
+    assert "ERROR" not in said
