@@ -1,4 +1,4 @@
-"""A recorded signal from a CSV file."""
+"""A recorded signal from a CSV, MATLAB or JSON file."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 class Table(Block):
     """Recorded signal: out = scale * column(t), held or interpolated between the rows; beyond the ends the end value.
 
-    The file is CSV with a header; lines starting with ``#`` are skipped. Times must increase strictly. The output has
-    the unit ``scale`` is given in: ``scale: 1 mm`` for a column in millimetres. With ``zero_order`` a row's value holds
-    from its instant until the next one.
+    The file is CSV with a header (lines starting with ``#`` are skipped), or .mat or .json with a vector for each
+    name. Times must increase strictly. The output has the unit ``scale`` is given in: ``scale: 1 mm`` for a column
+    in millimetres. With ``zero_order`` a row's value holds from its instant until the next one.
     """
 
     files: ClassVar[tuple[str, ...]] = ("file",)
     """Options that name files; a scenario resolves them from where it stands."""
 
-    file = option(str, ..., "path of the CSV file")
+    file = option(str, ..., "path of the CSV, .mat or .json file")
     column = option(str, ..., "name of the column that holds the signal")
     time = option(str, "time", "name of the column that holds the time")
     hold = option(str, "zero_order", "what happens between rows", choices=("zero_order", "linear"))
@@ -36,12 +36,43 @@ class Table(Block):
 
     def check(self) -> None:
         """Read the file, so that what is wrong with it is said where the block is declared."""
-        times, self.samples = read_columns(self.file, self.time, self.column)
+        reads = read_vectors if Path(self.file).suffix.lower() in (".mat", ".json") else read_columns
+        times, self.samples = reads(self.file, self.time, self.column)
         self.times = [self.time_unit * t for t in times]
 
     def stamp(self, net: Net) -> None:
         value = net.table("samples", "1", self.times, self.samples, self.hold)
         net.output("out", self.scale * value, self.unit_of("scale"), type(self).ports["out"].doc)
+
+
+def read_vectors(file: str, time: str, column: str) -> tuple[list[float], list[float]]:
+    """Times and values from the vectors of a .mat or .json file.
+
+    Raises:
+        ParameterError: no such file or name, vectors of unequal length, a number that is not finite, or times that do
+            not increase.
+    """
+    from blocks.controllers.matrices import read
+
+    found = read(file)
+    for name in (time, column):
+        if name not in found:
+            raise ParameterError(f"'{file}' has no vector '{name}'", remedy=nearest(name, found))
+    times, values = (found[name].ravel().tolist() for name in (time, column))
+    if len(times) != len(values):
+        raise ParameterError(
+            f"'{file}' has {len(times)} times but {len(values)} values in '{column}'", remedy="give one value per time"
+        )
+    for k, (t, value) in enumerate(zip(times, values, strict=True)):
+        if not (math.isfinite(t) and math.isfinite(value)):
+            raise ParameterError(f"'{file}' entry {k + 1} is not finite", remedy="remove it")
+        if k and t <= times[k - 1]:
+            raise ParameterError(
+                f"'{file}' entry {k + 1}: time {t:g} does not come after {times[k - 1]:g}", remedy="sort by time"
+            )
+    if not times:
+        raise ParameterError(f"'{file}' holds no rows", remedy="give at least one")
+    return times, values
 
 
 def read_columns(file: str, time: str, column: str) -> tuple[list[float], list[float]]:
