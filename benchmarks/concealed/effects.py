@@ -1,0 +1,391 @@
+"""The catalogue: what can be concealed, its one size, its random features, and its parameters.
+
+Each effect has one ``size`` that makes it vanish at zero (save for the *natural* ones, which are there or not), and
+features drawn once per case: an asymmetry, a frequency, a sign. `parameters` turns both into SI values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from numpy.random import Generator
+
+Features = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What is large and small at a place, from a run without anything concealed.
+
+    Attributes:
+        command: largest command (SI).
+        torque, speed, angle: root mean square torque and speed, and range of the angle, at the place.
+        inertia: felt at the place; of the lighter side for a joint.
+        signal: root mean square of the sensor's signal.
+        orders: waves per revolution to choose from.
+        stiffness, damping: of a spring that is there already, else 0.
+        resonance: band in which hidden resonances lie (Hz).
+    """
+
+    command: float = 1.0
+    torque: float = 1.0
+    speed: float = 1.0
+    angle: float = 1.0
+    inertia: float = 1.0
+    signal: float = 1.0
+    orders: tuple[int, ...] = (1, 2, 3)
+    stiffness: float = 0.0
+    damping: float = 0.0
+    resonance: tuple[float, float] = (5.0, 12.0)
+
+
+Draw = Callable[[Generator, Scales], Features]
+Make = Callable[[float, Features, Scales], dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One entry of the catalogue.
+
+    Attributes:
+        name: machine name.
+        kind: input, shaft, joint, link or sensor: the kind of place it lives at.
+        size: what the size means, with its unit.
+        first: size to start the search for the threshold from.
+        make: parameters (SI) from size and features.
+        draw: features.
+        most: largest size that makes sense, in units of ``first``.
+        natural: it has no size; then the excitation is scaled in its place, or nothing if ``loud`` is False.
+        loud: see ``natural``.
+        only: plants' drive units it applies to; empty for all.
+    """
+
+    name: str
+    kind: str
+    size: str
+    first: Callable[[Scales], float]
+    make: Make
+    draw: Draw = field(default=lambda rng, s: {})
+    most: float = 1e3
+    natural: bool = False
+    loud: bool = True
+    only: tuple[str, ...] = ()
+
+
+def _sign(rng: Generator) -> float:
+    return float(rng.choice([-1.0, 1.0]))
+
+
+def _skew(rng: Generator, s: Scales) -> Features:
+    return {"skew": float(rng.uniform(0.6, 1.6))}
+
+
+def _signed(rng: Generator, s: Scales) -> Features:
+    return {"sign": _sign(rng)}
+
+
+def _spring(size: float, s: Scales) -> dict[str, float]:
+    """A joint spring that twists by ``size`` under the typical torque, lightly damped."""
+    stiffness = s.torque / size
+    return {"stiffness": stiffness, "damping": 2 * 0.06 * math.sqrt(stiffness * s.inertia)}
+
+
+def _contact(size: float, f: Features, s: Scales) -> dict[str, float]:
+    """Stops at +-size: the existing spring, or faces so stiff that the lighter side rings at 200 Hz on them."""
+    stiffness = s.stiffness or s.inertia * (2 * math.pi * 200.0) ** 2
+    damping = s.damping or 2 * 0.1 * math.sqrt(stiffness * s.inertia)
+    return {"half_gap": size, "stiffness": stiffness, "damping": damping}
+
+
+def _hardening(size: float, f: Features, s: Scales) -> dict[str, float]:
+    if s.stiffness:
+        return {"stiffness": s.stiffness, "damping": s.damping, "cubic_stiffness": size}
+    linear = _spring(size, s)
+    return {
+        "stiffness": 0.4 * linear["stiffness"],
+        "damping": linear["damping"],
+        "cubic_stiffness": 0.6 * s.torque / size**3,
+    }
+
+
+def _bouc_wen(size: float, f: Features, s: Scales) -> dict[str, float]:
+    """Stiffness beyond the yield twist falls to a share; an existing spring keeps its stiffness at small twist."""
+    if s.stiffness:
+        stiffness, damping, share, twist = s.stiffness, s.damping, 1 - size, f["yield"] * s.torque / s.stiffness
+    else:
+        linear = _spring(size, s)
+        stiffness, damping, share, twist = 2.5 * linear["stiffness"], linear["damping"], 0.35, 0.4 * size
+    return {
+        "stiffness": stiffness,
+        "damping": damping,
+        "residual_share": share,
+        "yield_twist": twist,
+        "sharpness": 1.0,
+        "unloading_share": 0.5,
+    }
+
+
+def _resonator(size: float, f: Features, s: Scales) -> dict[str, float]:
+    inertia = size * s.inertia
+    stiffness = inertia * f["frequency"] ** 2
+    return {
+        "inertia": inertia,
+        "stiffness": stiffness,
+        "damping": 2 * f["damping_ratio"] * math.sqrt(stiffness * inertia),
+    }
+
+
+def _phase(rng: Generator) -> float:
+    return float(rng.uniform(-math.pi, math.pi))
+
+
+def _torque(s: Scales) -> float:
+    return 0.05 * s.torque
+
+
+CATALOGUE: dict[str, Effect] = {
+    e.name: e
+    for e in (
+        Effect(
+            "dead_zone",
+            "input",
+            "upper end, in the unit of the drive",
+            lambda s: 0.03 * s.command,
+            lambda z, f, s: {"lower": -z * f["skew"], "upper": z},
+            _skew,
+            most=20,
+        ),
+        Effect(
+            "saturation",
+            "input",
+            "largest command / limit - 1",
+            lambda s: 0.1,
+            lambda z, f, s: {"lower": -s.command / (1 + f["skew"] * z), "upper": s.command / (1 + z)},
+            _skew,
+            most=60,
+        ),
+        Effect(
+            "uneven_gain",
+            "input",
+            "gain backward differs from 1 by this",
+            lambda s: 0.05,
+            lambda z, f, s: {"forward": 1.0, "backward": 1 + f["sign"] * z},
+            _signed,
+            most=12,
+        ),
+        Effect(
+            "offset",
+            "input",
+            "in the unit of the drive",
+            lambda s: 0.03 * s.command,
+            lambda z, f, s: {"offset": f["sign"] * z},
+            _signed,
+            most=20,
+        ),
+        Effect("delay", "input", "s", lambda s: 4e-3, lambda z, f, s: {"delay": z}, most=50),
+        Effect(
+            "lag", "input", "time constant, s", lambda s: 4e-3, lambda z, f, s: {"corner_frequency": 1 / z}, most=75
+        ),
+        Effect("inductance", "input", "H", lambda s: 1e-2, lambda z, f, s: {"inductance": z}, most=100, only=("V",)),
+        Effect("coulomb_friction", "shaft", "N.m", _torque, lambda z, f, s: {"coulomb_friction": z}, most=40),
+        Effect(
+            "stribeck_friction",
+            "shaft",
+            "sliding friction, N.m",
+            _torque,
+            lambda z, f, s: {
+                "coulomb_friction": z,
+                "static_friction": f["ratio"] * z,
+                "stribeck_velocity": f["velocity"],
+            },
+            lambda rng, s: {
+                "ratio": float(rng.uniform(1.6, 2.4)),
+                "velocity": s.speed * float(rng.uniform(0.1, 0.3)),
+            },
+            most=40,
+        ),
+        Effect(
+            "direction_dependent_friction",
+            "shaft",
+            "mean of both directions, N.m",
+            _torque,
+            lambda z, f, s: {
+                "coulomb_friction": z * (1 + f["skew"]),
+                "coulomb_friction_backward": z * (1 - f["skew"]),
+            },
+            lambda rng, s: {"skew": _sign(rng) * float(rng.uniform(0.3, 0.6))},
+            most=40,
+        ),
+        Effect(
+            "viscous_friction",
+            "shaft",
+            "N.m.s/rad",
+            lambda s: 0.05 * s.torque / s.speed,
+            lambda z, f, s: {"viscous_friction": z},
+            most=100,
+        ),
+        Effect(
+            "quadratic_drag",
+            "shaft",
+            "N.m.s2/rad2",
+            lambda s: 0.05 * s.torque / s.speed**2,
+            lambda z, f, s: {"drag": z},
+            most=200,
+        ),
+        Effect(
+            "backlash",
+            "joint",
+            "half gap, rad",
+            lambda s: 0.3 * s.torque / s.stiffness if s.stiffness else 2e-3 * s.angle,
+            _contact,
+            most=200,
+        ),
+        Effect(
+            "joint_flexibility",
+            "joint",
+            "twist at the typical torque, rad",
+            lambda s: s.torque / (s.inertia * (2 * math.pi * 15.0) ** 2),
+            lambda z, f, s: _spring(z, s),
+            most=300,
+        ),
+        Effect(
+            "hardening_spring",
+            "joint",
+            "cubic stiffness, N.m/rad3; twist at the typical torque (rad) where the joint was rigid",
+            lambda s: (
+                0.1 * s.stiffness / (s.torque / s.stiffness) ** 2
+                if s.stiffness
+                else s.torque / (s.inertia * (2 * math.pi * 15.0) ** 2)
+            ),
+            _hardening,
+            most=3000,
+        ),
+        Effect(
+            "hysteresis",
+            "joint",
+            "share of the stiffness that yields; twist at the typical torque (rad) where the joint was rigid",
+            lambda s: 0.05 if s.stiffness else s.torque / (s.inertia * (2 * math.pi * 15.0) ** 2),
+            _bouc_wen,
+            lambda rng, s: {"yield": float(rng.uniform(0.3, 0.8))},
+            most=16,
+        ),
+        Effect(
+            "extra_mode",
+            "shaft",
+            "inertia of a resonator / inertia of the shaft",
+            lambda s: 0.02,
+            _resonator,
+            lambda rng, s: {
+                "frequency": 2 * math.pi * float(rng.uniform(*s.resonance)),
+                "damping_ratio": float(rng.uniform(0.01, 0.03)),
+            },
+            most=20,
+        ),
+        Effect(
+            "centrifugal_stiffening",
+            "link",
+            "(that of a thin beam)",
+            lambda s: 1.0,
+            lambda z, f, s: {"share": 1.0},
+            natural=True,
+        ),
+        Effect(
+            "structural_damping",
+            "joint",
+            "(a loss factor of 0.04 to 0.12 in place of the viscous damper)",
+            lambda s: 1.0,
+            lambda z, f, s: {"stiffness": s.stiffness, "loss_factor": f["loss_factor"]},
+            lambda rng, s: {"loss_factor": float(rng.uniform(0.04, 0.12))},
+            natural=True,
+        ),
+        Effect(
+            "gravity",
+            "shaft",
+            "weight times radius, N.m",
+            _torque,
+            lambda z, f, s: {"moment": z, "hanging_angle": f["phase"]},
+            lambda rng, s: {"phase": _phase(rng)},
+            most=100,
+        ),
+        Effect("payload", "link", "mass at the tip, kg", lambda s: 2e-3, lambda z, f, s: {"payload": z}, most=100),
+        Effect(
+            "stray_spring",
+            "shaft",
+            "N.m/rad",
+            lambda s: 0.02 * s.torque / s.angle,
+            lambda z, f, s: {"stiffness": z},
+            most=300,
+        ),
+        Effect(
+            "torque_ripple",
+            "shaft",
+            "N.m",
+            _torque,
+            lambda z, f, s: {"amplitude": z, "order": f["order"], "phase": f["phase"]},
+            lambda rng, s: {"order": float(rng.choice(s.orders)), "phase": _phase(rng)},
+            most=60,
+        ),
+        Effect(
+            "outside_vibration",
+            "shaft",
+            "N.m",
+            _torque,
+            lambda z, f, s: {"amplitude": z, "frequency": f["frequency"], "phase": f["phase"]},
+            lambda rng, s: {"frequency": float(rng.uniform(2.0, 9.0)), "phase": _phase(rng)},
+            most=60,
+        ),
+        Effect(
+            "sensor_bias",
+            "sensor",
+            "in the unit of the sensor (SI)",
+            lambda s: 0.02 * s.signal,
+            lambda z, f, s: {"bias": f["sign"] * z},
+            _signed,
+            most=50,
+        ),
+        Effect(
+            "sensor_scale",
+            "sensor",
+            "differs from 1 by this",
+            lambda s: 0.01,
+            lambda z, f, s: {"scale": 1 + f["sign"] * z},
+            _signed,
+            most=40,
+        ),
+        Effect(
+            "sensor_lag",
+            "sensor",
+            "time constant, s",
+            lambda s: 3e-3,
+            lambda z, f, s: {"corner_frequency": 1 / z},
+            most=100,
+        ),
+        Effect(
+            "rectified_sensor",
+            "sensor",
+            "(the magnitude is given)",
+            lambda s: 1.0,
+            lambda z, f, s: {"rectified": 1.0},
+            natural=True,
+            loud=False,
+        ),
+    )
+}
+
+BEAM_MODE = Effect(
+    "extra_mode", "link", "(the beam's second mode)", lambda s: 1.0, lambda z, f, s: {"modes": 2.0}, natural=True
+)
+"""The extra mode of a plant whose link is a beam."""
+
+NAMES: tuple[str, ...] = ("none", *CATALOGUE)
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """An effect at a place, with its parameters (SI)."""
+
+    effect: str
+    place: str
+    parameters: Mapping[str, float]

@@ -1,0 +1,205 @@
+"""What a plant declares: parameters, sensors, places, excitation, and how its mechanism is put together."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from benchmarks.concealed.mechanism import Mechanism, Port, Readout
+
+JointLaw = Callable[[Mechanism, Port, float, float], None]
+"""Stamps what joins two sides of a place, given its relative port and the nominal stiffness and damping (or 0, 0)."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter of the nominal scenario.
+
+    Attributes:
+        name: ``block.key``.
+        value: nominal, SI.
+        unit: as the scenario spells it.
+        tolerance: share by which a fit may move it, as the block declares it.
+        spread: the truth differs by up to this share.
+        ceiling: greatest value that has a meaning.
+    """
+
+    name: str
+    value: float
+    unit: str
+    tolerance: float
+    spread: float = 0.10
+    ceiling: float = math.inf
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A measured signal.
+
+    Attributes:
+        signal: its name in the scenario.
+        column: in the CSV file.
+        unit: of the column.
+        noise: standard deviation (SI); for an encoder the quantum / sqrt(12).
+        counts: per revolution, 0 if it does not count.
+        extra: recorded only when asked for.
+    """
+
+    signal: str
+    column: str
+    unit: str
+    noise: float = 0.0
+    counts: int = 0
+    extra: bool = False
+
+    @property
+    def quantum(self) -> float:
+        """Angle of one count (rad), 0 if it does not count."""
+        return 2 * math.pi / self.counts if self.counts else 0.0
+
+    @property
+    def sigma(self) -> float:
+        """Noise floor (SI)."""
+        return self.quantum / math.sqrt(12) if self.counts else self.noise
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """Sizes and times of the plant's test signals.
+
+    Attributes:
+        amplitude: of the command, in ``unit``.
+        dwell: shortest and longest hold of a step (s).
+        low, high: chirp frequencies (Hz).
+        clock: shortest pulse of a random binary sequence (s).
+        resolution: of the logged command.
+        reach: largest reading of the first sensor (SI); commands that lead further are made smaller.
+    """
+
+    amplitude: float
+    dwell: tuple[float, float]
+    low: float
+    high: float
+    clock: float
+    resolution: float
+    reach: float = math.inf
+
+
+@dataclass(frozen=True)
+class Control:
+    """A loop for closed-loop recordings: gains on one sensor, size of the reference in the sensor's SI unit."""
+
+    sensor: str
+    kp: float
+    ki: float
+    kd: float
+    reference: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class LinkOptions:
+    """What may be concealed in a flexible link."""
+
+    modes: int = 1
+    payload: float = 0.0
+    centrifugal: bool = False
+
+
+@dataclass
+class Body:
+    """A plant put together.
+
+    Attributes:
+        mechanism: coordinates, masses, springs.
+        ports: flanges by their name in the scenario.
+        signals: measured signals by their name in the scenario.
+    """
+
+    mechanism: Mechanism
+    ports: dict[str, Port]
+    signals: dict[str, Readout]
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Where the effects of a plant may be concealed, each by its name in the block diagram.
+
+    Attributes:
+        input: the drive.
+        shafts: groups of flanges that move together; the first name stands for the group.
+        joints: rigid connections that may hide a compliance or a play.
+        springs: blocks that are springs.
+        links: blocks that are flexible links.
+        sensors: effect -> signals.
+        extra: effect -> places, where it differs from all of its kind; an empty list leaves the effect out.
+    """
+
+    input: str
+    shafts: tuple[tuple[str, ...], ...]
+    joints: tuple[str, ...] = ()
+    springs: tuple[str, ...] = ()
+    links: tuple[str, ...] = ()
+    sensors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    extra: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+class Plant(ABC):
+    """A plant: nominal parameters and their meaning, as a mechanism and as a scenario."""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    drive: ClassVar[str]
+    drive_unit: ClassVar[str]
+    parameters: ClassVar[tuple[Quantity, ...]]
+    fixed: ClassVar[Mapping[str, float]] = {}
+    sensors: ClassVar[tuple[Sensor, ...]]
+    sites: ClassVar[Sites]
+    excitation: ClassVar[Excitation]
+    control: ClassVar[Control]
+    orders: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    """Waves per revolution of a concealed torque ripple."""
+    swings: ClassVar[bool] = False
+    """Whether it swings back when let go, so that a free decay makes sense."""
+    main: ClassVar[str]
+    """The shaft on which small background disturbances act."""
+    inductance: ClassVar[float] = 0.0
+    """Winding inductance (H) that half of the cases carry unnoticed; 0 for plants without a winding."""
+    blocks: ClassVar[str]
+    """The blocks and connections of the nominal scenario; ``{block.key}`` stands for a parameter."""
+
+    @abstractmethod
+    def assemble(
+        self, p: Mapping[str, float], laws: Mapping[str, JointLaw], link: LinkOptions, inductance: float
+    ) -> Body:
+        """The plant as a mechanism.
+
+        Args:
+            p: parameters, SI.
+            laws: place -> what joins its two sides there, in place of a rigid or plain elastic connection.
+            link: what is concealed in the link.
+            inductance: of the winding (H).
+        """
+
+    def nominal(self) -> dict[str, float]:
+        """Nominal parameters, SI."""
+        return {q.name: q.value for q in self.parameters}
+
+    def sensor(self, signal: str) -> Sensor:
+        """A sensor by its signal or column.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for s in self.sensors:
+            if signal in (s.signal, s.column):
+                return s
+        raise KeyError(f"{self.name} has no sensor '{signal}'; it has {', '.join(s.column for s in self.sensors)}")
+
+
+def plain_spring(mechanism: Mechanism, port: Port, stiffness: float, damping: float) -> None:
+    """The law of a spring that conceals nothing."""
+    mechanism.spring(port, stiffness, damping)

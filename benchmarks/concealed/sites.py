@@ -1,0 +1,166 @@
+"""Which effects each plant can hide, where, and how large things are there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.concealed.bench import Bench
+from benchmarks.concealed.effects import BEAM_MODE, CATALOGUE, Effect, Scales
+from benchmarks.concealed.mechanism import Mechanism, Port, Readout
+from benchmarks.concealed.plants.base import Body, LinkOptions, Plant
+from benchmarks.concealed.simulator import Simulator
+from benchmarks.concealed.truth import Truth
+
+
+@dataclass(frozen=True)
+class Site:
+    """An effect at a place of a plant.
+
+    Attributes:
+        effect: from the catalogue.
+        place: its name in the block diagram.
+        same: other names of the same place: flanges that move together, or the port an input belongs to.
+    """
+
+    effect: Effect
+    place: str
+    same: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.effect.name}@{self.place}"
+
+
+def sites(plant: Plant, extra: bool = False) -> list[Site]:
+    """Every effect of the catalogue at every place of a plant where it makes sense; the usual place first.
+
+    Args:
+        plant: which.
+        extra: also those on sensors that are recorded only when asked for.
+    """
+    found: list[Site] = []
+    s = plant.sites
+    groups = {group[0]: group for group in s.shafts}
+    for effect in CATALOGUE.values():
+        if effect.only and plant.drive_unit not in effect.only:
+            continue
+        places = s.extra.get(effect.name)
+        if effect.name == "inductance":
+            places = ("motor",)
+        elif effect.name == "structural_damping":
+            places = s.springs
+        elif places is None:
+            by_kind = {
+                "input": (s.input,),
+                "shaft": tuple(groups),
+                "joint": (*s.springs, *s.joints),
+                "link": s.links,
+                "sensor": s.sensors.get(effect.name, ()),
+            }
+            places = by_kind[effect.kind]
+        for place in places:
+            if effect.kind == "sensor" and plant.sensor(place).extra and not extra:
+                continue
+            chosen = BEAM_MODE if effect.name == "extra_mode" and place in s.links else effect
+            found.append(Site(chosen, place, _same(plant, effect, place)))
+    return found
+
+
+def _same(plant: Plant, effect: Effect, place: str) -> tuple[str, ...]:
+    if effect.name == "inductance":
+        return ("motor.voltage", plant.sites.input)
+    if effect.kind == "input":
+        return tuple(place.split(" -> "))
+    if effect.kind == "joint" and " -> " in place:
+        return tuple(place.split(" -> "))
+    if effect.kind == "joint":
+        return (f"{place}.a", f"{place}.b")
+    if effect.kind == "shaft":
+        return next((tuple(x for x in group if x != place) for group in plant.sites.shafts if place in group), ())
+    return ()
+
+
+def find(plant: Plant, text: str) -> Site:
+    """A site from ``effect`` or ``effect@place``; without a place the usual one.
+
+    Raises:
+        ValueError: the plant cannot hide it, or not there.
+    """
+    name, _, place = text.partition("@")
+    mine = [s for s in sites(plant, extra=True) if s.effect.name == name]
+    if not mine:
+        known = sorted({s.effect.name for s in sites(plant)})
+        raise ValueError(f"{plant.name} cannot hide '{name}'; it can hide {', '.join(known)}")
+    chosen = [s for s in mine if not place or place == s.place or place in s.same]
+    if not chosen:
+        raise ValueError(f"{plant.name} has no '{name}' at '{place}'; it has {', '.join(map(str, mine))}")
+    return chosen[0]
+
+
+def scales(bench: Bench, truth: Truth, site: Site) -> Scales:
+    """Sizes at a site, from the bare truth on the bench's commands."""
+    plant, kind = truth.plant, site.effect.kind
+    command = max(float(np.abs(c).max()) for c in bench.commands)
+    if kind in ("input", "link"):
+        return Scales(command=command)
+    if kind == "sensor":
+        k = bench.signals.index(site.place)
+        values = np.concatenate([y[:, k] for y in bench.outputs(truth.bare())]) * bench.sigma[k]
+        return Scales(command=command, signal=float(np.sqrt(np.mean(values**2))))
+    body = plant.assemble(truth.parameters, {}, LinkOptions(), 0.0)
+    if kind == "shaft":
+        port = body.ports[site.place]
+        angle, speed, torque = _motion(bench, body, port, _inertia(body.mechanism, port))
+        return Scales(command, torque, speed, angle, _inertia(body.mechanism, port), orders=plant.orders)
+    return _joint(bench, truth, site, body, command)
+
+
+def _joint(bench: Bench, truth: Truth, site: Site, body: Body, command: float) -> Scales:
+    """A spring that is there, or a connection that is rigid: then the torque that it carries to its far side."""
+    plant, place = truth.plant, site.place
+    held: list[tuple[Port, float, float]] = []
+
+    def note(mechanism: Mechanism, port: Port, stiffness: float, damping: float) -> None:
+        held.append((port, stiffness, damping))
+
+    split = plant.assemble(truth.parameters, {place: note}, LinkOptions(), 0.0)
+    port, stiffness, damping = held[0]
+    lighter = _inertia(split.mechanism, port)
+    if stiffness:
+        split.mechanism.spring(port, stiffness, damping)
+        twist, _, _ = _motion(bench, split, port, lighter, spread=False)
+        return Scales(
+            command, stiffness * twist, 1.0, twist, lighter, stiffness=stiffness, damping=damping, orders=plant.orders
+        )
+    inner, outer = place.split(" -> ")
+    far = _inertia(split.mechanism, split.ports[outer])
+    angle, speed, torque = _motion(bench, body, body.ports[inner], far)
+    return Scales(command, torque, speed, angle, lighter, orders=plant.orders)
+
+
+def _inertia(mechanism: Mechanism, port: Port) -> float:
+    """Inertia felt at a port: torque over acceleration."""
+    size = len(mechanism.names)
+    act, sense = np.zeros(size), np.zeros(size)
+    for i, c in port.act.items():
+        act[i] += c
+    for i, c in port.sense.items():
+        sense[i] += c
+    return float(1 / (sense @ np.linalg.solve(mechanism.mass_matrix(), act)))
+
+
+def _motion(bench: Bench, body: Body, port: Port, inertia: float, spread: bool = True) -> tuple[float, float, float]:
+    """Range (or root mean square) of the angle, and root mean square of speed and inertial torque, at a port."""
+    made = Simulator(
+        body.mechanism, [Readout(port.sense, order) for order in range(3)], bench.interval, _substeps(bench.interval)
+    )
+    y = np.concatenate([made.run(command).clean for command in bench.commands])
+    rms = np.sqrt(np.mean(y**2, axis=0))
+    size = float(np.ptp(y[:, 0])) if spread else float(rms[0])
+    return size, float(rms[1]), inertia * float(rms[2])
+
+
+def _substeps(interval: float) -> int:
+    return max(1, math.ceil(interval / 2.5e-4))

@@ -1,0 +1,197 @@
+"""Which truths nobody could tell apart: another effect, fitted with the nominal parameters, gives the same recordings.
+
+Computed from the truth alone, on its noise-free recordings. Two truths tie if, after a fit on the training recordings,
+what is left between them on the held-out ones is below the noise floor.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.random import default_rng
+from numpy.typing import NDArray
+
+from benchmarks.concealed.bench import Bench
+from benchmarks.concealed.case import Case, draw
+from benchmarks.concealed.drawing import Options, conceal
+from benchmarks.concealed.effects import Concealed
+from benchmarks.concealed.refit import WIDEST, Small, least_squares, refit
+from benchmarks.concealed.simulator import Diverged
+from benchmarks.concealed.sites import Site, find, scales, sites
+from benchmarks.concealed.truth import Nuisance, Truth
+
+Array = NDArray[np.float64]
+
+FLOOR = 1.0
+"""Held-out distance, in floors, below which two truths tie."""
+
+FIXED = frozenset({"order", "modes", "sharpness", "unloading_share", "share", "rectified", "forward"})
+"""Parameters that a fit leaves alone."""
+
+ADDITIVE = frozenset({"offset", "bias", "phase", "hanging_angle"})
+"""Parameters that may change sign; the others keep it, and move on a logarithmic scale."""
+
+SHARES = (0.03, 0.3, 3.0)
+DRAWS = 4
+STARTS = 2
+"""Sizes and draws of its features that a rival is tried at, and from how many of them it is fitted."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another explanation of a case.
+
+    Attributes:
+        effects: (effect, place) of each part; empty for none.
+        distance: to the truth on the held-out recordings, in floors, after the fit.
+        parameters: of its effects, fitted.
+        more: free parameters beyond those of the truth's effects. A rival with more of them that contains the truth
+            as a special case always ties; whoever prefers the fewest parameters still names the truth.
+    """
+
+    effects: tuple[tuple[str, str], ...]
+    distance: float
+    parameters: tuple[dict[str, float], ...]
+    more: int = 0
+
+    @property
+    def tied(self) -> bool:
+        """Whether nobody could tell."""
+        return self.distance < FLOOR
+
+    @property
+    def name(self) -> str:
+        """Effects and places."""
+        return " + ".join(f"{effect}@{place}" for effect, place in self.effects) or "none"
+
+
+def from_answers(answers: Mapping[str, Any]) -> Case:
+    """The case that a sealed answer belongs to, drawn again."""
+    options = dict(answers["options"])
+    for key in ("sensors", "kinds"):
+        options[key] = tuple(options[key])
+    options["wrong"] = tuple((name, factor) for name, factor in options["wrong"])
+    effects = [f"{c['effect']}@{c['place']}" for c in answers["concealed"]]
+    asked = [c["size_asked"] for c in answers["concealed"]]
+    return draw(answers["plant"], effects, asked, answers["seed"], Options(**options))
+
+
+def tie_class(case: Case, rivals: Iterable[Sequence[str]] | None = None) -> list[Rival]:
+    """Rivals of a case, nearest first; those with ``tied`` make its tie class, together with the truth itself.
+
+    Args:
+        case: the truth.
+        rivals: each a sequence of ``effect`` or ``effect@place``; by default none, and every single effect the plant
+            can hide from the sensors it has.
+    """
+    bench, base = case.bench, case.truth.bare()
+    target = bench.outputs(replace(case.truth, nuisance=Nuisance()))
+    if rivals is None:
+        own = [(site,) for site in case.sites] if len(case.sites) == 1 else []
+        chosen: list[tuple[Site, ...]] = [(), *((site,) for site in sites(case.plant))]
+        chosen = [c for c in chosen if c not in own and all(_recorded(bench, site) for site in c)]
+    else:
+        chosen = [tuple(find(case.plant, part) for part in rival if part != "none") for rival in rivals]
+    nearest = refit(bench, base, target)
+    own_count = sum(len(_free(c, base)) for c in case.truth.concealed)
+    found = [fit_rival(bench, nearest, target, rival) for rival in chosen]
+    return sorted((replace(r, more=r.more - own_count) for r in found), key=lambda rival: rival.distance)
+
+
+def _recorded(bench: Bench, site: Site) -> bool:
+    return site.effect.kind != "sensor" or site.place in bench.signals
+
+
+def fit_rival(bench: Bench, nearest: Truth, target: Sequence[Array], rival: Sequence[Site]) -> Rival:
+    """Fit an explanation to noise-free outputs.
+
+    Args:
+        bench: the recordings.
+        nearest: the nominal model refitted to them, where the search begins.
+        target: outputs in units of the floor.
+        rival: effects at places; none of them for the nominal model.
+    """
+    names = tuple((site.effect.name, site.place) for site in rival)
+    if not rival:
+        return Rival((), bench.distance(bench.outputs(nearest), target), ())
+    train = bench.training()
+    wanted = [y for y, hold in zip(target, bench.held_out, strict=True) if not hold]
+    best, fitted = math.inf, None
+    for start in _best_starts(Small(train, nearest, wanted), _starts(train, nearest, rival)):
+        made, cost = _descend(train, start, wanted)
+        if cost < best:
+            best, fitted = cost, made
+    if fitted is None:
+        return Rival(names, math.inf, ())
+    try:
+        distance = bench.distance(bench.outputs(fitted), target)
+    except Diverged:
+        distance = math.inf
+    count = sum(len(_free(c, fitted)) for c in fitted.concealed)
+    return Rival(names, distance, tuple(dict(c.parameters) for c in fitted.concealed), count)
+
+
+def _starts(train: Bench, nearest: Truth, rival: Sequence[Site]) -> list[Truth]:
+    """The rival at several sizes, with several draws of its features."""
+    rng = default_rng(20)
+    each: list[list[Concealed]] = []
+    for site in rival:
+        here = scales(train, nearest, site)
+        drawn = [site.effect.draw(rng, here) for _ in range(DRAWS)]
+        unlike = [f for k, f in enumerate(drawn) if f not in drawn[:k]]
+        sizes = [1.0] if site.effect.natural else [share * site.effect.first(here) for share in SHARES]
+        each.append([conceal(site, size, f, here) for size in sizes for f in unlike])
+    return [replace(nearest, concealed=parts) for parts in itertools.product(*each)][:: max(1, len(each[0]) // 64)]
+
+
+def _difference(train: Bench, truth: Truth, wanted: Sequence[Array]) -> Array:
+    return np.concatenate([np.ravel(a - b) for a, b in zip(train.outputs(truth), wanted, strict=True)])
+
+
+def _best_starts(small: Small, starts: list[Truth]) -> list[Truth]:
+    """Starts of the least cost, after what small changes of the nominal parameters can absorb."""
+    ranked = []
+    for k, start in enumerate(starts):
+        try:
+            ranked.append((small.size(small.bench.outputs(start)), k))
+        except Diverged:
+            continue
+    return [starts[k] for _, k in sorted(ranked)[:STARTS]]
+
+
+def _descend(train: Bench, start: Truth, wanted: Sequence[Array]) -> tuple[Truth, float]:
+    """Fit the nominal parameters, within their tolerances, and those of the effects."""
+    names = list(train.tolerance)
+    width = np.array([train.tolerance[name] for name in names])
+    centre = np.array([train.centre[name] for name in names])
+    knobs = [(i, key) for i, c in enumerate(start.concealed) for key in _free(c, start)]
+    origin = np.log(np.array([start.parameters[name] for name in names]) / centre) / width
+    x = np.concatenate([np.clip(origin, -WIDEST, WIDEST), np.zeros(len(knobs))])
+
+    def made(x: Array) -> Truth:
+        values = dict(zip(names, (centre * np.exp(width * x[: len(names)])).tolist(), strict=True))
+        parts = [dict(c.parameters) for c in start.concealed]
+        for (i, key), move in zip(knobs, x[len(names) :], strict=True):
+            old = parts[i][key]
+            moved = old + (abs(old) or 1.0) * float(move) if key in ADDITIVE else old * math.exp(float(move))
+            parts[i][key] = min(moved, 1.0) if key == "residual_share" else moved
+        concealed = tuple(replace(c, parameters=p) for c, p in zip(start.concealed, parts, strict=True))
+        return replace(start, parameters=dict(start.parameters) | values, concealed=concealed)
+
+    def residual(x: Array) -> Array:
+        return np.concatenate([_difference(train, made(x), wanted), x[: len(names)]])
+
+    high = np.concatenate([np.full(len(names), WIDEST), np.full(len(knobs), 12.0)])
+    x, cost = least_squares(residual, x, low=-high, high=high, iterations=15)
+    return made(x), cost
+
+
+def _free(c: Concealed, truth: Truth) -> list[str]:
+    """Parameters that a fit moves; an existing spring keeps its own stiffness and damping."""
+    ignored = {"stiffness", "damping"} if c.place in truth.plant.sites.springs else set()
+    return [key for key, value in c.parameters.items() if key not in FIXED | ignored and (value or key in ADDITIVE)]

@@ -1,0 +1,305 @@
+"""A plant with its true parameters, what is concealed in it, and the small disturbances nobody names."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from benchmarks.concealed import native
+from benchmarks.concealed.effects import Concealed
+from benchmarks.concealed.mechanism import Mechanism, Port
+from benchmarks.concealed.plants.base import Body, JointLaw, LinkOptions, Plant
+from benchmarks.concealed.simulator import InputChain, SensorChain, Simulator
+
+FINE, CONTACT_STEP = 2e-5, 1e-5
+"""Steps (s) for recordings, and with a contact."""
+
+MAXWELL_PER_DECADE, MAXWELL_BAND = 4, (0.2, 2e3)
+"""Elements of structural damping and their corner frequencies (rad/s)."""
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """Small disturbances that no entry of the catalogue names. All zero is none.
+
+    Attributes:
+        gain: of the amplifier, differs from 1 by this.
+        inductance: of the winding (H).
+        ripple: amplitude (N.m), waves per radian and phase of two torque ripples on the main shaft.
+        warm_up: viscous friction of the main shaft when cold (N.m.s/rad), and time constant (s) with which it goes.
+        drift: size of a slow torque on the main shaft (N.m); its course comes from the recording.
+        sensor_drift: slow change of each sensor's zero over a recording (SI).
+        coloured: share of the noise's variance that is coloured, and its correlation time (s).
+    """
+
+    gain: float = 0.0
+    inductance: float = 0.0
+    ripple: tuple[tuple[float, float, float], ...] = ()
+    warm_up: tuple[float, float] = (0.0, 20.0)
+    drift: float = 0.0
+    sensor_drift: tuple[float, ...] = ()
+    coloured: tuple[float, float] = (0.0, 0.02)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the recordings are made of.
+
+    Attributes:
+        plant: which.
+        parameters: true values of the scenario's parameters (SI).
+        concealed: what the scenario leaves out.
+        nuisance: what nobody names.
+    """
+
+    plant: Plant
+    parameters: Mapping[str, float]
+    concealed: tuple[Concealed, ...] = ()
+    nuisance: Nuisance = Nuisance()
+
+    def bare(self) -> Truth:
+        """The same without anything concealed or disturbing."""
+        return replace(self, concealed=(), nuisance=Nuisance())
+
+
+_SWITCHING = frozenset(
+    {"coulomb_friction", "stribeck_friction", "direction_dependent_friction", "backlash", "hysteresis"}
+)
+
+
+def fine(truth: Truth) -> float:
+    """The step (s) for recordings."""
+    return CONTACT_STEP if any(c.effect == "backlash" for c in truth.concealed) else FINE
+
+
+def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float = FINE) -> Simulator:
+    """The truth, ready to run.
+
+    Args:
+        truth: what is simulated.
+        signals: measured signals, by their name in the scenario.
+        interval: sample interval (s).
+        step: longest step of the integration (s). Where all is linear and held between samples, one step per sample
+            is exact, and is taken.
+
+    Raises:
+        ValueError: effects that exclude each other, or a place the plant does not have.
+    """
+    input_chain, sensors = InputChain(), {name: SensorChain() for name in signals}
+    laws: dict[str, JointLaw] = {}
+    link, inductance = LinkOptions(), truth.nuisance.inductance
+    shafts: list[Concealed] = []
+    for c in truth.concealed:
+        p = c.parameters
+        if c.effect in _INPUT:
+            _INPUT[c.effect](input_chain, p)
+        elif c.effect == "inductance":
+            inductance = p["inductance"]
+        elif c.effect in _JOINT:
+            if c.place in laws:
+                raise ValueError(f"two effects change the joint '{c.place}'")
+            laws[c.place] = _joint_law(c)
+        elif c.effect in ("payload", "centrifugal_stiffening") or (c.effect == "extra_mode" and "modes" in p):
+            link = _link(link, c)
+        elif c.effect in _SENSOR:
+            if c.place not in sensors:
+                raise ValueError(f"'{c.place}' is not measured")
+            _SENSOR[c.effect](sensors[c.place], p)
+        else:
+            shafts.append(c)
+    input_chain.forward *= 1 + truth.nuisance.gain
+    input_chain.backward *= 1 + truth.nuisance.gain
+    body = truth.plant.assemble(truth.parameters, laws, link, inductance)
+    for c in shafts:
+        if c.place not in body.ports:
+            raise ValueError(f"{truth.plant.name} has no shaft '{c.place}'; it has {', '.join(body.ports)}")
+        _SHAFT[c.effect](body.mechanism, body.ports[c.place], c.parameters)
+    _disturb(body, truth)
+    held = input_chain.lag == 0 and input_chain.delay == 0 and all(c.lag == 0 for c in sensors.values())
+    exact = held and not body.mechanism.elements and body.mechanism.whirl is None
+    return Simulator(
+        body.mechanism,
+        [body.signals[name] for name in signals],
+        interval,
+        1 if exact else max(1, math.ceil(interval / step - 1e-9)),
+        input_chain,
+        [sensors[name] for name in signals],
+    )
+
+
+def coarse(truth: Truth) -> float:
+    """A step (s) that is good to a fraction of a noise floor, for searches."""
+    effects = {c.effect for c in truth.concealed}
+    if "backlash" in effects:
+        return 2.5e-5
+    return 1e-4 if effects & _SWITCHING else 2.5e-4
+
+
+def _disturb(body: Body, truth: Truth) -> None:
+    n, port = truth.nuisance, body.ports[truth.plant.main]
+    for amplitude, order, phase in n.ripple:
+        body.mechanism.add(native.RIPPLE, port, amplitude, order, phase)
+    if n.warm_up[0]:
+        body.mechanism.add(native.WARM_UP, port, *n.warm_up)
+    if n.drift:
+        body.mechanism.add(native.SERIES, port, n.drift)
+
+
+def _limits(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.low, chain.high = p["lower"], p["upper"]
+
+
+def _dead(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.dead_low, chain.dead_high = p["lower"], p["upper"]
+
+
+def _uneven(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.forward, chain.backward = p["forward"], p["backward"]
+
+
+def _offset(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.offset = p["offset"]
+
+
+def _delay(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.delay = p["delay"]
+
+
+def _lag(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.lag = 1 / p["corner_frequency"]
+
+
+_INPUT: dict[str, Callable[[InputChain, Mapping[str, float]], None]] = {
+    "dead_zone": _dead,
+    "saturation": _limits,
+    "uneven_gain": _uneven,
+    "offset": _offset,
+    "delay": _delay,
+    "lag": _lag,
+}
+
+
+def _bias(chain: SensorChain, p: Mapping[str, float]) -> None:
+    chain.bias = p["bias"]
+
+
+def _scale(chain: SensorChain, p: Mapping[str, float]) -> None:
+    chain.scale = p["scale"]
+
+
+def _slow(chain: SensorChain, p: Mapping[str, float]) -> None:
+    chain.lag = 1 / p["corner_frequency"]
+
+
+def _rectify(chain: SensorChain, p: Mapping[str, float]) -> None:
+    chain.rectified = True
+
+
+_SENSOR: dict[str, Callable[[SensorChain, Mapping[str, float]], None]] = {
+    "sensor_bias": _bias,
+    "sensor_scale": _scale,
+    "sensor_lag": _slow,
+    "rectified_sensor": _rectify,
+}
+
+
+def _link(link: LinkOptions, c: Concealed) -> LinkOptions:
+    if c.effect == "payload":
+        return replace(link, payload=c.parameters["payload"])
+    if c.effect == "extra_mode":
+        return replace(link, modes=round(c.parameters["modes"]))
+    return replace(link, centrifugal=True)
+
+
+def _structural(mechanism: Mechanism, port: Port, stiffness: float, loss_factor: float) -> None:
+    """Constant loss factor within a band: Maxwell elements spread evenly in the logarithm of frequency.
+
+    One element g at corner r has the loss modulus g w r / (w^2 + r^2). Elements ln s apart add up to g pi / (2 ln s) at
+    every w inside the band, so g = 2 eta k ln s / pi; below its corner an element is slack and above it is stiff.
+    """
+    low, high = MAXWELL_BAND
+    count = round(MAXWELL_PER_DECADE * math.log10(high / low)) + 1
+    apart = math.log(high / low) / (count - 1)
+    part = 2 * loss_factor * stiffness * apart / math.pi
+    mechanism.spring(port, stiffness - part * count / 2)
+    for j in range(count):
+        mechanism.maxwell(port, part, low * math.exp(j * apart))
+
+
+_JOINT = frozenset({"backlash", "joint_flexibility", "hardening_spring", "hysteresis", "structural_damping"})
+
+
+def _joint_law(c: Concealed) -> JointLaw:
+    p = c.parameters
+
+    def stamp(mechanism: Mechanism, port: Port, stiffness: float, damping: float) -> None:
+        if c.effect == "structural_damping":
+            _structural(mechanism, port, stiffness, p["loss_factor"])
+        elif c.effect == "backlash":
+            mechanism.add(native.CONTACT, port, stiffness or p["stiffness"], damping or p["damping"], p["half_gap"])
+        elif c.effect == "hysteresis":
+            k, share = stiffness or p["stiffness"], p["residual_share"]
+            mechanism.spring(port, share * k, damping or p["damping"])
+            law = (p["yield_twist"], p["sharpness"], p["unloading_share"])
+            mechanism.add(native.BOUC_WEN, port, (1 - share) * k, *law)
+        else:
+            mechanism.spring(port, stiffness or p["stiffness"], damping or p["damping"])
+            if c.effect == "hardening_spring":
+                mechanism.add(native.CUBIC, port, p["cubic_stiffness"])
+
+    return stamp
+
+
+def _friction(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    forward = p["coulomb_friction"]
+    backward = p.get("coulomb_friction_backward", forward)
+    static = p.get("static_friction", forward)
+    static_backward = static if "static_friction" in p else backward
+    mechanism.add(
+        native.FRICTION, port, forward, backward, static, static_backward, p.get("stribeck_velocity", 1.0), 0.0, 1.0
+    )
+
+
+def _viscous(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    mechanism.spring(port, 0.0, p["viscous_friction"])
+
+
+def _drag(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    mechanism.add(native.DRAG, port, p["drag"])
+
+
+def _gravity(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    mechanism.add(native.GRAVITY, port, p["moment"], p["hanging_angle"])
+
+
+def _stray(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    mechanism.spring(port, p["stiffness"])
+
+
+def _ripple(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    mechanism.add(native.RIPPLE, port, p["amplitude"], p["order"], p["phase"])
+
+
+def _vibration(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    mechanism.add(native.VIBRATION, port, p["amplitude"], 2 * math.pi * p["frequency"], p["phase"])
+
+
+def _resonator(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    body = mechanism.coordinate("resonator")
+    mechanism.inertia(body, p["inertia"])
+    mechanism.spring(port.against(body), p["stiffness"], p["damping"])
+
+
+_SHAFT: dict[str, Callable[[Mechanism, Port, Mapping[str, float]], None]] = {
+    "coulomb_friction": _friction,
+    "stribeck_friction": _friction,
+    "direction_dependent_friction": _friction,
+    "viscous_friction": _viscous,
+    "quadratic_drag": _drag,
+    "gravity": _gravity,
+    "stray_spring": _stray,
+    "torque_ripple": _ripple,
+    "outside_vibration": _vibration,
+    "extra_mode": _resonator,
+}

@@ -1,0 +1,148 @@
+"""The other side of the comparison: what flexarm's own blocks say about a case, true parameters and effects put in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.concealed.scenario import text, write
+from benchmarks.concealed.truth import MAXWELL_BAND, Nuisance, fine
+from diagnosis.compare import grid, plan
+from diagnosis.recording import from_scenario
+from engine.simulate import simulate
+from scenarios.amend import AtFlange, Between, InSignal, OnSensor, Replace, Set, amended
+from scenarios.load import load
+
+NOT_IN_THE_LIBRARY = frozenset({"rectified_sensor"})
+
+
+def edits_for(concealed, plant):
+    """The effect in flexarm's words."""
+    p, place, effect = concealed.parameters, concealed.place, concealed.effect
+    unit, ground = plant.drive_unit, f"{plant.drive}"
+    sensor = {s.signal: s for s in plant.sensors}.get(place)
+    signal_unit = "rad" if sensor and sensor.counts else getattr(sensor, "unit", "")
+    corner = f"{p.get('corner_frequency')} rad/s"
+    spring = {"stiffness": f"{p.get('stiffness')} N.m/rad", "damping": f"{p.get('damping', 0.0)} N.m.s/rad"}
+
+    def joint(type_, parameters, drop=()):
+        if " -> " in place:
+            return [Between("x", type_, place.split(" -> ")[0], "a", "b", parameters)]
+        return [Replace(place, type_, parameters, drop)]
+
+    def friction(**levels):
+        return [AtFlange("x", "BearingFriction", place, "shaft", levels)]
+
+    if effect in ("dead_zone", "saturation"):
+        kind = {"dead_zone": "DeadZone", "saturation": "Saturation"}[effect]
+        return [InSignal("x", kind, ground, {"lower": f"{p['lower']} {unit}", "upper": f"{p['upper']} {unit}"})]
+    if effect == "uneven_gain":
+        return [InSignal("x", "UnevenGain", ground, {"forward": p["forward"], "backward": p["backward"]})]
+    if effect == "offset":
+        return [InSignal("x", "Offset", ground, {"offset": f"{p['offset']} {unit}"})]
+    if effect == "lag":
+        return [InSignal("x", "LowPass", ground, {"corner_frequency": corner})]
+    if effect == "delay":
+        return [InSignal("x", "Delay", ground, {"delay": f"{p['delay']} s", "period": "0.1 ms"})]
+    if effect == "inductance":
+        return [Set("motor", "inductance", f"{p['inductance']} H")]
+    if effect == "viscous_friction":
+        return friction(viscous_friction=f"{p['viscous_friction']} N.m.s/rad")
+    if effect in ("coulomb_friction", "stribeck_friction", "direction_dependent_friction"):
+        units = {"stribeck_velocity": "rad/s"}
+        return friction(**{key: f"{value} {units.get(key, 'N.m')}" for key, value in p.items()})
+    if effect == "quadratic_drag":
+        return [AtFlange("x", "QuadraticDrag", place, "shaft", {"drag": f"{p['drag']} N.m.s2/rad2"})]
+    if effect == "gravity":
+        law = {"mass": f"{p['moment'] / 9.81} kg", "radius": "1 m", "hanging_angle": f"{p['hanging_angle']} rad"}
+        return [AtFlange("x", "GravityTorque", place, "shaft", law)]
+    if effect == "stray_spring":
+        return [AtFlange("x", "GroundSpring", place, "shaft", {"stiffness": f"{p['stiffness']} N.m/rad"})]
+    if effect == "torque_ripple":
+        law = {"amplitude": f"{p['amplitude']} N.m", "order": p["order"], "phase": f"{p['phase']} rad"}
+        return [AtFlange("x", "TorqueRipple", place, "shaft", law)]
+    if effect == "outside_vibration":
+        wave = {"frequency": f"{p['frequency']} Hz", "phase": f"{p['phase']} rad"}
+        wave["amplitude"] = f"{p['amplitude']} N.m"
+        return [AtFlange("x", "Torque", place, "shaft"), InSignal("y", "Sine", "x.torque", wave)]
+    if effect == "joint_flexibility":
+        return joint("SpringDamper", spring)
+    if effect == "backlash":
+        return joint("Backlash", spring | {"half_gap": f"{p['half_gap']} rad", "law": "push_only"})
+    if effect == "hardening_spring":
+        return joint("HardeningSpring", spring | {"cubic_stiffness": f"{p['cubic_stiffness']} N.m/rad3"})
+    if effect == "hysteresis":
+        shape = {key: p[key] for key in ("residual_share", "sharpness", "unloading_share")}
+        return joint("BoucWenSpring", spring | shape | {"yield_twist": f"{p['yield_twist']} rad"})
+    if effect == "structural_damping":
+        low, high = MAXWELL_BAND
+        band = {"lowest_frequency": f"{low} rad/s", "highest_frequency": f"{high} rad/s", "elements": 17}
+        return joint("StructuralSpring", {"loss_factor": p["loss_factor"]} | band, ("damping",))
+    if effect == "extra_mode" and "modes" in p:
+        return [Set(place, "modes", 2)]
+    if effect == "extra_mode":
+        inertia = {"inertia": f"{p['inertia']} kg.m2"}
+        return [AtFlange("x", "SpringDamper", place, "a", spring), AtFlange("y", "Inertia", "x.b", "shaft", inertia)]
+    if effect == "centrifugal_stiffening":
+        return [Set(place, "nonlinear", True), Set(place, "foreshortening", True)]
+    if effect == "payload":
+        return [Set(place, "payload", f"{p['payload']} kg")]
+    if effect == "sensor_bias":
+        return [OnSensor("x", "Offset", place, {"offset": f"{p['bias']} {signal_unit}"})]
+    if effect == "sensor_scale":
+        return [OnSensor("x", "Gain", place, {"gain": p["scale"]})]
+    assert effect == "sensor_lag"
+    return [OnSensor("x", "LowPass", place, {"corner_frequency": corner})]
+
+
+def simulated(case, folder, concealed=(), internal_step=None):
+    """flexarm's outputs for the case's recordings, in units of the floor, one array per recording."""
+    exact = replace(case, nominal=dict(case.truth.parameters))
+    write(exact, folder / "case", folder / "answers")
+    file = folder / "case" / "scenario.yaml"
+    source = text(exact)
+    for c in concealed:
+        edits = edits_for(c, case.plant)
+        for edit in edits:
+            if edit.name == "y" and isinstance(edit, InSignal):
+                source = _driven(source, edit)
+            else:
+                source = amended(source, [edit])
+    file.write_text(source)
+    scenario = load(str(file))
+    out = []
+    for recorded in case.recordings:
+        recording = from_scenario(scenario, recorded.name)
+        made = plan(scenario, recording)
+        step, every = grid(recording.time, 1e-3)
+        stop = step * every * (len(recording.time) - 1)
+        run = simulate(made.model, stop, step, drive=made.drive, internal_step=internal_step)
+        out.append(np.asarray(run.values)[::every] / case.bench.sigma)
+    return out
+
+
+def _driven(source, edit):
+    """A source block on an input that nothing drives yet."""
+    import io
+
+    from ruamel.yaml import YAML
+
+    yaml = YAML(typ="rt")
+    document = yaml.load(source)
+    document["blocks"][edit.name] = {"type": edit.type, **edit.parameters}
+    document["connect"].append([f"{edit.name}.out", edit.target])
+    out = io.StringIO()
+    yaml.dump(document, out)
+    return out.getvalue()
+
+
+def clean(case):
+    """The truth's own outputs without noise and disturbances, in units of the floor."""
+    truth = replace(case.truth, nuisance=Nuisance())
+    return case.bench.outputs(truth, fine(truth))
+
+
+def difference(a, b):
+    """Root mean square difference, in floors."""
+    return float(np.sqrt(np.mean(np.concatenate([np.ravel(x - y) for x, y in zip(a, b, strict=True)]) ** 2)))

@@ -1,0 +1,63 @@
+"""Two codes that share nothing, against each other: each validates the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.concealed.case import draw
+from benchmarks.concealed.drawing import Options
+from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.scenario import write
+from benchmarks.concealed.sites import sites
+from diagnosis.compare import compare
+from scenarios.load import load
+from tests.concealed.flexarm_side import NOT_IN_THE_LIBRARY, clean, difference, simulated
+
+QUIET = Options(nuisance=0.0)
+
+
+@pytest.mark.parametrize("plant", list(PLANTS))
+def test_nothing_concealed_and_true_parameters_leave_the_noise_alone(plant, tmp_path):
+    """Without noise the codes agree to a thousandth of a floor; with it what is left is the noise."""
+    sensors = tuple(s.column for s in PLANTS[plant].sensors)
+    case = draw(plant, [], [], 21, replace(QUIET, sensors=sensors))
+    assert difference(simulated(case, tmp_path), clean(case)) < 2e-3
+    write(replace(case, nominal=dict(case.truth.parameters)), tmp_path / "noisy", tmp_path / "answers")
+    scenario = load(str(tmp_path / "noisy" / "scenario.yaml"))
+    sigma = {s.signal: s.sigma for s in case.sensors}
+    left = {signal: [] for signal in sigma}
+    for recorded in case.recordings:
+        for signal, error in compare(scenario, recorded.name).signals.items():
+            left[signal].append(error.rmse / sigma[signal])
+    for signal, values in left.items():
+        assert np.sqrt(np.mean(np.square(values))) == pytest.approx(1.0, abs=0.03), signal
+
+
+SITES = [
+    pytest.param(plant.name, str(site), id=f"{plant.name}: {site}")
+    for plant in PLANTS.values()
+    for site in sites(plant)
+    if site.effect.name not in NOT_IN_THE_LIBRARY
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("plant", "site"), SITES)
+def test_every_effect_means_the_same_on_both_sides(plant, site, tmp_path):
+    """The effect put into the scenario as one of flexarm's blocks, with the true numbers: a twentieth of a floor.
+
+    A payload is kept out: the truth bends in the mode of the loaded arm, the scenario in that of the bare one.
+    """
+    case = draw(plant, [site], [3.0], 11, QUIET)
+    (concealed,) = case.truth.concealed
+    if concealed.effect == "delay":
+        whole = max(1, round(concealed.parameters["delay"] * 1e4)) * 1e-4
+        concealed = replace(concealed, parameters={"delay": whole})
+        case = replace(case, truth=replace(case.truth, concealed=(concealed,)))
+    truth = clean(case)
+    without = difference(simulated(replace(case, sites=()), tmp_path / "without"), truth)
+    within = difference(simulated(case, tmp_path / "with", [concealed]), truth)
+    assert within < (1e-3 * without if concealed.effect == "payload" else 0.05)

@@ -1,0 +1,286 @@
+"""Cases: deterministic, blind, at the size asked for, and made without flexarm."""
+
+from __future__ import annotations
+
+import ast
+import csv
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import benchmarks.concealed
+from benchmarks.concealed.__main__ import main
+from benchmarks.concealed.case import draw
+from benchmarks.concealed.drawing import Options
+from benchmarks.concealed.effects import CATALOGUE, NAMES
+from benchmarks.concealed.nuisance import sensor_noise
+from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.refit import excess, refit
+from benchmarks.concealed.scenario import text, write
+from benchmarks.concealed.sites import find, sites
+from benchmarks.concealed.suites import CORE, PAIRS, TIES
+from benchmarks.concealed.ties import from_answers, tie_class
+from benchmarks.concealed.truth import Nuisance
+
+FOLDER = Path(benchmarks.concealed.__file__).parent
+OURS = {"engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm"}
+QUIET = Options(nuisance=0.0)
+SHORT = Options(seconds=1.0)
+
+
+def files(folder):
+    return {p.name: p.read_bytes() for p in sorted(folder.iterdir())}
+
+
+# -- independence -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("file", sorted(FOLDER.rglob("*.py")), ids=lambda p: str(p.relative_to(FOLDER)))
+def test_no_module_imports_anything_of_ours(file):
+    for node in ast.walk(ast.parse(file.read_text())):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            names = [node.module or ""]
+        elif isinstance(node, ast.Call):
+            assert getattr(node.func, "id", getattr(node.func, "attr", "")) not in ("__import__", "import_module")
+        assert not {name.split(".")[0] for name in names} & OURS
+
+
+def test_nothing_of_ours_is_loaded_while_a_case_is_made():
+    code = (
+        "import sys; from benchmarks.concealed.case import draw; draw('pendulum', ['backlash'], [3], 1);"
+        f"print({sorted(OURS)!r}, [m for m in sys.modules if m.split('.')[0] in {sorted(OURS)!r}])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=FOLDER.parents[1]
+    )
+    assert done.stdout.strip().endswith("[]")
+
+
+# -- what a case is ---------------------------------------------------------------------------------------------------
+
+
+def test_the_same_seed_gives_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        write(draw("geared-two-mass", ["backlash"], [3.0], 7, SHORT), tmp_path / name, tmp_path / f"answers-{name}")
+    assert files(tmp_path / "a") == files(tmp_path / "b")
+    sealed = [json.loads((tmp_path / f"answers-{n}" / f"{n}.json").read_text()) for n in ("a", "b")]
+    assert sealed[0] == sealed[1]
+    write(draw("geared-two-mass", ["backlash"], [3.0], 8, SHORT), tmp_path / "c", tmp_path / "answers-c")
+    assert files(tmp_path / "a")["rec1.csv"] != files(tmp_path / "c")["rec1.csv"]
+
+
+def test_a_case_can_be_drawn_again_from_its_answers():
+    case = draw("pendulum", ["torque_ripple"], [10.0], 3, Options(seconds=2.0))
+    again = from_answers(json.loads(json.dumps(case.answers())))
+    assert again.truth == case.truth
+    for a, b in zip(case.recordings, again.recordings, strict=True):
+        assert np.array_equal(a.measured, b.measured)
+
+
+@pytest.mark.parametrize("plant", list(PLANTS))
+def test_the_folder_says_nothing_about_what_is_concealed(plant, tmp_path):
+    """Whatever is concealed, the scenario is the same text; only the recordings' values differ."""
+    options = Options(seconds=1.0, kinds=("multi_step", "chirp", "ramp", "prbs", "reversal", "coast"))
+    plain = text(draw(plant, [], [], 4, options))
+    for effect in ("coulomb_friction", "delay", "joint_flexibility"):
+        case = draw(plant, [effect], [3.0], 4, options)
+        assert text(case) == plain
+    sealed = write(case, tmp_path / "case", tmp_path / "answers")
+    names = {p.name for p in (tmp_path / "case").iterdir()}
+    assert names == {"scenario.yaml", *(f"rec{k}.csv" for k in range(1, 7))}
+    assert json.loads(sealed.read_text())["effects"] == ["joint_flexibility"]
+    words = " ".join(p.read_text() for p in (tmp_path / "case").iterdir())
+    assert not any(name in words for name in NAMES if name not in ("none", "inductance", "viscous_friction"))
+
+
+def test_answers_may_not_lie_in_the_case(tmp_path):
+    case = draw("pendulum", [], [], 1, Options(seconds=0.5, nuisance=0))
+    with pytest.raises(ValueError, match="must not lie"):
+        write(case, tmp_path / "case", tmp_path / "case" / "answers")
+
+
+def test_columns_and_counts(tmp_path):
+    case = draw("srv02-flexible", [], [], 2, Options(seconds=2.0))
+    write(case, tmp_path / "case", tmp_path / "answers")
+    with (tmp_path / "case" / "rec3.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["t", "u", "enc", "strain"]
+    assert len(rows) == 2000
+    assert float(rows[1]["t"]) == 1e-3
+    counts = [int(row["enc"]) for row in rows]
+    assert max(abs(c) for c in counts) > 20
+    angle = case.recordings[2].measured[:, 0]
+    assert angle == pytest.approx(np.array(counts) * 2 * np.pi / 4096)
+
+
+def test_roles_and_kinds():
+    case = draw("harmonic-arm", [], [], 5)
+    assert [r.role for r in case.recordings] == ["train"] * 3 + ["hold_out"] * 3
+    assert len({r.kind for r in case.recordings}) == 6
+
+
+@pytest.mark.parametrize("plant", list(PLANTS))
+def test_true_parameters_lie_within_their_tolerances(plant):
+    for seed in range(30):
+        case = draw(plant, [], [], seed, Options(seconds=0.2, nuisance=0))
+        for q in PLANTS[plant].parameters:
+            assert abs(case.truth.parameters[q.name] / q.value - 1) <= min(q.spread, q.tolerance) + 1e-12
+            assert case.truth.parameters[q.name] <= q.ceiling
+
+
+def test_a_parameter_may_be_wrong_on_purpose():
+    case = draw("geared-two-mass", [], [], 1, Options(seconds=0.5, nuisance=0, wrong=(("load.inertia", 2.6),)))
+    assert 2.3 < case.truth.parameters["load.inertia"] / case.nominal["load.inertia"] < 2.9
+
+
+def test_every_effect_of_the_catalogue_lives_somewhere():
+    everywhere = {s.effect.name for plant in PLANTS.values() for s in sites(plant)}
+    assert everywhere == set(CATALOGUE)
+    assert len(everywhere) == 28
+    for effect in CORE:
+        assert sum(any(s.effect.name == effect for s in sites(p)) for p in PLANTS.values()) >= 2
+
+
+def test_what_cannot_be_hidden_is_refused():
+    with pytest.raises(ValueError, match="cannot hide 'inductance'"):
+        draw("pendulum", ["inductance"], [3.0], 1)
+    with pytest.raises(ValueError, match=r"it has dead_zone@source\.out"):
+        draw("pendulum", ["dead_zone@arm.shaft"], [3.0], 1)
+    with pytest.raises(ValueError, match="change the joint"):
+        draw("pendulum", ["backlash", "joint_flexibility"], [3.0], 1, QUIET)
+    with pytest.raises(ValueError, match="add 'gyro'"):
+        draw("pendulum", ["sensor_bias@arm.shaft.speed"], [3.0], 1)
+    with pytest.raises(ValueError, match="no kind of recording"):
+        draw("pendulum", [], [], 1, Options(kinds=("sing",)))
+
+
+def test_places_have_synonyms():
+    assert find(PLANTS["srv02-flexible"], "coulomb_friction@link.hub").place == "motor.shaft"
+    assert "motor.voltage" in find(PLANTS["srv02-flexible"], "dead_zone").same
+
+
+# -- sizes ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("plant", "effect"),
+    [
+        ("srv02-flexible", "coulomb_friction"),
+        ("geared-two-mass", "delay"),
+        ("harmonic-arm", "joint_flexibility"),
+        ("pendulum", "quadratic_drag"),
+        ("srv02-flexible", "extra_mode"),
+    ],
+)
+def test_at_size_one_the_effect_is_as_large_as_the_floor(plant, effect):
+    case = draw(plant, [effect], [1.0], 6, QUIET)
+    bare = replace(case.truth, nuisance=Nuisance())
+    assert excess(case.bench, bare) == pytest.approx(1.0, abs=0.06)
+    assert case.visible[0] == pytest.approx(1.0, abs=0.06)
+
+
+def test_sizes_are_multiples_of_the_threshold():
+    sizes = [
+        draw("pendulum", ["stray_spring"], [m], 6, Options(seconds=1.0, nuisance=0.0)).sizes[0]
+        for m in (1.0, 3.0, 10.0)
+    ]
+    assert sizes[1] / sizes[0] == pytest.approx(3)
+    assert sizes[2] / sizes[0] == pytest.approx(10)
+
+
+@pytest.mark.parametrize("plant", list(PLANTS))
+@pytest.mark.parametrize("loop", ["open", pytest.param("closed", marks=pytest.mark.slow)])
+def test_without_effect_a_refit_reaches_the_floor(plant, loop):
+    """Gain error, ripple, warm-up, drift and coloured noise stay in the background: on average below 1.1 floors."""
+    left = []
+    for seed in range(2):
+        case = draw(plant, [], [], seed, Options(loop=loop))
+        recorded = [r.measured / case.bench.sigma for r in case.recordings]
+        fitted = refit(case.bench, case.truth.bare(), recorded)
+        left.append(case.bench.distance(case.bench.outputs(fitted), recorded))
+    assert 0.97 < np.mean(left) < 1.1
+    assert max(left) < 1.2
+
+
+def test_closed_loop_logs_what_the_plant_got():
+    """The plant driven open loop with the logged input gives the recorded output."""
+    case = draw("srv02-flexible", ["coulomb_friction"], [10.0], 2, Options(loop="closed", nuisance=0))
+    outputs = case.bench.outputs(case.truth, 2e-5)
+    for recorded, clean in zip(case.recordings, outputs, strict=True):
+        assert np.std(recorded.measured / case.bench.sigma - clean) < 1.1
+        assert np.abs(recorded.command).max() > 0.5
+
+
+def test_released_pendulum_starts_away_from_rest():
+    case = draw("pendulum", [], [], 2, Options(kinds=("decay", "chirp", "prbs", "decay", "ramp", "coast"), nuisance=0))
+    assert abs(case.recordings[0].measured[0, 0]) > 0.3
+    assert np.all(case.recordings[0].command == 0)
+    assert "free: [arm.shaft.angle]" in text(case)
+
+
+def test_noise_has_its_declared_size_and_colour():
+    noise = sensor_noise(np.random.default_rng(1), 200_000, 1e-3, 0.7, (0.2, 0.02))
+    assert np.std(noise) == pytest.approx(0.7, rel=0.02)
+    lag = 10
+    correlation = np.mean(noise[lag:] * noise[:-lag]) / np.var(noise)
+    assert correlation == pytest.approx(0.2 * np.exp(-lag * 1e-3 / 0.02), abs=0.015)
+
+
+def test_stated_noise_can_be_wrong():
+    case = draw("srv02-flexible", [], [], 1, Options(seconds=0.5, nuisance=0, sigma_error=1.3))
+    assert "noise: 0.0065}" in text(case)
+    assert f"noise: {1.3 / np.sqrt(12):.5g}}}" in text(case)
+
+
+# -- ties -------------------------------------------------------------------------------------------------------------
+
+
+def test_friction_and_offset_tie_when_driven_one_way_and_not_otherwise():
+    tie = TIES[0]
+    case = draw(tie.plant, tie.effects, tie.sizes, 1, tie.options)
+    assert tie_class(case, [tie.rival])[0].tied
+    both_ways = draw(tie.plant, tie.effects, tie.sizes, 1)
+    assert not tie_class(both_ways, [tie.rival])[0].tied
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tie", TIES, ids=lambda t: f"{t.plant}: {'+'.join(t.effects)} ~ {'+'.join(t.rival)}")
+def test_designed_ties_are_ties(tie):
+    case = draw(tie.plant, tie.effects, tie.sizes, 1, tie.options)
+    rival, none = sorted(tie_class(case, [tie.rival, ("none",)]), key=lambda r: not r.effects)
+    assert rival.tied
+    assert not none.tied
+
+
+def test_pairs_can_be_drawn():
+    for plant, pairs in PAIRS.items():
+        assert len(pairs) == 5
+        for pair in pairs:
+            for effect in pair:
+                find(PLANTS[plant], effect)
+    case = draw("geared-two-mass", PAIRS["geared-two-mass"][0], [3.0], 1, Options(seconds=1.0, nuisance=0.0))
+    assert [c.effect for c in case.truth.concealed] == ["backlash", "coulomb_friction"]
+    assert case.truth.concealed[1].place == "load.shaft"
+
+
+# -- command line -----------------------------------------------------------------------------------------------------
+
+
+def test_command_line(tmp_path, capsys):
+    given = ["make", "--plant", "pendulum", "--effect", "offset", "--size", "3", "--seed", "7", "--seconds", "1"]
+    assert main([*given, "-o", str(tmp_path / "c1"), "--answers", str(tmp_path / "answers")]) == 0
+    assert json.loads((tmp_path / "answers" / "c1.json").read_text())["seed"] == 7
+    assert main(["list"]) == 0
+    assert "gear.output -> link.hub" in capsys.readouterr().out
+    given[4] = "love"
+    assert main([*given, "-o", str(tmp_path / "c2"), "--answers", str(tmp_path / "answers")]) == 1
+    assert "cannot hide 'love'" in capsys.readouterr().err
