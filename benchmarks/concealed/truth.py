@@ -12,7 +12,7 @@ from benchmarks.concealed.mechanism import Mechanism, Port
 from benchmarks.concealed.plants.base import Body, JointLaw, LinkOptions, Plant
 from benchmarks.concealed.simulator import InputChain, SensorChain, Simulator
 
-FINE, CONTACT_STEP = 2e-5, 1e-5
+FINE, CONTACT_STEP = 2e-5, 5e-6
 """Steps (s) for recordings, and with a contact."""
 
 MAXWELL_PER_DECADE, MAXWELL_BAND = 4, (0.2, 2e3)
