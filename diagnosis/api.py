@@ -13,7 +13,7 @@ import numpy as np
 from diagnosis.compare import find_recording
 from diagnosis.fit import Fit
 from diagnosis.fit import fit as fit_problem
-from diagnosis.problem import problem
+from diagnosis.prepare import problem
 from diagnosis.recording import FrequencyTable, Recording
 from diagnosis.select import Progress, study
 from diagnosis.verdict import Diagnosis, judge

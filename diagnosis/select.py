@@ -10,9 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.catalogue import Candidate, candidates
+from diagnosis.candidate import Candidate
+from diagnosis.catalogue import candidates
 from diagnosis.fit import Fit, descend, fit, prior
-from diagnosis.problem import Array, Problem, problem
+from diagnosis.prepare import problem
+from diagnosis.problem import Array, Problem
 from diagnosis.recording import Recording
 from diagnosis.surroundings import Surroundings, surroundings
 from engine.errors import FlexarmError
