@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
 from engine.block import Expression
 
 
@@ -107,3 +110,20 @@ def select(index: Expression, values: list[float]) -> Expression:
     for i in range(len(values) - 2, -1, -1):
         chosen = choose(index < i + 1, values[i], chosen)
     return chosen
+
+
+def polyline(x: Expression, lower: Expression, upper: Expression, values: Sequence[Expression]) -> Expression:
+    """Straight lines through values at equal distances from lower to upper; the end values hold beyond.
+
+    Args:
+        x: where.
+        lower: first abscissa.
+        upper: last abscissa.
+        values: at least two.
+    """
+    width = (upper - lower) / (len(values) - 1)
+    slopes = [0.0, *((b - a) / width for a, b in itertools.pairwise(values)), 0.0]
+    total = values[0]
+    for k in range(len(values)):
+        total = total + (slopes[k + 1] - slopes[k]) * greatest(x - lower - k * width, 0.0)
+    return total

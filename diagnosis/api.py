@@ -89,6 +89,7 @@ def diagnose(
     overrides: Sequence[str] = (),
     workers: int = 2,
     seed: int = 0,
+    without: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Say what a model leaves out of what was recorded; see `diagnosis.verdict.Diagnosis`.
@@ -100,15 +101,16 @@ def diagnose(
         overrides: ``key=value`` texts.
         workers: threads.
         seed: of everything random.
+        without: effects of the catalogue that are not to be tried.
         progress: told what is done.
 
     Raises:
         FlexarmError: scenario or recordings that do not fit.
     """
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
-    return judge(
-        study(scenario, gather(scenario, recordings, hold_out), workers=workers, seed=seed, progress=progress), seed
-    )
+    recorded = gather(scenario, recordings, hold_out)
+    made = study(scenario, recorded, workers=workers, seed=seed, without=without, progress=progress)
+    return judge(made, seed)
 
 
 def amended_text(found: Diagnosis) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from diagnosis.problem import Free
@@ -11,22 +12,22 @@ from scenarios.amend import Edit
 NAME = "found"
 """First part of the name of every block that is put in."""
 
+Sizes = dict[str, float]
+
 
 @dataclass(frozen=True)
 class Knob:
-    """A parameter of an inserted effect: tried at ``reference`` times each of ``shares``, then fitted.
+    """A parameter of an inserted effect.
 
     Attributes:
         parameter: of the inserted or changed block.
         reference: a size that matters (SI).
-        shares: multiples of it to start from.
-        signed: whether it may be negative; else it stays positive and moves on a logarithmic scale.
+        signed: whether it may change its sign; else it keeps that of its start and moves on a logarithmic scale.
         fixed: whether it is only chosen among its starting sizes: the model has no derivative with respect to it.
     """
 
     parameter: str
     reference: float
-    shares: tuple[float, ...]
     signed: bool = False
     fixed: bool = False
 
@@ -40,8 +41,9 @@ class Candidate:
         place: where, in the words of the block diagram.
         block: the block of the user's scenario it belongs to.
         name: of the block that is put in or changed.
-        edits: what to do to the scenario, with starting values in place of ``{parameter}``.
+        edits: what to do to the scenario, with starting sizes in place of its parameters.
         knobs: its parameters.
+        starts: sizes to start from, the least effect first, so that no fit ends worse than without the effect.
         loosened: for ``wrong_parameter``, the parameter that may leave its tolerance.
     """
 
@@ -49,8 +51,9 @@ class Candidate:
     place: str
     block: str
     name: str
-    edits: Callable[[dict[str, float]], list[Edit]]
-    knobs: tuple[Knob, ...]
+    edits: Callable[[Sizes], list[Edit]]
+    knobs: tuple[Knob, ...] = ()
+    starts: tuple[Sizes, ...] = ({},)
     loosened: Free | None = None
 
     @property
@@ -58,19 +61,37 @@ class Candidate:
         """Effect and place, for tables."""
         return f"{self.effect} at {self.place}"
 
-    def free(self, starts: dict[str, float]) -> list[Free]:
-        """The parameters to fit, from given starting values."""
+    def structures(self) -> list[list[Sizes]]:
+        """The starts, those together that share one model: they differ in parameters that are fitted alone."""
+        fixed = [k.parameter for k in self.knobs if k.fixed]
+        groups: dict[tuple[float, ...], list[Sizes]] = {}
+        for start in self.starts:
+            groups.setdefault(tuple(start[name] for name in fixed), []).append(start)
+        return list(groups.values())
+
+    def free(self, start: Sizes) -> list[Free]:
+        """The parameters to fit, from given starting sizes."""
         rows = [self.loosened] if self.loosened else []
         for knob in self.knobs:
             if knob.fixed:
                 continue
-            value = starts[knob.parameter]
-            name = f"{self.name}.{knob.parameter}"
+            value, name = start[knob.parameter], f"{self.name}.{knob.parameter}"
             if knob.signed:
                 rows.append(Free(name, value, max(0.2 * abs(value), 0.02 * knob.reference), False, prior=False))
             else:
-                rows.append(Free(name, value, 0.3, True, 0.0, 1e4 * knob.reference, prior=False))
+                low, high = sorted((0.0, 1e6 * value))
+                rows.append(Free(name, value, 0.3, True, low, high, prior=False))
         return rows
+
+
+def grid(**values: Sequence[float]) -> tuple[Sizes, ...]:
+    """Starting sizes: every combination of the values of each parameter."""
+    return tuple(dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values()))
+
+
+def shares(reference: float, *values: float) -> list[float]:
+    """Multiples of a reference."""
+    return [reference * value for value in values]
 
 
 def with_unit(value: float, unit: str) -> str:

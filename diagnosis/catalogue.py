@@ -30,7 +30,7 @@ def candidates(around: Surroundings) -> list[Candidate]:
     for channel in around.problem.model.outputs:
         rows += at_sensor(around, channel.name)
     known = registry()
-    return [c for c in rows if all(_type(e) in known for e in c.edits({k.parameter: k.reference for k in c.knobs}))]
+    return [c for c in rows if all(_type(e) in known for e in c.edits(c.starts[0]))]
 
 
 def _type(edit: Edit) -> str:
@@ -44,4 +44,4 @@ def _parameters(around: Surroundings) -> Iterator[Candidate]:
             continue
         block = f.name.rpartition(".")[0]
         free = replace(f, prior=False)
-        yield Candidate("wrong_parameter", f.name, block or f.name, block or f.name, lambda values: [], (), free)
+        yield Candidate("wrong_parameter", f.name, block or f.name, block or f.name, lambda values: [], loosened=free)

@@ -2,108 +2,195 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
-from blocks.registry import registry
-from diagnosis.candidate import NAME, Candidate, Knob, with_unit
+from diagnosis.candidate import NAME, Candidate, Knob, Sizes, grid, shares, with_unit
 from diagnosis.surroundings import Surroundings
 from scenarios.amend import AtFlange, Between, Edit, Replace, Set
 
+LEVELS = (1e-3, 5e-3, 0.03, 0.15, 0.5)
+"""Starting sizes of torques, as shares of the torques that act."""
+
+TWISTS = (1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1)
+"""Starting sizes of what a joint gives way by, as shares of the range of its angle."""
+
+ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
+"""Waves per revolution of a torque ripple."""
+
+PHASES = (0.0, 1.5708, 3.1416, -1.5708)
+
 
 def at_shaft(around: Surroundings, flange: str) -> Iterator[Candidate]:
-    """Friction, drag, springs, gravity, ripple and further inertia at a shaft."""
+    """Friction, drag, springs, gravity, ripple, vibration and further bodies at a shaft."""
     block = around.problem.scenario.system.split(flange)[0]
     torque, speed, angle, inertia = (d[flange] for d in (around.torque, around.speed, around.angle, around.inertia))
 
     def made(
-        effect: str, kind: str, units: dict[str, str], *knobs: Knob, port: str = "shaft", **fixed: Any
+        effect: str, kind: str, units: dict[str, str], starts: tuple[Sizes, ...], *knobs: Knob, **fixed: Any
     ) -> Candidate:
         name = f"{NAME}_{effect}"
 
-        def edits(values: dict[str, float]) -> list[Edit]:
+        def edits(values: Sizes) -> list[Edit]:
             given = {key: with_unit(values[key], unit) for key, unit in units.items() if key in values}
-            return [AtFlange(name, kind, flange, port, {**fixed, **given})]
+            return [AtFlange(name, kind, flange, "shaft", {**fixed, **given})]
 
-        return Candidate(effect, flange, block, name, edits, knobs)
+        return Candidate(effect, flange, block, name, edits, knobs, starts)
 
-    levels = (0.03, 0.15, 0.5)
-    dry = Knob("coulomb_friction", torque, levels)
-    yield made("coulomb_friction", "BearingFriction", {"coulomb_friction": "N.m"}, dry)
+    levels = shares(torque, *LEVELS)
+    dry, back = Knob("coulomb_friction", torque), Knob("coulomb_friction_backward", torque)
+    yield made("coulomb_friction", "BearingFriction", {"coulomb_friction": "N.m"}, grid(coulomb_friction=levels), dry)
     yield made(
         "stribeck_friction",
         "BearingFriction",
         {"coulomb_friction": "N.m", "static_friction": "N.m", "stribeck_velocity": "rad/s"},
+        tuple(
+            {"coulomb_friction": s, "static_friction": 1.5 * s, "stribeck_velocity": v * speed}
+            for s in levels
+            for v in (0.03, 0.2)
+        ),
         dry,
-        Knob("static_friction", torque, tuple(1.5 * s for s in levels)),
-        Knob("stribeck_velocity", speed, (0.1, 0.1, 0.1)),
+        Knob("static_friction", torque),
+        Knob("stribeck_velocity", speed),
     )
     yield made(
         "direction_dependent_friction",
         "BearingFriction",
         {"coulomb_friction": "N.m", "coulomb_friction_backward": "N.m"},
+        tuple({"coulomb_friction": s, "coulomb_friction_backward": s * r} for s in levels for r in (0.7, 1.4)),
         dry,
-        Knob("coulomb_friction_backward", torque, levels),
+        back,
     )
-    viscous = Knob("viscous_friction", torque / speed, (0.03, 0.15, 0.5))
-    yield made("viscous_friction", "BearingFriction", {"viscous_friction": "N.m.s/rad"}, viscous)
-    yield made("quadratic_drag", "QuadraticDrag", {"drag": "N.m.s2/rad2"}, Knob("drag", torque / speed**2, levels))
-    spring = Knob("stiffness", torque / angle, (0.03, 0.15, 0.5))
-    rest = Knob("rest_angle", angle, (0.01,), True)
-    yield made("stray_spring", "GroundSpring", {"stiffness": "N.m/rad", "rest_angle": "rad"}, spring, rest)
+    yield made(
+        "viscous_friction",
+        "BearingFriction",
+        {"viscous_friction": "N.m.s/rad"},
+        grid(viscous_friction=shares(torque / speed, *LEVELS)),
+        Knob("viscous_friction", torque / speed),
+    )
+    yield made(
+        "quadratic_drag",
+        "QuadraticDrag",
+        {"drag": "N.m.s2/rad2"},
+        grid(drag=shares(torque / speed**2, *LEVELS)),
+        Knob("drag", torque / speed**2),
+    )
+    yield made(
+        "stray_spring",
+        "GroundSpring",
+        {"stiffness": "N.m/rad", "rest_angle": "rad"},
+        grid(stiffness=shares(torque / angle, *LEVELS), rest_angle=[0.01 * angle]),
+        Knob("stiffness", torque / angle),
+        Knob("rest_angle", angle, signed=True),
+    )
     yield made(
         "gravity",
         "GravityTorque",
         {"mass": "kg", "hanging_angle": "rad"},
-        Knob("mass", torque / 9.81, (0.1, 0.1, 0.1, 0.5)),
-        Knob("hanging_angle", 1.0, (0.1, 1.6, -1.6, 3.1), True),
+        grid(mass=shares(torque / 9.81, 1e-3, 0.02, 0.15), hanging_angle=PHASES),
+        Knob("mass", torque / 9.81),
+        Knob("hanging_angle", 1.0, signed=True),
         radius="1 m",
     )
-    yield made("payload", "Inertia", {"inertia": "kg.m2"}, Knob("inertia", inertia, (0.05, 0.3)))
-    for order in (1, 2, 3, 6):
-        yield made(
-            "torque_ripple",
-            "TorqueRipple",
-            {"amplitude": "N.m", "phase": "rad"},
-            Knob("amplitude", torque, (0.1, 0.1, 0.1, 0.1)),
-            Knob("phase", 1.0, (0.1, 1.6, 3.1, -1.6), True),
-            order=order,
-        )
+    yield made(
+        "payload",
+        "Inertia",
+        {"inertia": "kg.m2"},
+        grid(inertia=shares(inertia, 0.003, 0.05, 0.3)),
+        Knob("inertia", inertia),
+    )
+    yield made(
+        "torque_ripple",
+        "TorqueRipple",
+        {"amplitude": "N.m", "phase": "rad", "order": "1"},
+        grid(order=ORDERS, amplitude=shares(torque, 1e-3, 0.05), phase=PHASES),
+        Knob("order", 1.0, fixed=True),
+        Knob("amplitude", torque),
+        Knob("phase", 1.0, signed=True),
+    )
+    swing = math.sqrt(torque / (inertia * angle))
+    yield made(
+        "outside_vibration",
+        "Vibration",
+        {"amplitude": "N.m", "frequency": "rad/s", "phase": "rad"},
+        grid(amplitude=[0.02 * torque], frequency=around.lines or [3 * swing], phase=PHASES),
+        Knob("amplitude", torque),
+        Knob("frequency", swing, signed=True),
+        Knob("phase", 1.0, signed=True),
+    )
+    yield made(
+        "extra_mode",
+        "Resonator",
+        {"inertia": "kg.m2", "frequency": "rad/s", "damping_ratio": "1"},
+        grid(inertia=shares(inertia, 1e-3, 0.05), frequency=(20.0, 50.0, 120.0, 300.0), damping_ratio=[0.02]),
+        Knob("inertia", inertia),
+        Knob("frequency", 100.0),
+        Knob("damping_ratio", 0.02),
+    )
 
 
 def at_joints(around: Surroundings) -> Iterator[Candidate]:
-    """Compliance, play and hardening where a shaft can be cut, with inertia left on both sides."""
-    system, names = around.problem.scenario.system, list(registry())
+    """Compliance, play, hardening and hysteresis where a shaft can be cut, with inertia left on both sides."""
+    system = around.problem.scenario.system
     for flange, members in around.groups.items():
+        inertia, angle, torque = around.inertia[flange], around.angle[flange], around.torque[flange]
         for cut in members:
             block, port = system.split(cut)
-            made = system.blocks[block]
             node = next((c for c in system.connections if cut in c.ends), None)
-            if node is None or len(node.ends) < 2 or not _drives(type(made).__name__, port):
+            if node is None or len(node.ends) < 2 or not _drives(type(system.blocks[block]).__name__, port):
                 continue
-            inertia, angle, torque = around.inertia[flange], around.angle[flange], around.torque[flange]
-            stiff = Knob("stiffness", inertia * 900.0, (0.3, 1.0, 4.0, 20.0))
-            loss = Knob("damping", inertia * 3.0, (1.0, 1.0, 1.0, 1.0))
-            gap = Knob("half_gap", angle, (0.003, 0.01, 0.03, 0.003))
-            for effect, kind, knobs, fixed in (
-                ("joint_flexibility", "SpringDamper", (stiff, loss), {}),
-                ("backlash", "Backlash", (gap, stiff, loss), {"law": "push_only"}),
-                (
-                    "hardening_spring",
-                    "HardeningSpring",
-                    (stiff, Knob("cubic_stiffness", torque / angle**3, (1.0,) * 4), loss),
-                    {},
-                ),
-            ):
-                if kind in names:
-                    yield Candidate(
-                        effect,
-                        f"{cut} -> node",
-                        block,
-                        f"{NAME}_{effect}",
-                        _between(f"{NAME}_{effect}", kind, cut, fixed),
-                        knobs,
-                    )
+            place = f"{cut} -> {next(end for end in node.ends if end != cut)}"
+            springs = []
+            for twist in shares(angle, *TWISTS):
+                stiffness = torque / twist
+                springs.append({"stiffness": stiffness, "damping": 0.1 * math.sqrt(stiffness * inertia)})
+            stiff, loss = Knob("stiffness", springs[3]["stiffness"]), Knob("damping", springs[3]["damping"])
+            yield _joint("joint_flexibility", "SpringDamper", block, place, cut, tuple(springs), (stiff, loss))
+            plays = tuple({"half_gap": gap, **s} for gap in shares(angle, *TWISTS[:-1]) for s in springs[1:5:2])
+            yield _joint(
+                "backlash",
+                "Backlash",
+                block,
+                place,
+                cut,
+                plays,
+                (Knob("half_gap", angle), stiff, loss),
+                law="push_only",
+            )
+            cubic = tuple(
+                {"cubic_stiffness": share * s["stiffness"] ** 3 / torque**2, **s}
+                for s in springs
+                for share in (0.1, 10.0)
+            )
+            law = (stiff, Knob("cubic_stiffness", stiff.reference**3 / torque**2), loss)
+            yield _joint("hardening_spring", "HardeningSpring", block, place, cut, cubic, law)
+            loops = tuple(
+                {"yield_twist": share * torque / s["stiffness"], "residual_share": 0.5, **s}
+                for s in springs[:-1]
+                for share in (0.3,)
+            )
+            slips = (stiff, Knob("yield_twist", angle), Knob("residual_share", 0.5), loss)
+            yield _joint("hysteresis", "BoucWenSpring", block, place, cut, loops, slips)
+
+
+def _joint(
+    effect: str,
+    kind: str,
+    block: str,
+    place: str,
+    cut: str,
+    starts: tuple[Sizes, ...],
+    knobs: tuple[Knob, ...],
+    **fixed: Any,
+) -> Candidate:
+    name = f"{NAME}_{effect}"
+
+    def edits(values: Sizes) -> list[Edit]:
+        given = {key: with_unit(values[key], _UNITS[key]) for key in _UNITS if key in values}
+        return [Between(name, kind, cut, "a", "b", {**fixed, **given})]
+
+    return Candidate(effect, place, block, name, edits, knobs, starts)
 
 
 def _drives(kind: str, port: str) -> bool:
@@ -111,58 +198,96 @@ def _drives(kind: str, port: str) -> bool:
     return (kind, port) in (("DCMotor", "shaft"), ("Gear", "output"), ("HarmonicDrive", "output"), ("Torque", "shaft"))
 
 
-_UNITS = {"stiffness": "N.m/rad", "damping": "N.m.s/rad", "half_gap": "rad", "cubic_stiffness": "N.m/rad3"}
-
-
-def _between(name: str, kind: str, cut: str, fixed: dict[str, Any]) -> Any:
-    def edits(values: dict[str, float]) -> list[Edit]:
-        given = {key: with_unit(values[key], _UNITS[key]) for key in _UNITS if key in values}
-        return [Between(name, kind, cut, "a", "b", {**fixed, **given})]
-
-    return edits
+_UNITS = {
+    "stiffness": "N.m/rad",
+    "damping": "N.m.s/rad",
+    "half_gap": "rad",
+    "cubic_stiffness": "N.m/rad3",
+    "yield_twist": "rad",
+    "residual_share": "1",
+}
 
 
 def at_links(around: Surroundings) -> Iterator[Candidate]:
     """What a link or a spring of the scenario leaves out of itself."""
     for name, block in around.problem.scenario.system.blocks.items():
         if type(block).__name__ == "AssumedModesLink":
-            modes = int(block.values["modes"])
+            yield from _link(name, block)
+        elif type(block).__name__ == "SpringDamper":
+            yield from _spring(around, name, block)
 
-            def more(values: dict[str, float], name: str = name, modes: int = modes) -> list[Edit]:
-                return [Set(name, "modes", modes + 1)]
 
-            yield Candidate("extra_mode", name, name, name, more, ())
-            if not block.values["foreshortening"]:
+def _link(name: str, block: Any) -> Iterator[Candidate]:
+    modes = int(block.values["modes"])
 
-                def spun(values: dict[str, float], name: str = name) -> list[Edit]:
-                    return [Set(name, "nonlinear", True), Set(name, "foreshortening", True)]
+    def more(values: Sizes) -> list[Edit]:
+        return [Set(name, "modes", modes + 1)]
 
-                yield Candidate("centrifugal_stiffening", name, name, name, spun, ())
-        if type(block).__name__ == "SpringDamper" and "HardeningSpring" in registry():
-            size = block.values["stiffness"]
+    yield Candidate("extra_mode", name, name, name, more)
+    if not block.values["foreshortening"]:
 
-            def harder(values: dict[str, float], name: str = name) -> list[Edit]:
-                return [
-                    Replace(
-                        name,
-                        "HardeningSpring",
-                        {"cubic_stiffness": with_unit(values["cubic_stiffness"], "N.m/rad3")},
-                        ("rest_angle",),
-                    )
-                ]
+        def spun(values: Sizes) -> list[Edit]:
+            return [Set(name, "nonlinear", True), Set(name, "foreshortening", True)]
 
-            yield Candidate(
-                "hardening_spring", name, name, name, harder, (Knob("cubic_stiffness", size, (1.0, 30.0, 1000.0)),)
-            )
+        yield Candidate("centrifugal_stiffening", name, name, name, spun)
+    mass = float(block.values["mass"])
+    if not block.values["payload_mass"]:
 
-            def loose(values: dict[str, float], name: str = name) -> list[Edit]:
-                return [
-                    Replace(
-                        name,
-                        "Backlash",
-                        {"half_gap": with_unit(values["half_gap"], "rad"), "law": "push_only"},
-                        ("rest_angle",),
-                    )
-                ]
+        def loaded(values: Sizes) -> list[Edit]:
+            return [Set(name, "payload_mass", with_unit(values["payload_mass"], "kg"))]
 
-            yield Candidate("backlash", name, name, name, loose, (Knob("half_gap", 1.0, (0.001, 0.01, 0.03, 0.1)),))
+        sizes = grid(payload_mass=shares(mass, 0.005, 0.05, 0.3))
+        yield Candidate("payload", name, name, name, loaded, (Knob("payload_mass", mass),), sizes)
+
+
+def _spring(around: Surroundings, name: str, block: Any) -> Iterator[Candidate]:
+    stiffness, damping = float(block.values["stiffness"]), float(block.values["damping"])
+    torque = max((t for f, t in around.torque.items() if f.startswith(f"{name}.")), default=0.0)
+    torque = torque or max(around.torque.values(), default=1.0)
+    twist = torque / stiffness
+
+    def replaced(
+        effect: str, kind: str, units: dict[str, str], starts: tuple[Sizes, ...], *knobs: Knob, **fixed: Any
+    ) -> Candidate:
+        drop = ("rest_angle",) if kind != "StructuralSpring" else ("rest_angle", "damping")
+
+        def edits(values: Sizes) -> list[Edit]:
+            given = {key: with_unit(values[key], unit) for key, unit in units.items() if key in values}
+            return [Replace(name, kind, {**fixed, **given}, drop)]
+
+        return Candidate(effect, name, name, name, edits, knobs, starts)
+
+    cubic = stiffness**3 / torque**2
+    yield replaced(
+        "hardening_spring",
+        "HardeningSpring",
+        {"cubic_stiffness": "N.m/rad3"},
+        grid(cubic_stiffness=shares(cubic, 1e-3, 0.01, 0.1, 1.0)),
+        Knob("cubic_stiffness", cubic),
+    )
+    yield replaced(
+        "backlash",
+        "Backlash",
+        {"half_gap": "rad"},
+        grid(half_gap=shares(twist, 1e-3, 0.01, 0.1, 0.5, 2.0)),
+        Knob("half_gap", twist),
+        law="push_only",
+    )
+    yield replaced(
+        "hysteresis",
+        "BoucWenSpring",
+        {"yield_twist": "rad", "residual_share": "1"},
+        grid(yield_twist=shares(twist, 3.0, 1.0, 0.2), residual_share=(0.95, 0.6)),
+        Knob("yield_twist", twist),
+        Knob("residual_share", 0.5),
+    )
+    centre = math.sqrt(stiffness / min(around.inertia.values(), default=1.0))
+    yield replaced(
+        "structural_damping",
+        "StructuralSpring",
+        {"loss_factor": "1"},
+        grid(loss_factor=sorted({0.01, 0.05, min(max(damping * centre / stiffness, 1e-3), 0.3)})),
+        Knob("loss_factor", 0.05),
+        lowest_frequency=with_unit(centre / 300, "rad/s"),
+        highest_frequency=with_unit(centre * 30, "rad/s"),
+    )

@@ -111,7 +111,7 @@ def problem(
     if sigma is not None:
         experiments = [replace(e, sigma=sigma) for e in experiments]
     named = {f.name: f for f in free_parameters(first.model)} | {f.name: f for f in extra}
-    bounds = {p.name: p.declared.bounds for p in first.model.parameters}
+    bounds = {p.name: _within(p.declared.bounds) for p in first.model.parameters}
     free = [
         replace(f, low=max(f.low, bounds[f.name][0]), high=min(f.high, bounds[f.name][1]))
         for f in named.values()
@@ -124,3 +124,9 @@ def problem(
         step = min(e.step for e in experiments)
         internal = max(internal_step(first.model, p, start_values(first.model, p), step), step / FINEST)
     return Problem(scenario, first.model, tuple(experiments), (*free, *starts), internal)
+
+
+def _within(bounds: tuple[float, float]) -> tuple[float, float]:
+    """Bounds a little inside the declared ones, which may be open."""
+    low, high = bounds
+    return low + 1e-12 * abs(low), high - 1e-12 * abs(high)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import SimulationError
+from engine.errors import ParameterError, SimulationError
 from engine.model import Model
 from engine.simulate import Drive, simulate
 from engine.tangent import tangents
@@ -60,7 +60,7 @@ class Free:
     def position(self, value: float) -> float:
         """The search variable at which the parameter has ``value``."""
         if self.logarithmic:
-            return math.log(max(value, 1e-300) / self.start) / self.scale
+            return math.log(max(value / self.start, 1e-300)) / self.scale
         return (value - self.start) / self.scale
 
 
@@ -169,7 +169,7 @@ class Problem:
         """Residual of one experiment, or a huge one where the simulation fails."""
         try:
             found = experiment.residual(self.simulate(x, experiment))
-        except SimulationError:
+        except (ParameterError, SimulationError):
             return np.full(experiment.measured.shape, HUGE)
         return np.clip(found, -HUGE, HUGE)
 
@@ -182,16 +182,19 @@ class Problem:
         parameters, starts = self.values(x, experiment)
         mine = [i for i, f in enumerate(self.free) if not f.recording or f.recording == experiment.name]
         names = [self.free[i].name for i in mine]
-        found = tangents(
-            self.model,
-            experiment.stop,
-            experiment.step,
-            wrt=names,
-            parameters=parameters,
-            drive=experiment.drive,
-            initial=starts,
-            internal_step=self.internal_step,
-        )
+        try:
+            found = tangents(
+                self.model,
+                experiment.stop,
+                experiment.step,
+                wrt=names,
+                parameters=parameters,
+                drive=experiment.drive,
+                initial=starts,
+                internal_step=self.internal_step,
+            )
+        except ParameterError as error:
+            raise SimulationError(error.message) from error
         r = np.clip(experiment.residual(found.result.values), -HUGE, HUGE).ravel()
         slopes = experiment.slopes(found.values).reshape(len(r), len(names))
         J = np.zeros((len(r), len(self.free)))

@@ -30,6 +30,12 @@ STRAIN = 2.5
 DECISIVE = 10.0
 """Difference in cost, twice the log likelihood ratio, beyond which one change is preferred to another."""
 
+STARTS, APART = 3, 3.0
+"""How many starting sizes of an effect are fitted, and how far apart they lie in the search variables."""
+
+FIRST, MOST = 6, 30
+"""Steps from each start, and in all."""
+
 Progress = Callable[[str, int, int], None]
 
 
@@ -141,33 +147,42 @@ class Workshop:
         experiments = tuple(replace(e, sigma=s) for e, s in zip(made.experiments, self.sigma, strict=True))
         return replace(made, experiments=experiments), text
 
-    def attempt(self, effects: tuple[Candidate, ...], start: Fit, share: float = 1.0) -> Trial:
-        """Put effects in, choose the best of their starting sizes, fit from the parent's optimum, and score.
+    def attempt(self, effects: tuple[Candidate, ...], start: Fit) -> Trial:
+        """Put effects in, try their starting sizes from the parent's optimum, fit from the best, and score.
 
         Raises:
             FlexarmError: the amended model has no meaning.
         """
-        grids = [
-            [dict(zip((k.parameter for k in c.knobs), values, strict=True)) for values in _starts(c)] for c in effects
-        ]
-        parent = start.parameters()
-        best: tuple[float, Problem, Array, str, tuple[dict[str, float], ...]] | None = None
-        with ThreadPoolExecutor(1) as pool:
-            for starts in itertools.product(*grids):
-                made, text = self.build(effects, starts)
-                x = _carried(made, parent)
-                training = made.chosen("train", "repeat")
+        parent, entries = start.parameters(), []
+        for chosen in itertools.product(*(c.structures() for c in effects)):
+            made, text = self.build(effects, [group[0] for group in chosen])
+            training = made.chosen("train", "repeat")
+            for sizes in itertools.product(*chosen):
+                x = _placed(made, parent, effects, sizes)
                 cost = sum(float(np.sum(made.residual(x, e) ** 2)) for e in training)
-                cost += float(np.sum(prior(made, x)[0] ** 2))
-                if best is None or cost < best[0]:
-                    best = (cost, made, x, text, starts)
-            assert best is not None
-            _, made, x, text, sizes = best
-            x, cost, converged = descend(made, x, made.chosen("train", "repeat"), pool)
+                entries.append(Entry(cost + float(np.sum(prior(made, x)[0] ** 2)), made, x, text, sizes))
+        entries.sort(key=lambda entry: entry.cost)
+        return self._best(_spread(entries), effects)
+
+    def _best(self, entries: Sequence[Entry], effects: tuple[Candidate, ...]) -> Trial:
+        """A few steps from each entry; the best goes on until it converges."""
+        with ThreadPoolExecutor(1) as pool:
+            tried = []
+            for entry in entries:
+                made = entry.problem
+                training = made.chosen("train", "repeat")
+                x, cost, converged = descend(
+                    made, entry.x, training, pool, iterations=FIRST if len(entries) > 1 else MOST
+                )
+                tried.append((replace(entry, x=x, cost=cost), converged))
+            entry, converged = min(tried, key=lambda pair: pair[0].cost)
+            made, x, cost = entry.problem, entry.x, entry.cost
+            if not converged and len(entries) > 1:
+                x, cost, converged = descend(made, x, made.chosen("train", "repeat"), pool, iterations=MOST - FIRST)
         count = sum(int(np.isfinite(e.measured).sum()) for e in made.chosen("train", "repeat"))
         chi2 = (cost - float(np.sum(prior(made, x)[0] ** 2))) / max(count, 1)
         n = len(x)
-        return _scored(Fit(made, x, cost, chi2, converged, np.zeros((n, n))), effects, text, sizes)
+        return _scored(Fit(made, x, cost, chi2, converged, np.zeros((n, n))), effects, entry.text, entry.sizes)
 
     def polish(self, trial: Trial) -> Trial:
         """The same model, fitted until it converges."""
@@ -183,20 +198,38 @@ class Workshop:
         return _scored(better, trial.effects, trial.text, trial.sizes)
 
 
-def _starts(candidate: Candidate) -> list[tuple[float, ...]]:
-    """Starting sizes: the knobs' shares taken together, the longest list deciding how many."""
-    if not candidate.knobs:
-        return [()]
-    count = max(len(k.shares) for k in candidate.knobs)
-    return [tuple(k.reference * k.shares[min(i, len(k.shares) - 1)] for k in candidate.knobs) for i in range(count)]
+@dataclass(frozen=True)
+class Entry:
+    """Where a fit may start: a model, a search vector, its cost there, and the effects' sizes."""
+
+    cost: float
+    problem: Problem
+    x: Array
+    text: str
+    sizes: tuple[dict[str, float], ...]
 
 
-def _carried(made: Problem, parent: dict[str, float]) -> Array:
-    """A search vector that keeps the parent's parameters; the effects' own start at zero distance."""
+def _spread(entries: Sequence[Entry]) -> list[Entry]:
+    """The best entries that do not lie next to each other, and the one with the least effect."""
+    chosen: list[Entry] = []
+    for entry in entries:
+        if all(entry.problem is not other.problem or np.abs(entry.x - other.x).max() > APART for other in chosen):
+            chosen.append(entry)
+        if len(chosen) == STARTS:
+            break
+    return chosen
+
+
+def _placed(
+    made: Problem, parent: dict[str, float], effects: Sequence[Candidate], sizes: Sequence[dict[str, float]]
+) -> Array:
+    """The search vector that keeps the parent's parameters and gives the effects their sizes."""
     x = np.zeros(len(made.free))
+    given = {f"{c.name}.{key}": value for c, s in zip(effects, sizes, strict=True) for key, value in s.items()}
     for i, f in enumerate(made.free):
-        if not f.recording and f.name in parent:
-            x[i] = f.position(parent[f.name])
+        value = given.get(f.name, parent.get(f.name)) if not f.recording else None
+        if value is not None:
+            x[i] = f.position(value)
     return x
 
 
@@ -235,6 +268,7 @@ def study(
     workers: int = 2,
     seed: int = 0,
     most: int = 2,
+    without: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> Study:
     """Refit, try every candidate, then pairs with the best, and keep what pays on held-out data.
@@ -245,6 +279,7 @@ def study(
         workers: threads.
         seed: of everything random.
         most: at most so many effects.
+        without: effects that are not to be tried.
         progress: told what is done, how many of how many.
     """
     shop = Workshop(scenario, recordings, workers, seed)
@@ -256,7 +291,7 @@ def study(
         progress("fitting the model's own parameters", 0, 1)
     refit = shop.refit()
     around = surroundings(base)
-    listed = candidates(around)
+    listed = [c for c in candidates(around) if c.effect not in without]
     trials, failures = _try_all(shop, [(c,) for c in listed], refit.fit, progress)
     trials.sort(key=lambda t: (t.hold_out, t.size))
     chosen = _choose(refit, trials)

@@ -7,78 +7,88 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.candidate import NAME, Candidate, Knob, with_unit
+from diagnosis.candidate import NAME, Candidate, Knob, Sizes, grid, shares, with_unit
 from diagnosis.surroundings import Surroundings
 from scenarios.amend import Edit, InSignal, OnSensor, Set
 
+FEW = (1e-3, 5e-3, 0.02, 0.08, 0.2)
+"""Starting sizes as shares of the largest value."""
 
-def _in(name: str, kind: str, target: str, unit: str, keys: dict[str, str], fixed: dict[str, Any] | None = None) -> Any:
-    """Edits that put a block into a signal; ``keys`` gives the unit of each parameter."""
-
-    def edits(values: dict[str, float]) -> list[Edit]:
-        made = {key: with_unit(values[key], keys[key] or unit) for key in keys if key in values}
-        return [InSignal(name, kind, target, {**(fixed or {}), **made})]
-
-    return edits
+CORNERS = (1.0, 3.0, 10.0, 30.0)
+"""Lags are tried with time constants of so many samples."""
 
 
 def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candidate]:
     """What may lie between a driven signal and the block it drives; ``size`` is the largest value it takes."""
     unit = next(v.unit for v in around.problem.model.inputs if v.name == target)
-    block = around.problem.scenario.system.split(target)[0]
-    place = f"signal -> {target}"
-
-    def made(effect: str, kind: str, keys: dict[str, str], *knobs: Knob, **fixed: Any) -> Candidate:
-        name = f"{NAME}_{effect}"
-        return Candidate(effect, place, block, name, _in(name, kind, target, unit, keys, fixed), knobs)
-
-    few, band = (0.03, 0.1, 0.3), (0.02, 0.08, 0.2)
-    yield made(
-        "dead_zone", "DeadZone", {"lower": "", "upper": ""}, Knob("lower", -size, band, True), Knob("upper", size, band)
-    )
-    yield made(
-        "saturation",
-        "Saturation",
-        {"lower": "", "upper": ""},
-        Knob("lower", -size, (0.9, 0.7), True),
-        Knob("upper", size, (0.9, 0.7)),
-    )
-    yield made("offset", "Offset", {"offset": ""}, Knob("offset", size, (0.02, -0.02), True))
-    yield made(
-        "uneven_gain", "UnevenGain", {"forward": "1", "backward": "1"}, Knob("backward", 1.0, (0.95, 1.05)), forward=1.0
-    )
-    yield made("lag", "LowPass", {"corner_frequency": "rad/s"}, Knob("corner_frequency", 100.0, (*few, 1.0, 3.0)))
-    sample = min(e.step * e.every for e in around.problem.experiments)
-    waits = tuple(float(n) for n in (1, 2, 3, 5, 8, 12, 20))
-    wait = Knob("delay", sample, waits, fixed=True)
-    yield made("delay", "Delay", {"delay": "s"}, wait, period=with_unit(sample, "s"))
     system = around.problem.scenario.system
-    if type(system.blocks[block]).__name__ == "DCMotor" and system.blocks[block].values["inductance"] == 0:
-        reference = system.blocks[block].values["resistance"] * 1e-3
+    block = system.split(target)[0]
+    node = next((c for c in system.connections if target in c.ends), None)
+    source = next((end for end in node.ends if end != target), "signal") if node is not None else "signal"
+    place = f"{source} -> {target}"
+    sample = min(e.step * e.every for e in around.problem.experiments)
 
-        def edits(values: dict[str, float]) -> list[Edit]:
+    def made(
+        effect: str, kind: str, units: dict[str, str], knobs: tuple[Knob, ...], starts: tuple[Sizes, ...], **more: Any
+    ) -> Candidate:
+        name = f"{NAME}_{effect}"
+
+        def edits(values: Sizes) -> list[Edit]:
+            given = {key: with_unit(values[key], units[key]) for key in units if key in values}
+            return [InSignal(name, kind, target, {**more, **given})]
+
+        return Candidate(effect, place, block, name, edits, knobs, starts)
+
+    ends = {"lower": unit, "upper": unit}
+    both = (Knob("lower", size), Knob("upper", size))
+    yield made("dead_zone", "DeadZone", ends, both, tuple({"lower": -s, "upper": s} for s in shares(size, *FEW)))
+    limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.98, 0.9, 0.8, 0.7, 0.55, 0.4))
+    yield made("saturation", "Saturation", ends, both, limits)
+    offsets = grid(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02))
+    yield made("offset", "Offset", {"offset": unit}, (Knob("offset", size, signed=True),), offsets)
+    uneven = grid(backward=(0.99, 1.01, 0.95, 1.05))
+    yield made(
+        "uneven_gain", "UnevenGain", {"forward": "1", "backward": "1"}, (Knob("backward", 1.0),), uneven, forward=1.0
+    )
+    corners = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
+    yield made("lag", "LowPass", {"corner_frequency": "rad/s"}, (Knob("corner_frequency", 1 / sample),), corners)
+    waits = grid(delay=shares(sample, 1, 2, 3, 4, 5, 6, 8, 10, 14, 20))
+    yield made("delay", "Delay", {"delay": "s"}, (Knob("delay", sample, fixed=True),), waits, period=with_unit(sample, "s"))
+    motor = system.blocks[block]
+    if type(motor).__name__ == "DCMotor" and motor.values["inductance"] == 0:
+        reference = motor.values["resistance"] * sample
+
+        def coil(values: Sizes) -> list[Edit]:
             return [Set(block, "inductance", with_unit(values["inductance"], "H"))]
 
-        yield Candidate("inductance", block, block, block, edits, (Knob("inductance", reference, (1.0, 5.0)),))
+        sizes = grid(inductance=shares(reference, 0.3, 1.0, 5.0))
+        yield Candidate("inductance", block, block, block, coil, (Knob("inductance", reference),), sizes)
 
 
 def at_sensor(around: Surroundings, signal: str) -> Iterator[Candidate]:
     """What may lie between a signal and what was recorded of it."""
     unit = next(v.unit for v in around.problem.model.outputs if v.name == signal)
     k = [v.name for v in around.problem.model.outputs].index(signal)
-    measured = [e.measured[:, k] for e in around.problem.chosen("train", "repeat")]
+    training = around.problem.chosen("train", "repeat")
+    measured = [e.measured[:, k] for e in training]
     size = max(float(np.nanmax(np.abs(m))) for m in measured) or 1.0
-    for effect, kind, key, key_unit, knob in (
-        ("sensor_bias", "Offset", "offset", unit, Knob("offset", size, (0.02, -0.02), True)),
-        ("sensor_scale", "Gain", "gain", "1", Knob("gain", 1.0, (1.05, 0.95))),
-        ("rectified_sensor", "RectifiedSensor", "sensitivity", "1", Knob("sensitivity", 1.0, (1.0,))),
-        ("sensor_lag", "LowPass", "corner_frequency", "rad/s", Knob("corner_frequency", 100.0, (0.3, 1.0, 3.0))),
-    ):
+    sample = min(e.step * e.every for e in training)
+    biases, gains = grid(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02)), grid(gain=(1.01, 0.99, 1.05, 0.95))
+    lags = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
+    rows = [
+        ("sensor_bias", "Offset", "offset", unit, Knob("offset", size, signed=True), biases),
+        ("sensor_scale", "Gain", "gain", "1", Knob("gain", 1.0), gains),
+        ("sensor_lag", "LowPass", "corner_frequency", "rad/s", Knob("corner_frequency", 1 / sample), lags),
+    ]
+    if all(np.nanmin(m) > -0.05 * size for m in measured):
+        scale = Knob("sensitivity", 1.0)
+        rows.append(("rectified_sensor", "RectifiedSensor", "sensitivity", "1", scale, grid(sensitivity=(1.0,))))
+    for effect, kind, key, key_unit, knob, starts in rows:
         name = f"{NAME}_{effect}"
 
         def edits(
-            values: dict[str, float], name: str = name, kind: str = kind, key: str = key, u: str = key_unit
+            values: Sizes, name: str = name, kind: str = kind, key: str = key, unit: str = key_unit
         ) -> list[Edit]:
-            return [OnSensor(name, kind, signal, {key: with_unit(values[key], u)})]
+            return [OnSensor(name, kind, signal, {key: with_unit(values[key], unit)})]
 
-        yield Candidate(effect, signal, signal, name, edits, (knob,))
+        yield Candidate(effect, signal, signal, name, edits, (knob,), starts)

@@ -27,6 +27,7 @@ class Surroundings:
         torque: flange -> size of the torques that act there.
         speed, angle: flange -> size of its motion.
         inertia: flange -> inertia felt there.
+        lines: frequencies (rad/s) that stand out in what the refitted model leaves over.
     """
 
     problem: Problem
@@ -36,6 +37,7 @@ class Surroundings:
     speed: dict[str, float] = field(default_factory=dict)
     angle: dict[str, float] = field(default_factory=dict)
     inertia: dict[str, float] = field(default_factory=dict)
+    lines: list[float] = field(default_factory=list)
 
 
 def surroundings(problem: Problem) -> Surroundings:

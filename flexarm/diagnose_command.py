@@ -93,6 +93,10 @@ def diagnose(
         Path | None,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for diagnosis.json, amended.yaml and figures."),
     ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option("--without", metavar="EFFECT", help="An effect that is not to be tried; repeatable."),
+    ] = None,
     overrides: SetOption = None,
     workers: WorkersOption = 2,
     seed: SeedOption = 0,
@@ -120,6 +124,7 @@ def diagnose(
             overrides=overrides or (),
             workers=workers,
             seed=seed,
+            without=without or (),
             progress=progress,
         )
     if output is not None:

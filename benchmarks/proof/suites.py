@@ -1,0 +1,145 @@
+"""The suites: which cases are drawn, from which seeds."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from benchmarks.concealed.drawing import Options
+from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.sites import sites
+from benchmarks.concealed.suites import CORE, PAIRS, TIES
+
+SIZES = (1.0, 3.0, 10.0)
+"""Effect sizes, in detection thresholds; what a suite does not vary stands at the middle one."""
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One case to draw.
+
+    Attributes:
+        suite: it belongs to.
+        plant, effects, sizes, seed, options: as `benchmarks.concealed.case.draw` takes them.
+        withheld: effects that the tool is not to try.
+    """
+
+    suite: str
+    plant: str
+    effects: tuple[str, ...]
+    sizes: tuple[float, ...]
+    seed: int
+    options: Options = field(default_factory=Options)
+    withheld: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Of the case's folder: unique, and silent about what is concealed."""
+        text = repr((self.suite, self.plant, self.effects, self.sizes, self.seed, self.options, self.withheld))
+        return f"{self.suite}-{hashlib.sha256(text.encode()).hexdigest()[:10]}"
+
+
+def hosts(effect: str) -> list[str]:
+    """The plants that can hide an effect, in the order in which they are used."""
+    return [name for name, plant in PLANTS.items() if any(s.effect.name == effect for s in sites(plant))]
+
+
+def core(seeds: list[int], size: float = 3.0) -> Iterator[Spec]:
+    """The core effects on two plants each."""
+    for effect in CORE:
+        for k, plant in enumerate(_two(effect)):
+            for seed in seeds:
+                yield Spec("core", plant, (effect,), (size,), 100 * seed + k)
+
+
+def catalogue(seeds: list[int], size: float = 3.0) -> Iterator[Spec]:
+    """Every other effect that a plant can hide, on two plants where there are two."""
+    effects = sorted({s.effect.name for plant in PLANTS.values() for s in sites(plant)} - set(CORE))
+    for effect in effects:
+        for k, plant in enumerate(_two(effect)):
+            for seed in seeds:
+                yield Spec("catalogue", plant, (effect,), (size,), 100 * seed + k)
+
+
+def power(seeds: list[int]) -> Iterator[Spec]:
+    """Core effects at one and ten thresholds; three is the suite of core effects."""
+    for effect in CORE:
+        for k, plant in enumerate(_two(effect)):
+            for size in (SIZES[0], SIZES[2]):
+                for seed in seeds:
+                    yield Spec("power", plant, (effect,), (size,), 100 * seed + k)
+
+
+def nothing(seeds: list[int], count: int = 40) -> Iterator[Spec]:
+    """Nothing concealed; the stated noise is off by up to 30 %."""
+    plants, errors = sorted(PLANTS), (1.0, 0.77, 1.3, 1.0, 0.85, 1.15)
+    for k in range(count):
+        seed = 1000 * seeds[k % len(seeds)] + k
+        yield Spec("none", plants[k % len(plants)], (), (), seed, Options(sigma_error=errors[k % len(errors)]))
+
+
+def pairs(seeds: list[int]) -> Iterator[Spec]:
+    """Two effects at once."""
+    for plant, combinations in PAIRS.items():
+        for effects in combinations:
+            for seed in seeds:
+                yield Spec("pairs", plant, effects, (3.0, 3.0), seed)
+
+
+def fewer(seeds: list[int]) -> Iterator[Spec]:
+    """Core effects with the encoder alone, and in a closed loop."""
+    for effect in CORE:
+        plant = _two(effect)[0]
+        for seed in seeds:
+            yield Spec("encoder", plant, (effect,), (3.0,), seed, Options(sensors=("enc",)))
+            yield Spec("closed", plant, (effect,), (3.0,), seed, Options(loop="closed"))
+
+
+def withheld(seeds: list[int]) -> Iterator[Spec]:
+    """Core effects that the tool may not name."""
+    for effect in CORE:
+        for seed in seeds:
+            yield Spec("withheld", _two(effect)[0], (effect,), (10.0,), seed, withheld=(effect,))
+
+
+def wrong(seeds: list[int]) -> Iterator[Spec]:
+    """A parameter far outside its tolerance, and nothing else."""
+    for plant, parameter, factor in (
+        ("srv02-flexible", "motor.resistance", 1.8),
+        ("srv02-flexible", "link.flexural_rigidity", 0.6),
+        ("geared-two-mass", "load.inertia", 1.8),
+        ("geared-two-mass", "shaft.stiffness", 2.0),
+        ("harmonic-arm", "rotor.inertia", 1.8),
+        ("pendulum", "arm.mass", 0.55),
+    ):
+        if parameter in PLANTS[plant].nominal():
+            for seed in seeds:
+                yield Spec("wrong", plant, (), (), seed, Options(wrong=((parameter, factor),)))
+
+
+def ties(seeds: list[int]) -> Iterator[Spec]:
+    """Ten truths that their recordings cannot tell from another one."""
+    for tie in TIES:
+        for seed in seeds:
+            yield Spec("ties", tie.plant, tie.effects, tie.sizes, seed, tie.options)
+
+
+SUITES = {
+    "core": core,
+    "none": nothing,
+    "catalogue": catalogue,
+    "power": power,
+    "pairs": pairs,
+    "fewer": fewer,
+    "withheld": withheld,
+    "wrong": wrong,
+    "ties": ties,
+}
+
+
+def _two(effect: str) -> list[str]:
+    """Two plants that can hide an effect, rotating through all of them so that each plant is used alike."""
+    able = hosts(effect)
+    shift = sum(effect.encode()) % len(able)
+    return (able[shift:] + able[:shift])[:2]

@@ -1,0 +1,38 @@
+"""A measured characteristic of a signal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from blocks.controllers.base import SignalBlock
+from blocks.symbolic import polyline
+from engine.block import option, parameter, signal_in, signal_out
+from engine.errors import ParameterError
+
+if TYPE_CHECKING:
+    from engine.net import Net
+
+
+class Curve(SignalBlock):
+    """Characteristic: out = in + f(in), f straight lines through ``heights`` at equal distances from lower to upper.
+
+    Beyond the ends f keeps its end values. A law that was measured and has no formula: an amplifier's, a valve's.
+    """
+
+    points = option(int, 9, "how many values", ge=2, le=200)
+    lower = parameter("*", ..., "abscissa of the first value, with its unit")
+    upper = parameter("*", ..., "abscissa of the last value, with its unit")
+    heights = parameter("*", 0.0, "what is added to the signal at each abscissa, in its unit", size="points")
+
+    input = signal_in("*", "signal", name="in")
+    out = signal_out("*", "the signal and what the characteristic adds")
+
+    def check(self) -> None:
+        """The abscissas must rise."""
+        super().check()
+        if self.lower >= self.upper:
+            raise ParameterError(f"lower = {self.lower:g} is not below upper = {self.upper:g}")
+
+    def stamp(self, net: Net) -> None:
+        added = polyline(self.input, self.lower, self.upper, [self.heights[k] for k in range(self.points)])
+        self.publish(net, self.input + added)
