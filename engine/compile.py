@@ -54,9 +54,21 @@ def compiler() -> tuple[str, ...]:
     try:
         import ziglang
     except ImportError as error:
-        raise CompilerUnavailable("no C compiler: the package ziglang is not installed") from error
+        raise CompilerUnavailable(
+            "no C compiler: the package ziglang is not installed",
+            remedy="pip install ziglang, or name a C compiler in FLEXARM_CC",
+        ) from error
     name = "zig.exe" if sys.platform == "win32" else "zig"
     return (str(Path(ziglang.__file__).parent / name), "cc")
+
+
+def _not_running(error: Exception) -> CompilerUnavailable:
+    return CompilerUnavailable(
+        f"the C compiler {' '.join(compiler())} does not run: {error}",
+        remedy="unset FLEXARM_CC to use zig, or name a compiler that is installed"
+        if os.environ.get("FLEXARM_CC")
+        else "install it again: pip install --force-reinstall ziglang",
+    )
 
 
 @functools.cache
@@ -69,7 +81,7 @@ def version() -> str:
     try:
         run = subprocess.run([*compiler(), "--version"], capture_output=True, text=True, timeout=120, check=True)
     except (OSError, subprocess.SubprocessError) as error:
-        raise CompilerUnavailable(f"the C compiler {' '.join(compiler())} does not run: {error}") from error
+        raise _not_running(error) from error
     return run.stdout.strip()
 
 
@@ -139,7 +151,7 @@ def run_compiler(arguments: list[str], folder: Path) -> None:
             [*compiler(), *arguments], capture_output=True, text=True, env=environment, cwd=folder, check=False
         )
     except OSError as error:
-        raise CompilerUnavailable(f"the C compiler {' '.join(compiler())} does not run: {error}") from error
+        raise _not_running(error) from error
     if run.returncode:
         raise CompilerUnavailable(
             f"the C compiler failed with code {run.returncode}:\n{run.stderr.strip()[-2000:]}",

@@ -62,6 +62,9 @@ def export(
             metavar="NAME=BLOCKS", help="An FMU of these blocks or sub-assemblies (commas), the rest another; an SSP."
         ),
     ] = None,
+    bare: Annotated[
+        bool, typer.Option("--bare", help="With --split: no connectors of the SSP itself, for libcosim and Ecos.")
+    ] = False,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="The file; NAME.fmu or NAME.ssp by default.")
     ] = None,
@@ -73,12 +76,15 @@ def export(
 
     if output is not None:
         check_suffix(output, (".ssp",) if split else (".fmu",))
+    if bare and not split:
+        raise ParameterError("only an SSP can be without connectors", Where("--bare"), "add --split NAME=BLOCKS")
     loaded = load(scenario, overrides)
     path = output if output is not None else Path(f"{file_name(loaded)}{'.ssp' if split else '.fmu'}")
     made = cut(loaded, "export", analysis, inputs=names(inputs), outputs=names(outputs))
     say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
     if split:
-        _split(made, path, split, fmi, linear_twin, backend, names(platforms))
+        _refuse_with_split(linear_twin, backend)
+        _split(made, path, split, names(platforms), {"version": fmi, "bare": bare})
         return
     write_fmu(
         made,
@@ -98,18 +104,20 @@ def export(
             typer.echo(f"written: {written}")
 
 
-def _split(
-    made: Cut, path: Path, groups: list[str], fmi: int, linear_twin: bool, backend: str, platforms: list[str] | None
-) -> None:
+def _refuse_with_split(linear_twin: bool, backend: str) -> None:
+    if linear_twin or backend != "c":
+        raise ParameterError(
+            "an SSP holds FMUs of compiled C without a linear twin",
+            Where("--split"),
+            "leave out --linear-twin and --backend",
+        )
+
+
+def _split(made: Cut, path: Path, groups: list[str], platforms: list[str] | None, settings: dict[str, Any]) -> None:
     from flexarm.split import split
 
-    if fmi != 2 or linear_twin or backend != "c":
-        raise ParameterError(
-            "an SSP holds FMI 2 FMUs of compiled C without a linear twin",
-            Where("--split"),
-            "leave out --fmi, --linear-twin and --backend",
-        )
-    settings: dict[str, Any] = {} if platforms is None else {"platforms": tuple(platforms)}
+    if platforms is not None:
+        settings |= {"platforms": tuple(platforms)}
     if made.simulation is not None:
         settings |= {"step": made.simulation.step, "stop": made.simulation.stop}
     wanted = {}

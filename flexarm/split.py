@@ -76,14 +76,17 @@ class _Part:
         return name
 
 
-def split(made: Cut, path: str | Path, groups: Mapping[str, Sequence[str]], **settings: Any) -> Path:
+def split(
+    made: Cut, path: str | Path, groups: Mapping[str, Sequence[str]], *, bare: bool = False, **settings: Any
+) -> Path:
     """Write an SSP with one FMU for each group of blocks; blocks in no group make up the FMU ``rest``.
 
     Args:
         made: the scenario with its inputs and outputs freed.
         path: the .ssp file.
         groups: name -> blocks or sub-assemblies.
-        settings: of `fmu.export`: step, stop, platforms.
+        bare: leave out the system's own connectors, which libcosim and Ecos cannot read; the FMUs' own remain.
+        settings: of `fmu.export`: step, stop, platforms, version.
 
     Raises:
         FlexarmError: a name that does not fit, fewer than two FMUs, or a cut where both sides have inertia.
@@ -120,10 +123,10 @@ def split(made: Cut, path: str | Path, groups: Mapping[str, Sequence[str]], **se
             outside.append(ssp.Connector(end[1], "output", units[start]))
     structure = ssp.Structure(
         name=flat(made.scenario.name),
-        connectors=tuple(outside),
+        connectors=() if bare else tuple(outside),
         components=components,
         sources={name: f"resources/{name}.fmu" for name in parts},
-        connections=tuple(wires),
+        connections=tuple((start, end) for start, end in wires if not bare or (start[0] and end[0])),
         stop=float(settings.get("stop", 10.0)),
         step=float(settings.get("step", 1e-3)),
     )
@@ -145,7 +148,9 @@ def _members(system: System, groups: Mapping[str, Sequence[str]]) -> dict[str, l
                 raise FlexarmError(f"there is no block '{name}' to split off", remedy=nearest(name, system.blocks))
             for block in found:
                 if of.setdefault(block, group) != group:
-                    raise FlexarmError(f"block '{block}' is in two groups: {of[block]} and {group}")
+                    raise FlexarmError(
+                        f"block '{block}' is in two groups: {of[block]} and {group}", remedy="name it in one of them"
+                    )
     members: dict[str, list[str]] = {group: [] for group in groups}
     for block in system.blocks:
         members.setdefault(of.get(block, REST), []).append(block)
@@ -223,7 +228,8 @@ def _owner(system: System, connection: Connection, ends: Mapping[str, list[str]]
         raise FlexarmError(
             f"the cut through {' - '.join(connection.ends)} has inertia on both sides ({' and '.join(heavy)})",
             connection.where,
-            "cut at a spring, a damper or a contact, so that one side has none at the cut",
+            "cut at a spring, a damper or a contact, so that one side has none at the cut; or leave "
+            f"{', '.join(dict.fromkeys(system.split(end)[0] for end in connection.ends))} in one FMU",
         )
     return heavy[0] if heavy else next(iter(ends))
 

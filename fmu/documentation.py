@@ -25,8 +25,16 @@ _PYTHON = (
     "<h2>What it needs</h2>",
     "<p>The model holds Python functions and runs in Python: where it is imported, the importing process must find a "
     "Python 3 with flexarm and pythonfmu. Co-Simulation only.</p>",
+    "<h2>Refused calls</h2>",
+    "<p>pythonfmu gives back OK for a value that is out of range, not finite or not to be set. It is logged, the old "
+    "value is kept, and the next step is refused until a value that fits is set, a saved state comes back or the "
+    "instance is reset. A value asked for that does not exist reads as not a number.</p>",
 )
 
+_INDICATORS = (
+    "<h2>Event indicators</h2>\n"
+    "<p>For Model Exchange, two for each mode and in this order; positive while the mode holds.</p>"
+)
 _SLOPES = ", or follow the slope given by fmi2SetRealInputDerivatives for one step"
 
 
@@ -74,15 +82,13 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
         _table(("name", "unit", "meaning"), [(v.name, v.unit, v.doc) for v in of(STATE)]),
         "<h2>Modes</h2>",
         _table(("name", "meaning"), [(v.name, v.doc) for v in of(MODE)]),
-        "<h2>Event indicators</h2>",
-        "<p>For Model Exchange, two for each mode and in this order; positive while the mode holds.</p>",
-        _table(("name", "meaning"), [(v.name, v.doc) for v in of(INDICATOR)]),
+        *([] if python else [_INDICATORS, _table(("name", "meaning"), [(v.name, v.doc) for v in of(INDICATOR)])]),
         "<h2>Time</h2>",
         f"<p>Fixed-step Runge-Kutta of order 4 on a grid of {plan.step:g} s, aligned at the start time; each cell is "
         f"divided into steps of at most {plan.hmax:.6g} s, chosen at the parameters of the export and kept when "
         "parameters are tuned. Switches (stick-slip, contacts, limits) are located inside a step. Communication points "
         "may lie anywhere; on the grid, the result does not depend on how the time is divided. Inputs hold between "
-        f"communication points{_SLOPES if version == 2 else ''}.</p>",
+        f"communication points{_SLOPES if version == 2 and not python else ''}.</p>",
         f"<p>Sample clocks: {html.escape('; '.join(clocks)) or 'none'}. A clock that is due at a communication point "
         "uses the inputs set there: set inputs first, then read outputs.</p>",
         *(_PYTHON if python else _DERIVATIVES),

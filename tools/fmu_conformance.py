@@ -20,8 +20,14 @@ FIGURES = ROOT / "benchmarks" / "results" / "fmu.json"
 
 CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
     (
-        "FMPy and the XML schemas find no error",
-        ("test_archive.test_fmpy_finds_no_problem", "test_fmi3.test_valid_and_equal_to_fmi2"),
+        "FMPy, the XML schemas and fmutool find no error; fmuCheck and VDMCheck neither, where they are installed",
+        (
+            "test_archive.test_fmpy_finds_no_problem",
+            "test_fmi3.test_valid_and_equal_to_fmi2",
+            "test_importers.test_fmutool_finds_no_error",
+            "test_importers.test_other_checkers_find_no_error",
+            "test_python_backend.test_valid_and_marked",
+        ),
     ),
     (
         "Exported symbols are exactly the FMI functions",
@@ -50,6 +56,7 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
             "test_time.test_every_shipped_scenario_equals_the_runner",
             "test_time.test_agrees_with_an_adaptive_solver_and_has_order_four",
             "test_reference.test_outputs_equal_those_of_hand_written_c",
+            "test_python_backend.test_equals_the_runner",
         ),
     ),
     (
@@ -69,27 +76,34 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
         ),
     ),
     (
-        "Loaded 2000 times, 1e6 steps: no crash, no leak; Valgrind clean",
+        "Loaded 2000 times, 1e6 steps: no crash, no leak; Valgrind and sanitizers clean",
         (
             "test_host.test_loading_and_freeing_two_thousand_times",
             "test_host.test_loading_and_freeing_leaves_no_handle",
             "test_host.test_memory_does_not_grow_over_a_million_steps",
             "test_host.test_valgrind_finds_nothing",
+            "test_sanitized.test_every_function_of_the_standard_is_driven",
+            "test_sanitized.test_sanitizers_find_nothing",
         ),
     ),
-    ("Reset equals a fresh instance bit for bit", ("test_state.test_reset_equals_a_fresh_instance",)),
+    (
+        "Reset equals a fresh instance bit for bit",
+        ("test_state.test_reset_equals_a_fresh_instance", "test_python_backend.test_reset_equals_a_fresh_instance"),
+    ),
     (
         "State rolls back bit for bit, travels to a new process; damaged or foreign ones are refused",
         (
             "test_state.test_a_saved_state_rolls_back_bit_for_bit",
             "test_state.test_a_serialised_state_continues_in_a_new_process",
             "test_state.test_damaged_and_foreign_states_are_refused",
+            "test_python_backend.test_the_whole_state_comes_back",
         ),
     ),
     (
         "Directional derivatives against central differences within 1e-6; columns equal A, B, C, D",
         (
             "test_derivatives.test_columns_are_the_linear_model",
+            "test_derivatives.test_every_pair_agrees_with_central_differences",
             "test_derivatives.test_input_derivatives_agree_with_central_differences",
             "test_linear.test_resources_equal_the_directional_derivatives",
         ),
@@ -101,11 +115,15 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
             "test_robust.test_wrong_types",
             "test_robust.test_only_inputs_and_parameters_can_be_set",
             "test_robust.test_values_that_are_not_finite",
+            "test_robust.test_parameters_out_of_range",
             "test_robust.test_steps_that_cannot_be_done",
             "test_robust.test_missing_pointers",
+            "test_robust.test_calls_before_the_start",
             "test_robust.test_calls_out_of_order",
             "test_robust.test_instances_that_cannot_be_made",
             "test_fmi3.test_refusals",
+            "test_python_backend.test_a_refused_value_is_said_by_the_next_step",
+            "test_python_backend.test_bad_calls_end_in_a_message_and_no_crash",
         ),
     ),
     ("A state that is not finite makes doStep an error", ("test_robust.test_a_state_that_is_not_finite_is_an_error",)),
@@ -119,6 +137,7 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
         (
             "test_exchange.test_cvode_agrees_with_fine_co_simulation",
             "test_exchange.test_stick_slip_happens_at_the_same_instants",
+            "test_exchange.test_indicators_are_named_in_the_documentation",
         ),
     ),
     ("Sources rebuilt with gcc agree within 1e-12", ("test_archive.test_gcc_rebuilds_it_to_the_same_results",)),
@@ -128,6 +147,9 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
             "test_ssp.test_converges_with_order_two_when_rates_are_passed_on",
             "test_ssp.test_converges_in_fmpys_own_co_simulation",
             "test_ssp.test_converges_with_backlash_and_friction",
+            "test_ssp.test_fmi_3",
+            "test_importers.test_an_ssp_converges_to_the_scenario",
+            "test_importers.test_importers_agree_on_an_ssp",
         ),
     ),
 )
@@ -176,7 +198,9 @@ def page(found: dict[str, Outcome], figures: dict[str, float] | None) -> str:
     lines = [
         "# FMU conformance",
         "",
-        "Written by `python -m tools.fmu_conformance`; do not edit. Tests are in `tests/fmu`.",
+        "Written by `python -m tools.fmu_conformance`; do not edit. Tests are in `tests/fmu`. Those named",
+        "`test_python_backend` are of an FMU made with `--backend python`, the others of generated C. The binary of",
+        "pythonfmu returns OK for a value that is refused: tested are the message and that the next step is refused.",
         "",
         "| # | Check | Test | Last run |",
         "|---|---|---|---|",

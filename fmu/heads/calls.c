@@ -105,7 +105,8 @@ static int fa_do_logging(fa_instance *i, const char *f, int on, size_t n, const 
 
 static int fa_do_setup(fa_instance *i, const char *f, double start, int with_stop, double stop) {
   fa_state *s = &i->core.now;
-  if (!(start - start == 0)) return fa_no(i, f, "startTime is not finite");
+  if (!(start - start == 0) || start + FA_STEP == start)
+    return fa_no(i, f, "startTime is not finite, or so large that a step is lost in rounding");
   if (with_stop && !(stop >= start)) return fa_no(i, f, "stopTime lies before startTime");
   s->start = start;
   s->stop_defined = with_stop != 0;
@@ -183,6 +184,7 @@ static int fa_do_slopes(fa_instance *i, const char *f, const unsigned *vr, size_
                         const double *value) {
   fa_core *c = &i->core;
   if (n && (!vr || !order || !value)) return fa_no(i, f, "the references, orders or values are NULL");
+  if (i->exchange) return fa_no(i, f, "not for Model Exchange");
   for (size_t k = 0; k < n; k++) {
     if (!fa_is_input(vr[k])) return fa_bad_reference(i, f, "not an input", vr[k]);
     if (order[k] != 1) return fa_no(i, f, "only derivatives of order 1 are used");
@@ -252,6 +254,8 @@ static int fa_do_save(fa_instance *i, const char *f, void **state) {
 static int fa_do_restore(fa_instance *i, const char *f, const void *state) {
   const char *flaw = state ? fa_flaw(state) : "the state is NULL";
   if (flaw) return fa_no(i, f, flaw);
+  if (FA_BIT(((const fa_saved *)state)->state.phase) & (i->exchange ? FA_BIT(FA_RUNNING) : FA_EXCHANGING))
+    return fa_no(i, f, "it is a state of the other kind: Co-Simulation and Model Exchange do not mix");
   fa_restore(&i->core, state);
   return FA_STATUS_OK;
 }
@@ -347,7 +351,8 @@ static int fa_do_continuous(fa_instance *i, const char *f) {
 
 static int fa_do_time(fa_instance *i, const char *f, double time) {
   fa_state *s = &i->core.now;
-  if (!(time - time == 0)) return fa_no(i, f, "the time is not finite");
+  if (!(time - time == 0) || time + FA_STEP == time)
+    return fa_no(i, f, "the time is not finite, or so large that a step is lost in rounding");
   if (s->sim.t != time) s->stale = 1;
   s->sim.t = time;
   return FA_STATUS_OK;

@@ -188,7 +188,7 @@ static int fa_advance(fa_core *c, double from, double length) {
 
 static const char *fa_explain(fa_core *c) {
   const fa_sim *s = &c->now.sim;
-  const char *mode = FA_NM ? fa_mode_name[s->culprit] : "";
+  const char *mode = FA_NM && s->status != FA_NOT_FINITE ? fa_mode_name[s->culprit] : "";
   if (s->status == FA_NOT_FINITE)
     snprintf(c->message, sizeof c->message, "the simulation diverged at t = %.9g s: state '%s' is not finite", s->t,
              FA_NX ? fa_name[FA_VR_X + s->culprit] : "");

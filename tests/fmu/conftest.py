@@ -14,6 +14,7 @@ from blocks.actuators.dc_motor import DCMotor
 from blocks.actuators.friction import BearingFriction
 from blocks.actuators.gear import Gear
 from blocks.controllers.dead_zone import DeadZone
+from blocks.controllers.delay import Delay
 from blocks.controllers.low_pass import LowPass
 from blocks.controllers.pi import PI
 from blocks.links.assumed_modes import AssumedModesLink
@@ -105,6 +106,19 @@ def timed() -> Model:
     return build(system, outputs=["load.shaft.angle", "motor.shaft.angle", "motor.shaft.speed"])
 
 
+@functools.cache
+def delayed() -> Model:
+    """A motor with friction behind a delay line of seven samples."""
+    blocks: dict[str, Block] = {
+        "delay": Delay(delay="7 ms", period="1 ms"),
+        "motor": DCMotor(**MOTOR),
+        "friction": BearingFriction(coulomb_friction=2e-4),
+    }
+    wires = [("delay.out", "motor.voltage"), ("motor.shaft", "friction.shaft")]
+    system = System(blocks, [Connection(ends) for ends in wires], name="delayed")
+    return build(system, inputs=["delay.in"], outputs=["delay.out", "motor.shaft.speed"])
+
+
 Exported = Callable[..., Path]
 
 
@@ -134,3 +148,8 @@ def switching_model() -> Model:
 @pytest.fixture(scope="session")
 def timed_model() -> Model:
     return timed()
+
+
+@pytest.fixture(scope="session")
+def delayed_model() -> Model:
+    return delayed()

@@ -260,6 +260,7 @@ def test_no_compiler(smooth_model: Model, tmp_path: Path, monkeypatch: pytest.Mo
             with pytest.raises(FlexarmError, match=words) as caught:
                 fmu.export(smooth_model, tmp_path / "x.fmu", platforms=[platform])
             assert isinstance(caught.value, FlexarmError)
+            assert "unset FLEXARM_CC" in caught.value.remedy
     finally:
         monkeypatch.undo()
         for cached in (engine_compile.compiler, engine_compile.version):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Model
 
 from engine.linearise import linearise
 from engine.model import Model
@@ -87,6 +91,72 @@ def test_input_derivatives_agree_with_central_differences(
             instance.setReal([known], [middle])
             difference = (sides[0] - sides[1]) / 2e-4
             assert np.allclose(difference, exact, rtol=1e-6, atol=1e-6 * max(1, np.abs(exact).max()))
+
+
+class Differences:
+    """A Model Exchange instance at a point where everything moves; states are given, not integrated."""
+
+    def __init__(self, path: Path, folder: Path) -> None:
+        extract(str(path), str(folder))
+        self.description: Any = read_model_description(str(path))
+        self.fmu = FMU2Model(
+            guid=self.description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=self.description.modelExchange.modelIdentifier,
+            instanceName="instance",
+        )
+        states, rates = _states(self.description)
+        self.inputs = references(self.description, "input")
+        self.knowns = states + self.inputs
+        indicators = [v.valueReference for v in self.description.modelVariables if "indicator" in v.name]
+        self.unknowns = rates + references(self.description, "output") + indicators
+
+    def start(self, voltage: float, states: np.ndarray) -> None:
+        self.fmu.instantiate()
+        self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+        self.fmu.setReal(self.inputs, [voltage])
+        self.fmu.exitInitializationMode()
+        self.fmu.newDiscreteStates()
+        self.fmu.enterContinuousTimeMode()
+        self.states = len(states)
+        self.point = np.append(states, voltage)
+
+    def values(self, point: np.ndarray) -> np.ndarray:
+        self.fmu.setContinuousStates((ctypes.c_double * self.states)(*point[: self.states]), self.states)
+        self.fmu.setReal(self.inputs, point[self.states :].tolist())
+        return np.array(self.fmu.getReal(self.unknowns))
+
+
+@each_model
+def test_every_pair_agrees_with_central_differences(
+    name: str, exported: Any, request: pytest.FixtureRequest, tmp_path: Path, record_property: Any
+) -> None:
+    """Derivatives, outputs and event indicators by states and inputs; differences of two widths, extrapolated."""
+    model = request.getfixturevalue(name)
+    with slave(exported(model)) as (instance, description, _):
+        _moving(instance, description)
+        states = np.array(instance.getReal(_states(description)[0]))
+    ode = Differences(exported(model), tmp_path)
+    ode.start(2.0, states)
+    try:
+        ode.values(ode.point)
+        exact = _matrix(ode.fmu, ode.unknowns, ode.knowns)
+        given = np.empty_like(exact)
+        for k, size in enumerate(np.abs(ode.point)):
+            slopes = []
+            for width in (2e-4 * max(size, 1e-3), 1e-4 * max(size, 1e-3)):
+                side = np.eye(len(ode.point))[k] * width
+                slopes.append((ode.values(ode.point + side) - ode.values(ode.point - side)) / (2 * width))
+            given[:, k] = (4 * slopes[1] - slopes[0]) / 3
+    finally:
+        ode.fmu.freeInstance()
+    # Relative to the largest entry of the row, for a difference cannot resolve what is small against its row.
+    scale = np.abs(exact).max(axis=1, keepdims=True)
+    worst = float((np.abs(given - exact) / np.where(scale == 0, 1, scale)).max())
+    record_property("largest relative difference", f"{worst:.1e}")
+    assert exact.shape == (len(ode.unknowns), len(ode.knowns))
+    assert worst < 1e-6
 
 
 @each_model

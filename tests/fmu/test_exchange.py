@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import html
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +84,19 @@ def test_stick_slip_happens_at_the_same_instants(timed_model: Model, exported: A
     assert len(expected) >= 2
     assert len(given) == len(expected)
     assert np.allclose(given, expected, atol=2e-6)
+
+
+def test_indicators_are_named_in_the_documentation(switching_model: Model, exported: Any) -> None:
+    """Each by the name that the description has, and in its order."""
+    path = exported(switching_model)
+    variables = read_model_description(str(path)).modelVariables
+    names = [v.name for v in variables if "indicator" in v.name]
+    assert len(names) == 2 * sum(mode.kind != "time" for mode in switching_model.modes)
+    with zipfile.ZipFile(path) as archive:
+        page = archive.read("documentation/index.html").decode()
+    section = page.partition("<h2>Event indicators</h2>")[2].partition("<h2>")[0]
+    places = [section.index(f"<td>{html.escape(name)}</td>") for name in names]
+    assert places == sorted(places)
 
 
 def test_indicators_rest_above_zero_and_calls_out_of_order_are_refused(

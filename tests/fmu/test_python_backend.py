@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import math
 import warnings
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,7 @@ from engine.errors import FlexarmError
 from engine.simulate import Drive
 from flexarm.api import cut, export
 from fmu.host import host
-from fmu.verify import references, slave
+from fmu.verify import reference, references, slave
 from scenarios.load import load
 
 CONTROLLER = """\
@@ -122,6 +124,60 @@ def test_the_whole_state_comes_back(made: Path) -> None:
         other.setFMUstate(other.deSerializeFMUstate(blob[:-1] + b"x"))
         assert "damaged" in messages[-1]
         assert other.getReal(y) == expected
+
+
+def test_reset_equals_a_fresh_instance(made: Path) -> None:
+    """Also after tuning, after a failed step, and twice over; the controller's attribute starts afresh."""
+    with slave(made) as (instance, description, _):
+        u, y = (references(description, kind) for kind in ("input", "output"))
+        tuned = reference(description, "motor.resistance")
+
+        def start() -> list[float]:
+            instance.setupExperiment(startTime=0.0)
+            instance.enterInitializationMode()
+            instance.setReal(u, [3.0])
+            instance.exitInitializationMode()
+            _run(instance, 0, 100)
+            return instance.getReal(y)  # type: ignore[no-any-return]
+
+        fresh = start()
+        instance.setReal([tuned], [4.0])
+        _run(instance, 100, 150)
+        instance.reset()
+        assert instance.getReal([tuned, *u]) == [2.6, 0.0]
+        assert start() == fresh
+        instance.setReal(u, [math.nan])
+        with pytest.raises(FMICallException):
+            _run(instance, 100, 101)
+        instance.reset()
+        instance.reset()
+        assert start() == fresh
+
+
+def test_a_refused_value_is_said_by_the_next_step(made: Path) -> None:
+    """pythonfmu's binary knows no way to refuse but one that frees the instance, so the call itself gives OK."""
+    with slave(made) as (instance, description, messages):
+        u = references(description, "input")
+        instance.setupExperiment(startTime=0.0)
+        instance.enterInitializationMode()
+        instance.exitInitializationMode()
+        vr, value = (ctypes.c_uint * 1)(*u), (ctypes.c_double * 1)(math.nan)
+        assert instance.fmi2SetReal(instance.component, vr, 1, value) == 0
+        assert "cannot be nan" in messages[-1]
+        assert instance.getReal(u) == [0.0]
+        with pytest.raises(FMICallException) as caught:
+            _run(instance, 0, 1)
+        assert caught.value.status == 2
+        instance.setReal(u, [1.0])
+        _run(instance, 0, 1)
+
+
+def test_the_documentation_says_so(made: Path) -> None:
+    with zipfile.ZipFile(made) as archive:
+        page = archive.read("documentation/index.html").decode()
+    assert "the next step is refused" in page
+    assert "SetRealInputDerivatives" not in page
+    assert "Event indicators" not in page
 
 
 def test_bad_calls_end_in_a_message_and_no_crash(made: Path) -> None:

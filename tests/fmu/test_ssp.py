@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssd
 
@@ -105,10 +106,36 @@ def test_converges_with_backlash_and_friction(switching: tuple[Path, Any]) -> No
     assert (ratios > 1.8).all(), (largest, ratios)
 
 
+def test_fmi_3(linear: tuple[Path, Any], tmp_path: Path) -> None:
+    """Held values, for FMI 3 gives no rates to inputs: step by step the same as FMI 2 with held values."""
+    path, model = linear
+    made = cut(load("srv02-3mass-b4"), "export")
+    third = split(made, tmp_path / "x.ssp", {"link": ["link", "bearing"]}, platforms=["linux64"], stop=1.0, version=3)
+    read_ssd(str(third))
+    with zipfile.ZipFile(third) as archive:
+        for source in read(third).sources.values():
+            assert read_model_description(archive.extract(source, tmp_path)).fmiVersion == "3.0"
+    given, expected = (cosim_ssp(p, 0.05, 2e-5, drive=STEP, extrapolated=False) for p in (third, path))
+    assert np.array_equal(given.values, expected.values)
+    errors = _errors(third, model, 0.05, [2e-5, 1e-5])
+    assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.1
+
+
+def test_without_connectors(tmp_path: Path) -> None:
+    made = cut(load("srv02-3mass-b4"), "export")
+    path = split(made, tmp_path / "x.ssp", {"link": ["link", "bearing"]}, platforms=["linux64"], bare=True)
+    read_ssd(str(path))
+    assert all(start[0] and end[0] for start, end in read(path).connections)
+    with pytest.raises(FlexarmError, match="no outputs of its own") as caught:
+        cosim_ssp(path, 0.1)
+    assert "--bare" in caught.value.remedy
+
+
 def test_refusals_write_nothing(tmp_path: Path) -> None:
     made = cut(load("reference-a"), "export")
     for groups, piece in (
         ({"arm": ["link"]}, "inertia on both sides"),
+        ({"arm": ["link"]}, "or leave gear, link, bearing in one FMU"),
         ({"arm": ["lonk"]}, "did you mean 'link'"),
         ({"a": ["link"], "b": ["link"]}, "two groups"),
         ({"arm": ["motor", "gear", "bearing", "link"]}, "leaves one FMU"),
@@ -117,6 +144,7 @@ def test_refusals_write_nothing(tmp_path: Path) -> None:
         with pytest.raises(FlexarmError) as caught:
             split(made, tmp_path / "x.ssp", groups, platforms=["linux64"])
         assert piece in str(caught.value)
+        assert caught.value.remedy
     assert list(tmp_path.iterdir()) == []
 
 
@@ -132,3 +160,27 @@ def test_command_line(tmp_path: Path) -> None:
     answer = run(app, ["cosim", path, "--scenario", "srv02-3mass-b4", "--step", "0.25 ms", "--stop", "1 s"])
     assert answer.exit_code == 0, answer.output
     assert float(answer.output.splitlines()[-1].removeprefix("largest difference: ")) < 0.02
+
+
+def test_options_on_the_command_line(tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from flexarm.cli import app
+
+    path = tmp_path / "x.ssp"
+    run = CliRunner().invoke
+    common = ["export", "srv02-3mass-b4", "--platforms", "linux64"]
+    refused = run(app, [*common, "--bare", "-o", str(tmp_path / "x.fmu")])
+    assert refused.exit_code == 1
+    refused = run(app, [*common, "--split", "link=link,bearing", "--linear-twin", "-o", str(path)])
+    assert refused.exit_code == 1
+    assert list(tmp_path.iterdir()) == []
+    made = run(app, [*common, "--split", "link=link,bearing", "--fmi", "3", "--bare", "-o", str(path)])
+    assert made.exit_code == 0, made.output
+    assert read(path).connectors == ()
+    with zipfile.ZipFile(path) as archive:
+        versions = {
+            read_model_description(archive.extract(source, tmp_path)).fmiVersion
+            for source in read(path).sources.values()
+        }
+    assert versions == {"3.0"}

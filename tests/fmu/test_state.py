@@ -16,7 +16,7 @@ from engine.model import TIME, Model
 from engine.native import Job
 from fmu.verify import reference, references, slave
 
-each_model = pytest.mark.parametrize("name", ["smooth_model", "switching_model", "timed_model"])
+each_model = pytest.mark.parametrize("name", ["smooth_model", "switching_model", "timed_model", "delayed_model"])
 
 
 def _start(instance: Any) -> None:
@@ -107,7 +107,7 @@ with slave(sys.argv[1]) as (instance, description, _):
 """
 
 
-@pytest.mark.parametrize("name", ["switching_model", "timed_model"])
+@pytest.mark.parametrize("name", ["switching_model", "timed_model", "delayed_model"])
 def test_a_serialised_state_continues_in_a_new_process(
     name: str, exported: Any, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
