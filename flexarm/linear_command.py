@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from flexarm.options import (
+    AUTOMATIC,
     AnalysisOption,
     AtOption,
     InputsOption,
@@ -15,6 +16,7 @@ from flexarm.options import (
     OutputsOption,
     ScenarioArgument,
     SetOption,
+    file_name,
     load,
     names,
     pairs,
@@ -39,17 +41,27 @@ def linearise(
         list[Path] | None,
         typer.Option("--output", "-o", metavar="FILE", help="Write .json, .npz, .mat or .m; repeatable."),
     ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            "--plot", metavar="[PNG]", help="Draw Bode, poles and zeros, Nichols; NAME-linear.png without a file name."
+        ),
+    ] = None,
 ) -> None:
     """Print and write the linear model at an operating point; with sampled blocks also that in discrete time."""
     from engine.files import check_suffix
     from flexarm.api import cut, discretise
     from flexarm.api import linearise as linear_model
     from flexarm.output import LINEAR, write_linear
+    from flexarm.plot import FIGURES
     from flexarm.text import discrete_page, linear_page
 
     for path in output or []:
         check_suffix(path, LINEAR)
     loaded = load(scenario, overrides)
+    if plot is not None:
+        plot = Path(f"{file_name(loaded)}-linear.png") if str(plot) == AUTOMATIC else plot
+        check_suffix(plot, FIGURES)
     made = cut(loaded, "linearise", analysis, inputs=names(inputs), outputs=names(outputs))
     settings = {"modes": pairs(mode, "--mode"), "at": pairs(at, "--at")}
     linear = linear_model(made, **settings)  # type: ignore[arg-type]
@@ -62,3 +74,7 @@ def linearise(
     for path in output or []:
         write_linear(path, linear, loaded.name, discrete)
         typer.echo(f"written: {path}")
+    if plot is not None:
+        from flexarm.pictures.frequency import plot_linear
+
+        typer.echo(f"written: {plot_linear(linear, plot, f'{loaded.name}, linearised')}")

@@ -7,16 +7,28 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.errors import FlexarmError, ParameterError, Where
+from flexarm import completion
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario
 
 ScenarioArgument = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped scenario.")
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="A scenario file, or the name of a shipped scenario.",
+        autocompletion=completion.scenarios,
+    ),
 ]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", "-s", metavar="KEY=VALUE", help="Change a value, such as gear.ratio=14; repeatable."),
+    typer.Option(
+        "--set",
+        "-s",
+        metavar="KEY=VALUE",
+        help="Change a value, such as gear.ratio=14; repeatable.",
+        autocompletion=completion.keys,
+    ),
 ]
 AnalysisOption = Annotated[
     str | None, typer.Option("--analysis", "-a", metavar="NAME", help="An analysis of the file; the first by default.")
@@ -37,6 +49,9 @@ AtOption = Annotated[
     list[str] | None,
     typer.Option("--at", metavar="NAME=VALUE", help="Operating point, such as 'link.hub.angle=10 deg'; repeatable."),
 ]
+
+AUTOMATIC = ":automatic:"
+"""Stands for ``--plot`` without a file name."""
 
 
 def seconds(text: str | None, option: str) -> float | None:

@@ -1,0 +1,6 @@
+"""Reports: a diagnosis or a simulation as one HTML page that works offline."""
+
+from flexarm.report.diagnosis_page import write_diagnosis
+from flexarm.report.run_page import write_run
+
+__all__ = ["write_diagnosis", "write_run"]

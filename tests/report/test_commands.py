@@ -1,0 +1,62 @@
+"""The commands that draw and report: what they write, and what they refuse before any work."""
+
+from __future__ import annotations
+
+import pytest
+
+from flexarm.cli import main
+
+
+@pytest.fixture
+def call(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        code = 0
+        try:
+            main([str(a) for a in arguments])
+        except SystemExit as end:
+            code = int(end.code or 0)
+        shown = capsys.readouterr()
+        return code, shown.out, shown.err
+
+    return run
+
+
+def test_diagram_writes_an_svg_named_after_the_scenario(call, tmp_path):
+    assert call("diagram", "srv02-bare") == (0, "written: srv02-bare.svg\n", "")
+    assert (tmp_path / "srv02-bare.svg").read_text().startswith("<svg")
+    code, out, _ = call("diagram", "srv02-bare", "-o", "a.png")
+    assert (code, out) == (0, "written: a.png\n")
+
+
+def test_diagram_refuses_other_kinds_of_file(call, tmp_path):
+    code, _, err = call("diagram", "srv02-bare", "-o", "a.gif")
+    assert code == 1
+    assert ".svg, .png, .pdf" in err
+    code, _, err = call("diagram", "srv02-bar")
+    assert code == 1
+    assert "srv02-bare" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_linearise_draws(call, tmp_path):
+    code, out, _ = call("linearise", "lumped-arm-pulse", "-a", "slipping", "--plot", "a.svg")
+    assert code == 0
+    assert out.endswith("written: a.svg\n")
+    assert call("linearise", "rigid-pendulum", "--plot")[1].endswith("written: rigid-pendulum-linear.png\n")
+    assert (tmp_path / "rigid-pendulum-linear.png").stat().st_size > 20_000
+
+
+def test_run_reports(call, tmp_path):
+    code, out, _ = call("run", "srv02-bare", "--stop", "0.2 s", "--report", "a.html")
+    assert code == 0
+    assert out.endswith("written: a.html\n")
+    assert "srv02-bare" in (tmp_path / "a.html").read_text()
+
+
+@pytest.mark.parametrize(("name", "said"), [("a.txt", ".html"), ("nowhere/a.html", "no folder")])
+def test_run_refuses_a_report_before_it_simulates(call, name, said):
+    code, out, err = call("run", "srv02-bare", "--report", name)
+    assert (code, out) == (1, "")
+    assert said in err
