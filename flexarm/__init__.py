@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from engine.tangent import tangents
     from flexarm.api import compare, export, linearise, simulate
     from flexarm.plot import plot
+    from flexarm.sweeps import sweep
+    from flexarm.table import read
     from scenarios.jsonschema import json_schema
     from scenarios.load import Scenario, load
 
@@ -61,9 +63,11 @@ _PLACES = {
     "option": "engine.block",
     "parameter": "engine.block",
     "plot": "flexarm.plot",
+    "read": "flexarm.table",
     "signal_in": "engine.block",
     "signal_out": "engine.block",
     "simulate": "flexarm.api",
+    "sweep": "flexarm.sweeps",
 }
 
 __all__ = [
@@ -93,9 +97,11 @@ __all__ = [
     "option",
     "parameter",
     "plot",
+    "read",
     "signal_in",
     "signal_out",
     "simulate",
+    "sweep",
     "tangents",
 ]
 

@@ -14,8 +14,16 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 import typer
 
 from engine.errors import FlexarmError
-from flexarm import damping_command, diagnose_command, fmu_commands, linear_command
-from flexarm.options import ScenarioArgument, SetOption, file_name, load, say_bypassed, seconds
+from flexarm import (
+    completion,
+    damping_command,
+    diagnose_command,
+    diagram_command,
+    fmu_commands,
+    linear_command,
+    sweep_command,
+)
+from flexarm.options import AUTOMATIC, ScenarioArgument, SetOption, file_name, load, say_bypassed, seconds
 
 if TYPE_CHECKING:
     pass
@@ -24,7 +32,6 @@ app = typer.Typer(
     name="flexarm",
     help="Flexible-link robot arms and servo drives: simulate, linearise, export, compare.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -57,6 +64,9 @@ def run(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write .csv, .parquet or .mat.")
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="HTML", help="Write a page with diagram, plots and provenance.")
+    ] = None,
     stop: Annotated[str | None, typer.Option(metavar="TIME", help="End, such as '10 s'.")] = None,
     step: Annotated[str | None, typer.Option(metavar="TIME", help="Interval between rows, such as '1 ms'.")] = None,
 ) -> None:
@@ -73,6 +83,8 @@ def run(
     if output is not None:
         check_suffix(output, TABLES)
     loaded = load(scenario, overrides)
+    if report is not None:
+        check_suffix(report, (".html", ".htm"))
     if plot is not None and str(plot) == AUTOMATIC:
         plot = Path(f"{file_name(loaded)}.png")
     if plot is not None:
@@ -95,12 +107,18 @@ def run(
         typer.echo(f"written: {output}")
     if plot is not None:
         typer.echo(f"written: {draw(result, plot, loaded.name)}")
+    if report is not None:
+        from flexarm.report import write_run
+        from flexarm.report.origin import command_line
+
+        typer.echo(f"written: {write_run(loaded, result, report, command=command_line())}")
 
 
 @app.command()
 def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
     """Read and assemble a scenario with its analyses and recordings, and report problems."""
     from diagnosis.compare import verify
+    from diagnosis.location import VARIABLE, at_hand
     from diagnosis.recording import FrequencyTable, from_scenario
     from flexarm.api import cut
     from flexarm.api import linearise as linear_model
@@ -129,6 +147,9 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
             linear_model(made)
         say_bypassed(made.bypassed, f"analysis {name}")
     for name in loaded.recordings:
+        if not at_hand(loaded, name):
+            typer.echo(f"recording {name}: not read, since the environment variable {VARIABLE} is not set")
+            continue
         recording = from_scenario(loaded, name)
         verify(loaded, recording)
         rows = len(recording.frequency) if isinstance(recording, FrequencyTable) else len(recording.time)
@@ -139,7 +160,11 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
 
 
 @app.command()
-def blocks(name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="A block.")] = None) -> None:
+def blocks(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="A block.", autocompletion=completion.blocks)
+    ] = None,
+) -> None:
     """List the blocks, or show one: its law, parameters and connectors."""
     from blocks.registry import find, registry
     from flexarm.text import block_page, columns
@@ -200,11 +225,10 @@ def compare(
 
 diagnose_command.register(app)
 linear_command.register(app)
+diagram_command.register(app)
 fmu_commands.register(app)
 damping_command.register(app)
-
-AUTOMATIC = ":automatic:"
-"""Stands for ``--plot`` without a file name."""
+sweep_command.register(app)
 
 
 def _with_default_plot(arguments: list[str]) -> list[str]:

@@ -96,22 +96,30 @@ def _describe(path: Path) -> _Described:
 
         names, units, stop, step = describe(path)
         return _Described(names, units, {}, stop, step)
-    from fmpy import read_model_description
+    from fmu.archive import description
 
-    try:
-        found: Any = read_model_description(str(path), validate=False)
-    except Exception as error:
-        raise FlexarmError(f"'{path}' is no FMU that can be read: {error}") from error
+    found: Any = description(path)
     variables = found.modelVariables
     default = found.defaultExperiment
     ends, every = (getattr(default, key, None) for key in ("stopTime", "stepSize"))
     return _Described(
         tuple(v.name for v in variables if v.causality == "input"),
         {v.name: v.unit or "" for v in variables if v.causality == "input"},
-        {v.name: float(v.start) for v in variables if v.causality == "parameter" and v.type in ("Real", "Float64")},
-        float(ends) if ends is not None else 1.0,
-        float(every) if every is not None else 1e-3,
+        {
+            v.name: _number(path, f"start of '{v.name}'", v.start, 0.0)
+            for v in variables
+            if v.causality == "parameter" and v.type in ("Real", "Float64") and not v.dimensions
+        },
+        _number(path, "stopTime", ends, 1.0),
+        _number(path, "stepSize", every, 1e-3),
     )
+
+
+def _number(path: Path, what: str, text: Any, default: float) -> float:
+    try:
+        return default if text is None else float(text)
+    except (TypeError, ValueError):
+        raise FlexarmError(f"in '{path}' the {what} is {str(text)[:40]!r}, which is no number") from None
 
 
 def _inputs(described: _Described, given: Mapping[str, str | float]) -> dict[str, float]:

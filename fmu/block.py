@@ -15,6 +15,7 @@ import numpy as np
 from engine.block import Block, Port, option, parameter
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.quantity import coherent
+from fmu import archive
 from fmu.host import NUMBERS, host
 
 if TYPE_CHECKING:
@@ -137,14 +138,12 @@ class Stepped:
 
 
 def _read(file: str) -> Any:
-    from fmpy import read_model_description
-
     if not file or not Path(file).is_file():
         raise ParameterError(f"there is no FMU '{file}'", remedy="give file: the path of an .fmu from the scenario")
     try:
-        description = read_model_description(file, validate=False)
-    except Exception as error:
-        raise ParameterError(f"'{file}' is no FMU that can be read: {error}") from error
+        description = archive.description(file)
+    except FlexarmError as error:
+        raise ParameterError(error.message, remedy=error.remedy) from error
     if description.coSimulation is None or description.fmiVersion.startswith("1"):
         raise ParameterError(f"'{file}' has no Co-Simulation of FMI 2 or 3", remedy="export it for Co-Simulation")
     return description

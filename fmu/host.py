@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from engine.errors import FlexarmError, SimulationError, nearest
+from fmu import archive
 
 _GROUPS = {
     "Real": "Real",
@@ -152,14 +153,7 @@ def host(path: str | Path, name: str = "instance") -> Iterator[Host]:
     Raises:
         FlexarmError: the file is no FMU, has no Co-Simulation, or has no binary for this machine.
     """
-    from fmpy import extract, read_model_description
-
-    try:
-        description = read_model_description(str(path), validate=False)
-    except FileNotFoundError as error:
-        raise FlexarmError(f"there is no file '{path}'") from error
-    except Exception as error:
-        raise FlexarmError(f"'{path}' is no FMU that can be read: {error}") from error
+    description = archive.description(path)
     if description.coSimulation is None or description.fmiVersion.startswith("1"):
         raise FlexarmError(
             f"'{path}' is FMI {description.fmiVersion} without Co-Simulation of FMI 2 or 3",
@@ -167,9 +161,12 @@ def host(path: str | Path, name: str = "instance") -> Iterator[Host]:
         )
     messages: list[str] = []
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        extract(str(path), folder)
+        archive.unpack(Path(path), Path(folder))
         version3 = description.fmiVersion.startswith("3")
-        made = (_slave3 if version3 else _slave2)(description, folder, name, messages)
+        try:
+            made = (_slave3 if version3 else _slave2)(description, folder, name, messages)
+        except FlexarmError as error:
+            raise FlexarmError(f"'{path}': {error.message}", remedy=error.remedy) from error
         try:
             yield Host(made, description, messages)
         finally:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ET
-import zipfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -12,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from engine.errors import FlexarmError
+from engine.errors import FlexarmError, nearest
 from engine.simulate import Drive
+from fmu import archive
 from fmu.host import Host, host
 from fmu.package import check_target, write_archive
 from fmu.units import definition
@@ -103,6 +103,8 @@ def _document(structure: Structure) -> str:
 
 
 def _connectors(parent: ET.Element, connectors: Sequence[Connector]) -> None:
+    if not connectors:  # the schema allows no empty list
+        return
     listed = ET.SubElement(parent, f"{{{_SSD}}}Connectors")
     for connector in connectors:
         element = ET.SubElement(listed, f"{{{_SSD}}}Connector", {"name": connector.name, "kind": connector.kind})
@@ -130,10 +132,10 @@ def read(path: str | Path) -> Structure:
     Raises:
         FlexarmError: it is no such package, or holds systems inside systems.
     """
+    data = archive.xml(Path(path), "SystemStructure.ssd")
     try:
-        with zipfile.ZipFile(path) as archive:
-            root = ET.fromstring(archive.read("SystemStructure.ssd"))
-    except (OSError, KeyError, zipfile.BadZipFile, ET.ParseError) as error:
+        root = ET.fromstring(data)
+    except ET.ParseError as error:
         raise FlexarmError(f"'{path}' is no SSP that can be read: {error}") from error
     system = root.find(f"{{{_SSD}}}System")
     if system is None:
@@ -141,9 +143,10 @@ def read(path: str | Path) -> Structure:
     if system.find(f"{{{_SSD}}}Elements/{{{_SSD}}}System") is not None:
         raise FlexarmError(f"'{path}' holds systems inside systems", remedy="flatten it into one system")
     listed = system.findall(f"{{{_SSD}}}Elements/{{{_SSD}}}Component")
+    _check_different(path, "components", [c.get("name", "") for c in listed])
     experiment = root.find(f"{{{_SSD}}}DefaultExperiment")
     hint = root.find(f".//{{{_OURS}}}step")
-    return Structure(
+    found = Structure(
         name=system.get("name", ""),
         connectors=_read_connectors(system),
         components={c.get("name", ""): _read_connectors(c) for c in listed},
@@ -155,9 +158,57 @@ def read(path: str | Path) -> Structure:
             )
             for c in system.findall(f"{{{_SSD}}}Connections/{{{_SSD}}}Connection")
         ),
-        stop=float(experiment.get("stopTime", "1.0")) if experiment is not None else 1.0,
-        step=float(hint.get("seconds", "1e-3")) if hint is not None else 1e-3,
+        stop=_time(path, experiment, "stopTime", 1.0),
+        step=_time(path, hint, "seconds", 1e-3),
     )
+
+    _check_wiring(path, found)
+    return found
+
+
+def _time(path: str | Path, element: ET.Element | None, key: str, default: float) -> float:
+    text = element.get(key) if element is not None else None
+    if text is None:
+        return default
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0 < number < float("inf"):
+        raise FlexarmError(
+            f"'{path}' is no SSP that can be run: its {key} is {text[:40]!r}", remedy="a time above zero, in s"
+        )
+    return number
+
+
+def _check_different(path: str | Path, what: str, names: Sequence[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise FlexarmError(f"'{path}' has two {what} '{name[:80]}'", remedy="names must differ")
+        seen.add(name)
+
+
+def _check_wiring(path: str | Path, structure: Structure) -> None:
+    """Names must differ, every end of a connection must exist, and every output of the system be fed."""
+    for names in (
+        [c.name for c in structure.connectors],
+        *([c.name for c in m] for m in structure.components.values()),
+    ):
+        _check_different(path, "connectors", names)
+    inputs = {connector.name for connector in structure.connectors if connector.kind == "input"}
+    outputs = {connector.name for connector in structure.connectors if connector.kind == "output"}
+    for start, end in structure.connections:
+        for (element, name), own in ((start, inputs), (end, outputs)):
+            known = own if not element else structure.components
+            if (element or name) not in known:
+                what = f"the component '{element}'" if element else f"the connector '{name}' of the system"
+                raise FlexarmError(
+                    f"'{path}' connects {what}, and there is none", remedy=nearest(element or name, known)
+                )
+    unfed = outputs - {end[1] for _, end in structure.connections if not end[0]}
+    if unfed:
+        raise FlexarmError(f"nothing in '{path}' feeds its output '{min(unfed)}'", remedy="connect it, or leave it out")
 
 
 def _read_connectors(element: ET.Element) -> tuple[Connector, ...]:
@@ -198,10 +249,14 @@ def cosim_ssp(
     structure = read(path)
     inputs = tuple(c.name for c in structure.connectors if c.kind == "input")
     outputs = tuple(c.name for c in structure.connectors if c.kind == "output")
+    if not outputs:
+        raise FlexarmError(
+            f"the system in '{path}' has no outputs of its own",
+            remedy="export it without --bare, which is for other tools",
+        )
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
-        with zipfile.ZipFile(path) as archive:
-            archive.extractall(folder)
+        archive.unpack(Path(path), Path(folder))
         hosts: dict[str, Host] = {}
         for name, source in structure.sources.items():
             file = (Path(folder) / source).resolve()

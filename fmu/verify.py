@@ -17,6 +17,9 @@ from engine.simulate import Drive, simulate
 from fmu.host import Host, host
 from fmu.variables import flat
 
+MOST_POINTS = 100_000_000
+"""Communication steps of one run."""
+
 
 @dataclass(frozen=True)
 class Trace:
@@ -118,8 +121,17 @@ def cosim(
 
 
 def points(stop: float, step: float | Sequence[float]) -> Iterator[tuple[float, float]]:
-    """Begin and end of every communication step."""
+    """Begin and end of every communication step.
+
+    Raises:
+        SimulationError: there would be more than `MOST_POINTS`, or none.
+    """
     steps = [step] if isinstance(step, int | float) else list(step)
+    if not (min(steps) > 0 and stop / min(steps) <= MOST_POINTS):
+        raise SimulationError(
+            f"{stop:g} s in communication steps of {min(steps):g} s cannot be run",
+            remedy=f"give times above zero, and at most {MOST_POINTS:.0e} steps",
+        )
     cycle, count, begin = sum(steps), 0, 0.0
     while begin < stop * (1 - 1e-12):
         turns, part = divmod(count + 1, len(steps))

@@ -22,7 +22,7 @@ def json_schema() -> dict[str, Any]:
         "type": "object",
         "description": "a sub-assembly: another scenario file, with changes to its parameters",
         "properties": {
-            "type": {"type": "string", "pattern": ASSEMBLY_PATTERN},
+            "type": {"type": "string", "pattern": ASSEMBLY_PATTERN, "description": "path of the other file"},
             "parameters": {"type": "object", "description": "values of the sub-assembly's own parameters"},
         },
         "required": ["type"],
@@ -37,7 +37,10 @@ def json_schema() -> dict[str, Any]:
         "type": "object",
         "required": ["type"],
         "properties": {
-            "type": {"anyOf": [{"enum": sorted(blocks)}, {"type": "string", "pattern": ASSEMBLY_PATTERN}]},
+            "type": {
+                "anyOf": [{"enum": sorted(blocks)}, {"type": "string", "pattern": ASSEMBLY_PATTERN}],
+                "description": "name of a block, or path of another scenario file",
+            },
         },
         "if": known,
         "then": {"oneOf": [{"$ref": f"#/$defs/{_pointer(name)}"} for name in names]},

@@ -27,6 +27,7 @@ SHARES = {
     "recordings": 1.5,
     "runs": 2.0,
     "quantities": 3.0,
+    "archives": 5.0,
 }
 """Examples of each property, as a multiple of ``--examples``."""
 
@@ -35,11 +36,12 @@ HEAD = """\
 
 This page is written by `python -m tools.robustness`; the properties are in `tests/robustness/properties.py`.
 
-Each example is odd input: a shipped scenario, a recording, a set of parameter values or the arguments of a run, changed
-at random (keys deleted, doubled or renamed; values of other kinds, huge, not finite, with other units; bytes that are
-not UTF-8; deep nesting; time that runs backwards; parameters from their bounds to 1e308). Every example must end in one
-of two ways: a **result** without NaN or infinity, or a **refusal** with a message that says what is wrong and where.
-Another exception, a crash, NaN in a result, or more than {longest} s for one example is a failure.
+Each example is odd input: a shipped scenario, a recording, a set of parameter values or the arguments of a run,
+changed at random (keys deleted, doubled or renamed; values of other kinds, huge, not finite, with other units; bytes
+that are not UTF-8; deep nesting; time that runs backwards; parameters from their bounds to 1e308; archives with
+links, paths that lead out, document types and sizes that are not theirs). Every example must end in one of two ways:
+a **result** without NaN or infinity, or a **refusal** with a message that says what is wrong and where. Another
+exception, a crash, NaN in a result, or more than {longest} s for one example is a failure.
 
 {examples} examples, seed {seed}, hypothesis {version}, {spent} of work. No failures.
 
@@ -49,13 +51,42 @@ Another exception, a crash, NaN in a result, or more than {longest} s for one ex
 
 FOOT = """
 While the properties run, the bound on internal steps (`engine.simulate.MOST_STEPS`, 1e9) is lowered, so that this
-refusal is met too: a very stiff mode is refused with its state and rate instead of running for hours.
-`make test` runs the same properties with fewer examples and fixed choices, and `tests/robustness/test_hostile_input.py`
-holds explicit cases: files of a million lines, aliases that multiply, text that is not UTF-8, masses that make the mass
+refusal is met too: a very stiff mode is refused with its state and rate instead of running for hours. `make test`
+runs the same properties with fewer examples and fixed choices, and `tests/robustness/test_hostile_input.py` holds
+explicit cases: files of a million lines, aliases that multiply, text that is not UTF-8, masses that make the mass
 matrix singular, stiff and unstable modes.
 
-A file is read up to 5 MB, 200000 values and 40 levels; a file at these bounds takes seconds, because the YAML parser is
-written in Python. Matrices in a scenario are bounded by the same count.
+## Archives
+
+FMU and SSP files are checked before anything of them is unpacked or parsed (`fmu/archive.py`), wherever they are
+read: `flexarm cosim`, `type: FMU`, the FMUs inside of an SSP. Refused are entries that lead out of the archive (`..`,
+absolute paths, drive letters, backslashes), links and special files, two entries of one name, encrypted entries, more
+than 20000 entries, more than 100 MB plus 50 times the file's size or 4 GB unpacked, XML of more than 64 MB, a million
+elements or 100 levels, any document type (so that no entity is expanded, no file and no address read), a model
+identifier that is no name of C (it names the library to load), components outside of the package, two variables,
+components or connectors of one name, connections to nothing, times that are no times.
+`tests/robustness/test_hostile_archives.py` holds cases of these for each way in, with bounds on time and memory. An
+FMU that passes is still a program of its maker's and runs with all rights of the user.
+
+## Killed in the middle
+
+`tests/robustness/test_killed.py` starts a command, kills it (SIGKILL) after a random time, and looks: eight times
+each for a sweep of 5000 runs by one process (seed 20240602) and by two (20240603), an FMU export (20240603) and the
+writing of a large table (20240604). No part of a sweep was ever lost or half-written, no process outlived its parent,
+what lies under the name of a result is whole, and the next run gives the same bytes as one that was not disturbed. A
+killed export or run may leave a hidden file `.NAME-...` beside the result, which nothing reads; a sweep removes its
+own.
+
+## The same numbers
+
+`tests/robustness/test_same_numbers.py` runs commands with three hash seeds (0, 1, 4242) and 1, 2 and 4 threads of
+OpenBLAS and OpenMP: `run`, `linearise`, `sweep`, `export`, `check` and `fit` print and write the same bytes. A sweep
+gives the same file from one process, two processes, and a dask cluster of two (`tests/cli/test_sweep.py`).
+
+## Bounds
+
+A file is read up to 5 MB, 200000 values and 40 levels; a file at these bounds takes seconds, because the YAML parser
+is written in Python. Matrices in a scenario are bounded by the same count.
 """
 
 

@@ -73,10 +73,15 @@ def test_units_of_headers_are_heeded(recorded: Path, command: Callable) -> None:
 
 
 def test_uneven_samples_and_gaps(recorded: Path, command: Callable) -> None:
-    """Rows left out by ``gaps: skip`` make the time axis uneven; the simulation still meets the rest."""
+    """Rows left out by ``gaps: skip`` make the time axis uneven; the simulation still meets the rest.
+
+    A measurement without a number is not compared there, and needs no leave to be so.
+    """
     lines = (recorded.parent / "one.csv").read_text().splitlines()
-    t, u, _, tach = lines[30].split(",")
-    lines[30] = f"{t},{u},nan,{tach}"
+    t, u, _, tach = lines[20].split(",")
+    lines[20] = f"{t},{u},nan,{tach}"
+    t, _, enc, tach = lines[30].split(",")
+    lines[30] = f"{t},nan,{enc},{tach}"
     del lines[40:43]
     (recorded.parent / "one.csv").write_text("\n".join(lines))
     refused = command("compare", recorded.name, "one")
@@ -84,7 +89,9 @@ def test_uneven_samples_and_gaps(recorded: Path, command: Callable) -> None:
     assert "one.csv:31" in refused.err
     assert "gaps: skip" in refused.err
     answer = command("compare", recorded.name, "one", "--set", "recordings.one.gaps=skip")
-    assert "1 of 98 rows" in answer.out
+    assert "1 of 98 rows hold no number and are left out: line 31" in answer.out
+    assert "column 'enc' holds no number in 1 of 97 rows, where it is not compared: line 21" in answer.out
+    assert "2 gaps in time" in answer.out
     found = errors(command("compare", recorded.name, "one", "--set", "recordings.one.gaps=skip", "--json"))
     assert found["motor.shaft.speed"]["rmse"] < 1e-9
 

@@ -19,6 +19,7 @@ from engine.model import Model
 from engine.quantity import coherent, convert
 from engine.simulate import Drive, simulate
 from scenarios.load import SHIPPED, Scenario, load, shipped_names
+from tests.robustness.archives import archives, check_archive
 from tests.robustness.guard import REFUSED, RESULT, bounded, explained
 from tests.robustness.strategies import TEXTS, inside, mangled, mutated, odd, quantity, scaled, table
 
@@ -371,4 +372,5 @@ PROPERTIES = {
     "recordings": Property("Recordings with cells, rows, columns and bytes changed", recordings, check_recording),
     "runs": Property("Times, starting values and drives of a run", arguments, check_run),
     "quantities": Property("Numbers with units", quantities, check_quantity),
+    "archives": Property("FMU and SSP files: XML, names, links, entries and bytes changed", archives, check_archive),
 }

@@ -16,6 +16,7 @@ QUICK = {
     "recordings": 120,
     "runs": 150,
     "quantities": 200,
+    "archives": 60,
 }
 
 

@@ -80,7 +80,8 @@ def test_a_sub_assembly_fits_the_json_schema(validator: Any) -> None:
 def test_data_files_are_those_of_the_recordings() -> None:
     for name in shipped_names():
         for recording in load(name).recordings.values():
-            assert (SHIPPED / recording.file).is_file()
+            outside = recording.file.startswith("$FLEXARM_RECORDINGS/")
+            assert outside or (SHIPPED / recording.file).is_file()
 
 
 def quanser(dead_zone: bool, *changes: str) -> tuple[float, float]:
