@@ -14,7 +14,7 @@ from diagnosis.compare import find_recording
 from diagnosis.fit import Fit
 from diagnosis.fit import fit as fit_problem
 from diagnosis.prepare import problem
-from diagnosis.recording import FrequencyTable, Recording
+from diagnosis.recording import Recorded
 from diagnosis.select import Progress, study
 from diagnosis.verdict import Diagnosis, judge
 from engine.errors import FlexarmError
@@ -24,21 +24,17 @@ from scenarios.load import Scenario, load
 
 
 def gather(
-    scenario: Scenario, names: Sequence[str | Path | Recording], hold_out: Sequence[str | Path | Recording]
-) -> list[Recording]:
+    scenario: Scenario, names: Sequence[str | Path | Recorded], hold_out: Sequence[str | Path | Recorded]
+) -> list[Recorded]:
     """Recordings by name or file with their roles; all that the scenario describes if none are named.
 
     Raises:
-        FlexarmError: none at all, a frequency-response table, or no training data.
+        FlexarmError: none at all, or no training data.
     """
     chosen = list(names) or [n for n in scenario.recordings if n not in hold_out]
-    rows: list[Recording] = []
+    rows: list[Recorded] = []
     for given, role in [*((n, "") for n in chosen), *((n, "hold_out") for n in hold_out)]:
-        found = given if isinstance(given, Recording) else find_recording(scenario, given)
-        if isinstance(found, FrequencyTable):
-            raise FlexarmError(
-                f"'{given}' is a frequency-response table", remedy="diagnosis needs recordings over time; see compare"
-            )
+        found = given if isinstance(given, Recorded) else find_recording(scenario, given)
         rows.append(replace(found, role=role) if role else found)
     if not any(r.role in ("train", "repeat") for r in rows):
         raise FlexarmError("no recording to fit to", remedy="name one, or give one the role 'train'")
@@ -47,9 +43,9 @@ def gather(
 
 def fit(
     source: Scenario | str | Path,
-    recordings: Sequence[str | Path | Recording] = (),
+    recordings: Sequence[str | Path | Recorded] = (),
     *,
-    hold_out: Sequence[str | Path | Recording] = (),
+    hold_out: Sequence[str | Path | Recorded] = (),
     overrides: Sequence[str] = (),
     workers: int = 2,
     seed: int = 0,
@@ -83,9 +79,9 @@ def fit(
 
 def diagnose(
     source: Scenario | str | Path,
-    recordings: Sequence[str | Path | Recording] = (),
+    recordings: Sequence[str | Path | Recorded] = (),
     *,
-    hold_out: Sequence[str | Path | Recording] = (),
+    hold_out: Sequence[str | Path | Recorded] = (),
     overrides: Sequence[str] = (),
     workers: int = 2,
     seed: int = 0,
@@ -167,7 +163,7 @@ def write(found: Diagnosis, folder: Path) -> list[Path]:
     if found.proposal is not None:
         target = folder / "next-experiment.csv"
         table = np.column_stack([found.proposal.time, found.proposal.drive])
-        header = f"t [s],{found.proposal.input} [{found.proposal.unit}]"
+        header = f"{found.proposal.axis},{found.proposal.input} [{found.proposal.unit}]"
         with writing(target, (".csv",)) as temporary:
             np.savetxt(temporary, table, delimiter=",", header=header, comments="", fmt="%.9g")
         made.append(target)

@@ -12,8 +12,10 @@ from dataclasses import replace
 from blocks.registry import registry
 from diagnosis.candidate import Candidate
 from diagnosis.mechanical_effects import at_joints, at_links, at_shaft
+from diagnosis.mounts import at_mounts
 from diagnosis.signal_effects import at_input, at_sensor
 from diagnosis.surroundings import Surroundings
+from diagnosis.twins import along_slide, slides
 from scenarios.amend import Edit, Set
 
 
@@ -25,12 +27,15 @@ def candidates(around: Surroundings) -> list[Candidate]:
     for flange in around.groups:
         rows += at_shaft(around, flange)
     rows += at_joints(around)
+    rows += at_mounts(around)
+    rows = [along_slide(c) if slides(around.problem.scenario.system, c) else c for c in rows]
     rows += at_links(around)
     rows += _parameters(around)
     for channel in around.problem.model.outputs:
         rows += at_sensor(around, channel.name)
     known = registry()
-    return [c for c in rows if all(_type(e) in known for e in c.edits(c.starts[0]))]
+    seen = [c for c in rows if c.effect not in around.unseen]
+    return [c for c in seen if all(_type(e) in known for e in c.edits(c.starts[0]))]
 
 
 def _type(edit: Edit) -> str:

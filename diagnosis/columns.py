@@ -1,4 +1,4 @@
-"""Files of columns: CSV, MATLAB and Parquet, read lazily and checked with row numbers."""
+"""Files of columns: CSV, MATLAB, Parquet, JSON and plain tables, checked with row numbers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ from engine.errors import FlexarmError, Where, nearest
 Vector = NDArray[np.float64]
 
 EMPTY = frozenset({"", "na", "n/a", "nan", "null", "none", "-"})
-SUFFIXES = (".csv", ".mat", ".parquet")
+SUFFIXES = (".csv", ".mat", ".parquet", ".json", ".dat")
+LONG_TEXT = 20_000_000
+"""Bytes of a text file beyond which it is read at once as numbers, not cell by cell."""
+LONGEST_TEXT = 2_000_000_000
+"""Bytes of a text file beyond which it is refused."""
 
 
 class RecordingError(FlexarmError):
@@ -83,12 +87,16 @@ class Columns:
             ) from None
 
 
-def read_columns(path: Path, where: Where | None = None) -> Columns:
+def read_columns(path: Path, where: Where | None = None, like: str = "") -> Columns:
     """Read a file of columns.
 
+    Columns are called as in the header, the variable or the key; those of a matrix ``name[1]``, ``name[2]``, the cells
+    of a MATLAB cell array ``name{1}``, and the columns of a .dat file, which has no header, ``[1]``, ``[2]``.
+
     Args:
-        path: a .csv, .mat (version 5) or .parquet file.
+        path: a .csv, .mat (version 5), .parquet, .json or .dat file.
         where: the place in the scenario that names it.
+        like: column whose length the others must have, for files that hold several lengths; the most common otherwise.
 
     Raises:
         RecordingError: it does not exist or cannot be read.
@@ -96,17 +104,26 @@ def read_columns(path: Path, where: Where | None = None) -> Columns:
     if not path.is_file():
         beside = [p.name for p in sorted(path.parent.glob("*")) if p.suffix in SUFFIXES] if path.parent.is_dir() else []
         raise RecordingError(f"there is no recording '{path}'", where, nearest(path.name, beside) if beside else "")
-    readers = {".csv": _csv, ".txt": _csv, ".mat": _mat, ".parquet": _parquet}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
+    kind = path.suffix.lower()
+    if kind in (".mat", ".json"):
+        columns = _structure(path, like)
+    elif kind in (".csv", ".txt", ".parquet", ".dat"):
+        columns = {".parquet": _parquet, ".dat": _plain}.get(kind, _csv)(path)
+    else:
         raise RecordingError(f"'{path.name}' is of no known kind", where, f"recordings are {', '.join(SUFFIXES)} files")
-    columns = reader(path)
     if not len(columns):
         raise RecordingError("the recording is empty", Where(str(path)), "it needs a header and at least two rows")
     return columns
 
 
 def _csv(path: Path) -> Columns:
+    size = path.stat().st_size
+    if size > LONGEST_TEXT:
+        raise RecordingError(
+            f"the file holds {size / 1e9:.3g} GB of text", Where(str(path)), "save it as .parquet, or a part of it"
+        )
+    if size > LONG_TEXT:
+        return _long_csv(path)
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -137,6 +154,37 @@ def _csv(path: Path) -> Columns:
     return Columns(str(path), columns, np.array([number for number, _ in lines[1:]], dtype=np.int64), "line")
 
 
+def _long_csv(path: Path) -> Columns:
+    """A long file, read into numbers at once: cell by cell it would take some fifty times its size of memory."""
+    import pandas
+
+    try:
+        with path.open(encoding="utf-8-sig") as lines:
+            before, header = next(
+                (i, line) for i, line in enumerate(lines) if line.strip() and not line.startswith("#")
+            )
+        delimiter = max((";", "\t", ","), key=header.count)
+        table = pandas.read_csv(path, sep=delimiter, skiprows=before, comment="#", dtype=float, na_values=list(EMPTY))
+    except (ValueError, StopIteration, UnicodeDecodeError) as error:
+        raise RecordingError(
+            f"the file cannot be read as columns of numbers: {str(error)[:200]}",
+            Where(str(path)),
+            "numbers are written with a decimal point, and every row has every column",
+        ) from error
+    columns = {str(name).strip(): np.asarray(table[name], dtype=float) for name in table.columns}
+    return Columns(str(path), columns, np.arange(before + 2, before + 2 + len(table), dtype=np.int64), "line")
+
+
+def _plain(path: Path) -> Columns:
+    try:
+        table = np.loadtxt(path, ndmin=2)
+    except ValueError as error:
+        raise RecordingError(
+            f"the file cannot be read as a table of numbers: {error}", Where(str(path)), "a .dat file has no header"
+        ) from error
+    return Columns(str(path), {f"[{i + 1}]": table[:, i] for i in range(table.shape[1])}, np.arange(1, len(table) + 1))
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)
@@ -145,34 +193,60 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _mat(path: Path) -> Columns:
+def _structure(path: Path, like: str) -> Columns:
+    """Every vector and matrix of a MATLAB or JSON file that is as long as most, or as ``like``."""
+    content = _json(path) if path.suffix.lower() == ".json" else _mat(path)
+    flat: dict[str, Vector] = {}
+    _collect("", {key: value for key, value in content.items() if not key.startswith("__")}, flat)
+    if not flat:
+        raise RecordingError("the file holds no columns of numbers", Where(str(path)))
+    lengths = [len(values) for values in flat.values()]
+    length = len(flat[like]) if like in flat else max(set(lengths), key=lambda n: (lengths.count(n) * (n > 1), n))
+    columns = {name: values for name, values in flat.items() if len(values) == length}
+    return Columns(str(path), columns, np.arange(1, length + 1), units=_mat_units(content))
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"cannot read the JSON file: {error}", Where(str(path))) from error
+    if not isinstance(content, dict):
+        raise RecordingError("the file holds no JSON object", Where(str(path)), 'write {"t": [...], "u": [...]}')
+    return content
+
+
+def _mat(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        content = loadmat(path, simplify_cells=True)
+        content: dict[str, Any] = loadmat(path, simplify_cells=True)
     except NotImplementedError as error:
         raise RecordingError(
             "this is a MATLAB 7.3 file", Where(str(path)), "save it with save(..., '-v7'), or as .parquet or .csv"
         ) from error
     except Exception as error:
         raise RecordingError(f"cannot read the MATLAB file: {error}", Where(str(path))) from error
-    flat: dict[str, Vector] = {}
-    _collect("", {key: value for key, value in content.items() if not key.startswith("__")}, flat)
-    if not flat:
-        raise RecordingError("the file holds no columns of numbers", Where(str(path)))
-    lengths = [len(values) for values in flat.values()]
-    length = max(set(lengths), key=lambda n: (lengths.count(n) * (n > 1), n))
-    columns = {name: values for name, values in flat.items() if len(values) == length}
-    return Columns(str(path), columns, np.arange(1, length + 1), units=_mat_units(content))
+    return content
 
 
 def _collect(prefix: str, value: Any, flat: dict[str, Vector]) -> None:
-    """Every vector of numbers in a structure, under its path; the columns of a matrix as ``name[1]``, ``name[2]``."""
+    """Every vector of numbers in a structure, under its path; time runs along the longer side of a matrix."""
     if isinstance(value, dict):
         for key, inner in value.items():
             _collect(f"{prefix}.{key}" if prefix else key, inner, flat)
         return
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:  # lists of unequal lengths
+        return
+    if array.dtype.kind == "O" and all(cell is None or isinstance(cell, int | float) for cell in array.flat):
+        array = array.astype(float)
+    if array.dtype.kind == "O" and array.ndim == 1:
+        for i, cell in enumerate(array):
+            if isinstance(cell, np.ndarray | dict):
+                _collect(f"{prefix}{{{i + 1}}}", cell, flat)
+        return
     if array.dtype.kind not in "fiub":
         return
     if array.ndim == 2 and 1 in array.shape:
@@ -182,6 +256,7 @@ def _collect(prefix: str, value: Any, flat: dict[str, Vector]) -> None:
     if array.ndim == 1:
         flat[prefix] = array.astype(float)
     elif array.ndim == 2:
+        array = array if array.shape[0] >= array.shape[1] else array.T
         for i in range(array.shape[1]):
             flat[f"{prefix}[{i + 1}]"] = array[:, i].astype(float)
 

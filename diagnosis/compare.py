@@ -13,8 +13,11 @@ import numpy as np
 
 from diagnosis.columns import RecordingError, Vector
 from diagnosis.frequency import SineModel, sine_model, sweep
+from diagnosis.location import at_hand, location
+from diagnosis.loop import check_loop
 from diagnosis.match import from_file
 from diagnosis.recording import Channel, FrequencyTable, Recording, from_scenario
+from diagnosis.starts import starting_values
 from engine.assemble import build
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.quantity import compatible, factor
@@ -104,8 +107,8 @@ def find_recording(scenario: Scenario, given: str | Path) -> Recording | Frequen
     if text in scenario.recordings:
         return from_scenario(scenario, text)
     if path.is_file():
-        for name, made in scenario.recordings.items():
-            declared = scenario.path.parent / made.file
+        for name in scenario.recordings:
+            declared = location(scenario, name) if at_hand(scenario, name) else Path()
             if declared.is_file() and declared.samefile(path):
                 return from_scenario(scenario, name)
         signals, inputs = names_of(scenario)
@@ -195,6 +198,7 @@ def plan(scenario: Scenario, recording: Recording) -> Plan:
             place = _place(scenario, recording.name, "drive", end)
             raise RecordingError(f"'{end}' is not an input", place, nearest(end, scenario.system.inputs()))
     dropped = bypass(scenario.system, driven)[1] if driven else []
+    check_loop(scenario, recording, _place(scenario, recording.name, "loop"))
     model = _build(scenario, recording.name, driven, recording.measurements, "measurements")
     drive = None
     if driven:
@@ -232,7 +236,11 @@ def _compare_time(scenario: Scenario, recording: Recording) -> Comparison:
     step, exact = grid(recording.time, scenario.simulation.step if scenario.simulation else 1e-3)
     internal = scenario.simulation.internal_step if scenario.simulation else None
     stop = step * exact * (len(recording.time) - 1) if exact else float(recording.time[-1]) + step
-    result = simulate(made.model, stop, step, drive=made.drive, internal_step=internal)
+    factors = zip(recording.measurements, made.factors, strict=True)
+    initial = starting_values(made.model, recording, np.column_stack([c.values * scale for c, scale in factors]))
+    if initial:
+        notes.append(f"starts at the first sample and its slope, where they are measured: {', '.join(initial)}")
+    result = simulate(made.model, stop, step, drive=made.drive, initial=initial, internal_step=internal)
     signals = {}
     for channel, variable, scale in zip(recording.measurements, made.model.outputs, made.factors, strict=True):
         measured = channel.values * scale
@@ -240,7 +248,10 @@ def _compare_time(scenario: Scenario, recording: Recording) -> Comparison:
         simulated = curve[::exact] if exact else np.interp(recording.time, result.time, curve)
         if channel.from_first:
             simulated = simulated - simulated[0]
-        signals[variable.name] = _time_error(variable.name, variable.unit, recording.time, measured, simulated)
+        there = np.isfinite(measured)
+        signals[variable.name] = _time_error(
+            variable.name, variable.unit, recording.time[there], measured[there], simulated[there]
+        )
     return Comparison(scenario.name, recording.name, "time_series", signals, made.dropped, tuple(notes))
 
 
@@ -257,15 +268,19 @@ def _build(scenario: Scenario, recording: str, driven: list[str], channels: tupl
 def grid(time: Vector, longest: float) -> tuple[float, int]:
     """Interval of the simulation's rows, and how many make one interval of the recording (0 if it is not uniform).
 
-    Intervals are short fractions or whole nanoseconds, so that rows and samples have a common tick.
+    Intervals are short fractions or whole nanoseconds, so that rows and samples have a common tick. Instants that are
+    missing from an even axis leave rows that meet the others exactly.
     """
     intervals = len(time) - 1
-    mean = float(time[-1]) / intervals
+    mean, least = float(time[-1]) / intervals, float(np.diff(time).min())
     for candidate in (float(Fraction(mean).limit_denominator(1_000_000)), round(mean, 9)):
         if candidate > 0 and np.abs(time - candidate * np.arange(intervals + 1)).max() < 1e-6 * mean:
             parts = max(1, math.ceil(candidate / longest - 1e-9))
             return candidate / parts, parts
-    finest = max(float(np.diff(time).min()), mean / 20)
+    for candidate in (float(Fraction(least).limit_denominator(1_000_000)), round(least, 9)):
+        if candidate > mean / 20 and np.abs(time - candidate * np.round(time / candidate)).max() < 1e-6 * candidate:
+            return candidate / max(1, math.ceil(candidate / longest - 1e-9)), 0
+    finest = max(least, mean / 20)
     return max(1e-9, round(min(longest, finest), 9)), 0
 
 

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diagnosis.problem import Array
+from diagnosis.problem import Array, Problem
+from diagnosis.sines import Sines
+from diagnosis.sines_report import SEPARATED, choose
 from engine.errors import FlexarmError
 from engine.simulate import Drive, simulate
 
@@ -31,6 +33,7 @@ class Proposal:
         input, unit: name and unit of the driven input.
         predictions: what each rival predicts, label -> shape (n, signals).
         signals: names of the signals.
+        axis: what ``time`` is: for the rows of a table to measure, frequencies, with ``drive`` the amplitudes.
     """
 
     kind: str
@@ -43,6 +46,7 @@ class Proposal:
     unit: str
     predictions: dict[str, Array]
     signals: tuple[str, ...]
+    axis: str = "t [s]"
 
     def numbers(self) -> dict[str, Any]:
         """As it stands in ``diagnosis.json``."""
@@ -80,9 +84,11 @@ def propose(rivals: Sequence[Trial], most: int = 4) -> Proposal | None:
         rivals: fitted models; the first ``most`` count.
         most: how many.
     """
-    rivals = list(rivals)[:most]
     problem = rivals[0].fit.problem
     e = problem.experiments[0]
+    if isinstance(e, Sines):
+        return _rows(rivals, problem)
+    rivals = list(rivals)[:most]
     if e.drive is None or len(problem.model.inputs) != 1:
         return None
     size = max(float(np.abs(np.asarray(x.drive.values)).max()) for x in problem.experiments if x.drive is not None)
@@ -107,6 +113,27 @@ def propose(rivals: Sequence[Trial], most: int = 4) -> Proposal | None:
                 tuple(v.name for v in problem.model.outputs),
             )
     return best
+
+
+def _rows(rivals: Sequence[Trial], problem: Problem) -> Proposal | None:
+    """The rows of a frequency-response table to measure next."""
+    found = choose(rivals)
+    if found is None:
+        return None
+    apart = {label: value for label, value in found.factors.items() if value >= SEPARATED}
+    return Proposal(
+        found.kind,
+        found.sentence,
+        (rivals[0].label, *apart),
+        min((apart or found.factors).values()),
+        found.rows.frequency,
+        found.rows.amplitude,
+        found.rows.input,
+        found.rows.unit,
+        found.predictions,
+        tuple(v.name for v in problem.model.outputs),
+        "frequency [rad/s]",
+    )
 
 
 def _predict(trial: Trial, time: Array, drive: Array) -> Array:

@@ -9,6 +9,8 @@ import numpy as np
 
 from diagnosis.fit import Fit
 from diagnosis.problem import Experiment
+from diagnosis.sines import Sines
+from diagnosis.sines_report import draw
 from diagnosis.verdict import Diagnosis, fit_table, place_odds
 from engine.files import writing
 
@@ -43,8 +45,16 @@ def held_out(diagnosis: Diagnosis, path: Path) -> Path:
     figure, axes = plt.subplots(
         2 * len(outputs), 1, sharex=True, figsize=(9, 3.4 * len(outputs) + 1), layout="constrained"
     )
+    table = isinstance(held, Sines)
     for k, variable in enumerate(outputs):
         above, below = axes[2 * k], axes[2 * k + 1]
+        if isinstance(held, Sines):
+            draw((above, below), made, COLOURS, k)
+            above.set_ylabel(f"{variable.name}\n[dB re 1 {held.unit}]", fontsize=9)
+            below.set_ylabel("left over\n[dB]", fontsize=9)
+            for axis in (above, below):
+                _plain(axis)
+            continue
         above.plot(held.time, held.measured[:, k], color=COLOURS["recording"], lw=1.6, label="recording")
         for label, fit in made.items():
             e = next(x for x in fit.problem.experiments if x.name == held.name)
@@ -56,15 +66,19 @@ def held_out(diagnosis: Diagnosis, path: Path) -> Path:
         above.set_ylabel(f"{variable.name}\n[{variable.unit}]", fontsize=9)
         below.set_ylabel(f"left over\n[{variable.unit}]", fontsize=9)
         for axis in (above, below):
-            axis.grid(True, color="#e4e4e4", lw=0.6)
-            axis.spines[["top", "right"]].set_visible(False)
-            axis.margins(x=0)
+            _plain(axis)
     axes[0].legend(ncols=4, fontsize=8, frameon=False, loc="lower left", bbox_to_anchor=(0, 1))
     axes[1].legend(ncols=4, fontsize=8, frameon=False, loc="upper right")
-    axes[-1].set_xlabel("time [s]")
+    axes[-1].set_xlabel("frequency [rad/s]" if table else "time [s]")
     role = "held out" if held.role == "hold_out" else "not held out"
     figure.suptitle(f"{held.name} ({role})", x=0.99, ha="right", fontsize=10)
     return _save(figure, path, plt)
+
+
+def _plain(axis: Any) -> None:
+    axis.grid(True, color="#e4e4e4", lw=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.margins(x=0)
 
 
 def odds(diagnosis: Diagnosis, path: Path) -> Path:

@@ -88,14 +88,14 @@ def sweep(driven: SineModel, table: FrequencyTable, progress: Callable[[float], 
         FlexarmError: a simulation fails.
     """
     model, sine = driven.model, driven.sine
-    settle = _settling_time(model)
+    settle = settling_time(model, model.parameter_values, TIME_CONSTANTS)
     rows: NDArray[np.float64] = np.zeros((len(table.frequency), len(model.outputs)))
     restless: list[int] = []
 
     def row(i: int) -> tuple[Vector, bool]:
         values = {f"{sine}.amplitude": float(table.amplitude[i])}
         values[f"{sine}.frequency"] = float(table.frequency[i]) / (2 * math.pi)
-        return _periodic(model, values, float(table.frequency[i]), settle, table.largest_step)
+        return periodic(model, values, float(table.frequency[i]), settle, table.largest_step)
 
     # The first row compiles the model; the others share it.
     if len(rows):
@@ -156,21 +156,22 @@ def sine_model(scenario: Scenario, table: FrequencyTable, where: Where | None = 
         raise
 
 
-def _settling_time(model: Model) -> float:
-    """A few time constants (s) of the slowest mode with joints sliding and contacts closed."""
-    p, e = model.parameter_values, model.equations
+def settling_time(model: Model, p: Vector, time_constants: float) -> float:
+    """A few time constants (s) of the slowest mode with joints sliding and contacts closed, at given parameters."""
+    e = model.equations
     x = start_values(model, p)
     modes = [1.0 if mode.kind in (FRICTION, SWITCH) else 0.0 for mode in model.modes]
-    jacobian = ca.Function("jacobian", e.arguments, [ca.jacobian(e.derivative, e.x)])
-    matrix = np.array(jacobian(0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), modes, p).full())
+    if "jacobian" not in model.functions:
+        model.functions["jacobian"] = ca.Function("jacobian", e.arguments, [ca.jacobian(e.derivative, e.x)])
+    matrix = np.array(model.functions["jacobian"](0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), modes, p).full())
     if not matrix.size or not np.isfinite(matrix).all():
         return 0.0
     rates = -np.linalg.eigvals(matrix).real
     slow = rates[rates > 1 / LONGEST]
-    return TIME_CONSTANTS / float(slow.min()) if len(slow) else 0.0
+    return time_constants / float(slow.min()) if len(slow) else 0.0
 
 
-def _periodic(
+def periodic(
     model: Model, values: dict[str, float], frequency: float, settle: float, largest_step: float | None
 ) -> tuple[Vector, bool]:
     """Half the range of each output over the last period, and whether it had settled."""
@@ -190,9 +191,9 @@ def _periodic(
     while True:
         rows = cycles * per_period if not model.clocks else math.ceil(cycles * period / step)
         result = simulate(model, rows * step, step, parameters=values, internal_step=min(longest, step), log_capacity=0)
-        last = _half_range(result.values[-per_period - 1 :])
+        last = half_range(result.values[-per_period - 1 :])
         middle = len(result.values) // 2
-        before = _half_range(result.values[max(0, middle - per_period) : middle + 1])
+        before = half_range(result.values[max(0, middle - per_period) : middle + 1])
         if np.all(np.abs(last - before) <= SETTLED * np.abs(last)):
             return last, True
         if 2 * rows > MOST_STEPS:
@@ -200,14 +201,40 @@ def _periodic(
         cycles *= 2
 
 
-def _half_range(values: NDArray[np.float64]) -> Vector:
+def half_range(values: NDArray[np.float64]) -> Vector:
     """Half the peak to peak of each column over one period, extremes refined by a parabola through three points."""
     return np.array([(_top(column) + _top(-column)) / 2 for column in values.T])
 
 
 def _top(values: Vector) -> float:
+    """The highest value of one period: of the parabola about its highest row, or of the kink that a contact makes."""
     i, last = int(np.argmax(values)), len(values) - 1
     before, here, after = values[i - 1 if i else last - 1], values[i], values[i + 1 if i < last else 1]
     bend = before - 2 * here + after
     inside = bend < 0 and max(before, after) <= here
-    return float(here - (after - before) ** 2 / (8 * bend)) if inside else float(here)
+    smooth = float(here - (after - before) ** 2 / (8 * bend)) if inside else float(here)
+    if last < 12:
+        return smooth
+    near = values[(i + np.arange(-3, 4)) % last]
+    return _kink(near, smooth) if inside else smooth
+
+
+_AHEAD = np.array([1.0, -3.0, 3.0])
+"""Value of a parabola one row on from three."""
+
+
+def _kink(near: Vector, smooth: float) -> float:
+    """Where two parabolas meet beside the middle of seven rows, if one side alone does not continue over the middle.
+
+    The effort of a contact jumps as it closes, and the speed peaks in a corner that lies between two rows.
+    """
+    left, right = abs(_AHEAD @ near[:3] - near[3]), abs(_AHEAD @ near[:3:-1] - near[3])
+    if min(left, right) > 0.2 * max(left, right):
+        return smooth
+    if right < left:
+        near = near[::-1]
+    # On the side that continues, the rows -2, -1, 0; on the other, 1, 2, 3; they meet between 0 and 1.
+    one, other = np.polyfit([-2.0, -1.0, 0.0], near[1:4], 2), np.polyfit([1.0, 2.0, 3.0], near[4:], 2)
+    meet = [r.real for r in np.roots(one - other) if abs(r.imag) < 1e-12 and -1e-9 <= r.real <= 1 + 1e-9]
+    found = max((float(np.polyval(one, r)) for r in meet), default=smooth)
+    return found if near[3] <= found <= near[3] + 2 * abs(near[3] - near[4]) + 2 * abs(near[3] - near[2]) else smooth

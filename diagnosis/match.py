@@ -64,8 +64,9 @@ def from_file(path: Path, inputs: dict[str, str], signals: dict[str, str]) -> Re
                 raise error.at(Where(str(path), 1, column)) from None
         else:
             scale, unit = 1.0, stated or target
-        values = raw[column] = columns.number(column) * scale
+        values = columns.number(column) * scale
         if end is not None and end not in [channel.name for channel in drives]:
+            raw[column] = values
             drives.append(Channel(end, unit, values, column))
             notes.append(f"{column} drives {end}")
         elif end is None and len(np.unique(values[np.isfinite(values)])) > 1:

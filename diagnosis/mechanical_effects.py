@@ -195,7 +195,15 @@ def _joint(
 
 def _drives(kind: str, port: str) -> bool:
     """Whether cutting behind this port separates the drive from the load."""
-    return (kind, port) in (("DCMotor", "shaft"), ("Gear", "output"), ("HarmonicDrive", "output"), ("Torque", "shaft"))
+    return (kind, port) in (
+        ("DCMotor", "shaft"),
+        ("Gear", "output"),
+        ("HarmonicDrive", "output"),
+        ("Torque", "shaft"),
+        ("Force", "flange"),
+        ("PrescribedMotion", "shaft"),
+        ("TranslationalPrescribedMotion", "flange"),
+    )
 
 
 _UNITS = {
@@ -213,7 +221,7 @@ def at_links(around: Surroundings) -> Iterator[Candidate]:
     for name, block in around.problem.scenario.system.blocks.items():
         if type(block).__name__ == "AssumedModesLink":
             yield from _link(name, block)
-        elif type(block).__name__ == "SpringDamper":
+        elif type(block).__name__ == "SpringDamper" or _is_spring(block):
             yield from _spring(around, name, block)
 
 
@@ -240,6 +248,11 @@ def _link(name: str, block: Any) -> Iterator[Candidate]:
         yield Candidate("payload", name, name, name, loaded, (Knob("payload_mass", mass),), sizes)
 
 
+def _is_spring(block: Any) -> bool:
+    """Whether a block of another kind is a plain spring and damper as it stands."""
+    return type(block).__name__ == "Backlash" and block.values["law"] == "two_sided" and not block.values["half_gap"]
+
+
 def _spring(around: Surroundings, name: str, block: Any) -> Iterator[Candidate]:
     stiffness, damping = float(block.values["stiffness"]), float(block.values["damping"])
     torque = max((t for f, t in around.torque.items() if f.startswith(f"{name}.")), default=0.0)
@@ -249,7 +262,8 @@ def _spring(around: Surroundings, name: str, block: Any) -> Iterator[Candidate]:
     def replaced(
         effect: str, kind: str, units: dict[str, str], starts: tuple[Sizes, ...], *knobs: Knob, **fixed: Any
     ) -> Candidate:
-        drop = ("rest_angle",) if kind != "StructuralSpring" else ("rest_angle", "damping")
+        drop: tuple[str, ...] = ("rest_angle",) if kind != "StructuralSpring" else ("rest_angle", "damping")
+        drop += () if kind == "Backlash" else ("half_gap", "law")
 
         def edits(values: Sizes) -> list[Edit]:
             given = {key: with_unit(values[key], unit) for key, unit in units.items() if key in values}
@@ -273,6 +287,8 @@ def _spring(around: Surroundings, name: str, block: Any) -> Iterator[Candidate]:
         Knob("half_gap", twist),
         law="push_only",
     )
+    if damping:
+        yield replaced("one_sided_contact", "Backlash", {}, ({},), half_gap="0 rad", law="push_only")
     yield replaced(
         "hysteresis",
         "BoucWenSpring",

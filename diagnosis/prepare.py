@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 
 from diagnosis.columns import RecordingError
 from diagnosis.compare import Plan, grid, plan
 from diagnosis.problem import Array, Experiment, Free, Problem
-from diagnosis.recording import Recording
-from engine.errors import FlexarmError
+from diagnosis.recording import FrequencyTable, Recorded, Recording
+from diagnosis.sines import prepared
+from diagnosis.starts import free_starts, starting_values
+from engine.errors import FlexarmError, ParameterError, nearest
 from engine.model import Model
+from engine.quantity import convert
 from engine.start import start_values
 from engine.step import internal_step
 from scenarios.load import Scenario
+
+MOST_SAMPLES = 1_000_000
+"""Samples of one recording that a fit takes."""
 
 FINEST = 20
 """At most so many internal steps per sample: stiffer models than the data can show are left to diverge."""
@@ -31,6 +38,8 @@ def noise(values: Array) -> float:
     if steps.size and np.median(np.abs(steps / quantum - np.round(steps / quantum))) > 1e-3:
         quantum = 0.0
     jitter = np.diff(clean, 2)
+    if quantum == 0.0:
+        jitter = jitter[jitter != 0.0]  # where a sensor is at the end of its range it shows no noise
     rough = 1.4826 * float(np.median(np.abs(jitter - np.median(jitter)))) / math.sqrt(6) if jitter.size else 0.0
     return math.sqrt(max(quantum**2 / 12, rough**2))
 
@@ -38,15 +47,18 @@ def noise(values: Array) -> float:
 def experiment(made: Plan, recording: Recording, longest: float) -> Experiment:
     """A recording in the form a fit needs.
 
+    An uneven time axis stays as it is: the model is simulated on a finer even grid and read at the recorded instants.
+
     Raises:
-        RecordingError: its time axis is not uniform.
+        RecordingError: too many samples, an unknown starting value, or noise that cannot be estimated.
     """
-    step, every = grid(recording.time, longest)
-    if not every:
+    if len(recording.time) > MOST_SAMPLES:
         raise RecordingError(
-            f"recording '{recording.name}' has no uniform time axis",
-            remedy="resample it, or leave out the irregular part",
+            f"recording '{recording.name}' has {len(recording.time)} samples, and a fit simulates all of them some "
+            f"hundred times; at most {MOST_SAMPLES} are taken",
+            remedy="choose a part with 'window: [from, until]' in the recording, or store it at longer intervals",
         )
+    step, every = grid(recording.time, longest)
     measured = np.column_stack([c.values * f for c, f in zip(recording.measurements, made.factors, strict=True)])
     sigma = []
     for k, channel in enumerate(recording.measurements):
@@ -57,26 +69,47 @@ def experiment(made: Plan, recording: Recording, longest: float) -> Experiment:
                 remedy="the signal may be constant; give its standard deviation as 'noise:'",
             )
         sigma.append(given)
-    return Experiment(
+    time = np.asarray(recording.time)
+    found = Experiment(
         recording.name,
         recording.role,
-        np.asarray(recording.time),
+        time,
         step,
-        every,
+        every or max(1, round(float(time[-1]) / (len(time) - 1) / step)),
         made.drive,
         measured,
         np.array(sigma),
         tuple(channel.from_first for channel in recording.measurements),
         recording.free,
+        starting_values(made.model, recording, measured),
+        uneven=not every,
     )
+    return found if recording.resample is None else resampled(found, recording.resample)
 
 
-def free_parameters(model: Model) -> list[Free]:
-    """Every parameter with a declared tolerance, moved in units of it."""
+def resampled(given: Experiment, interval: float) -> Experiment:
+    """The experiment compared at other instants: every so many of its samples, or interpolated between them.
+
+    The drive keeps every sample.
+    """
+    sample = given.step * given.every
+    skip = round(interval / sample)
+    if not given.uneven and skip >= 1 and abs(skip * sample - interval) < 1e-6 * sample:
+        return replace(given, time=given.time[::skip], measured=given.measured[::skip], every=given.every * skip)
+    parts = max(1, math.ceil(interval / given.step - 1e-9))
+    step = float(Fraction(interval / parts).limit_denominator(10**9))
+    time = np.arange(int(given.time[-1] / (step * parts) + 1e-9) + 1, dtype=np.float64) * np.float64(step * parts)
+    columns = [np.interp(time, given.time, column) for column in given.measured.T]
+    return replace(given, time=time, measured=np.column_stack(columns), step=step, every=parts, uneven=False)
+
+
+def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[Free]:
+    """Every parameter with a tolerance, that of ``tolerances`` or the declared one, moved in units of it."""
     rows = []
     for parameter in model.parameters:
         tolerance, (low, high) = parameter.declared.tolerance, parameter.declared.bounds
-        if tolerance is None or parameter.value == 0.0:
+        tolerance = tolerances.get(parameter.name, tolerance)
+        if not tolerance or parameter.value == 0.0:
             continue
         logarithmic = low >= 0 and parameter.value > 0
         scale = tolerance if logarithmic else tolerance * abs(parameter.value)
@@ -85,19 +118,67 @@ def free_parameters(model: Model) -> list[Free]:
 
 
 def problem(
-    scenario: Scenario, recordings: Sequence[Recording], extra: Sequence[Free] = (), sigma: Array | None = None
+    scenario: Scenario, recordings: Sequence[Recorded], extra: Sequence[Free] = (), sigma: Array | None = None
 ) -> Problem:
     """The problem of fitting a scenario to recordings.
 
     Args:
         scenario: the model.
-        recordings: all with the same drives and measurements.
+        recordings: all over time, or all tables, with the same drives and measurements.
         extra: parameters to free besides those with a tolerance, or in their place where a name is the same.
         sigma: noise of each signal, in place of what the recordings say.
 
     Raises:
         FlexarmError: recordings that do not fit the scenario, or each other.
     """
+    tables = [r for r in recordings if isinstance(r, FrequencyTable)]
+    if len(tables) == len(recordings):
+        model, experiments = prepared(scenario, tables)
+    elif tables:
+        raise FlexarmError(
+            f"'{tables[0].name}' is a frequency-response table and others are recordings over time",
+            remedy="fit tables and recordings over time one after the other",
+        )
+    else:
+        model, experiments = _over_time(scenario, [r for r in recordings if isinstance(r, Recording)])
+    if sigma is not None:
+        experiments = [replace(e, sigma=sigma) for e in experiments]
+    tolerances = _tolerances(scenario, None if extra else model)
+    named = {f.name: f for f in free_parameters(model, tolerances)} | {f.name: f for f in extra}
+    bounds = {p.name: _within(p.declared.bounds) for p in model.parameters}
+    free = [
+        replace(f, low=max(f.low, bounds[f.name][0]), high=min(f.high, bounds[f.name][1]))
+        for f in named.values()
+        if f.name in bounds
+    ]
+    starts = [start for e in experiments for start in free_starts(e)]
+    internal = scenario.simulation.internal_step if scenario.simulation else None
+    if internal is None and not tables:
+        p = model.parameter_values
+        step = min(e.step for e in experiments)
+        internal = max(internal_step(model, p, start_values(model, p), step), step / FINEST)
+    return Problem(scenario, model, tuple(experiments), (*free, *starts), internal)
+
+
+def _tolerances(scenario: Scenario, model: Model | None) -> dict[str, float]:
+    """Tolerances that the scenario states, by parameter; the names are checked where a model is given."""
+    found = {}
+    for name, given in scenario.file.tolerances.items():
+        where = scenario.where("tolerances", name)
+        known = [p.name for p in model.parameters] if model else [name]
+        if name not in known:
+            raise ParameterError(f"the model has no parameter '{name}'", where, nearest(name, known))
+        try:
+            found[name] = convert(given, "1")
+        except ParameterError as error:
+            raise error.at(where) from None
+        if not 0 <= found[name] < math.inf:
+            raise ParameterError(f"a tolerance of {given}", where, "give a share such as 0.1, or 0 for a known value")
+    return found
+
+
+def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Model, list[Experiment]]:
+    """The model, and recordings over time as experiments."""
     plans = [plan(scenario, recording) for recording in recordings]
     first = plans[0]
     for made, recording in zip(plans, recordings, strict=True):
@@ -107,23 +188,7 @@ def problem(
                 remedy="give recordings with the same drive and measurements",
             )
     longest = scenario.simulation.step if scenario.simulation else 1e-3
-    experiments = [experiment(m, r, max(longest, 1e-3)) for m, r in zip(plans, recordings, strict=True)]
-    if sigma is not None:
-        experiments = [replace(e, sigma=sigma) for e in experiments]
-    named = {f.name: f for f in free_parameters(first.model)} | {f.name: f for f in extra}
-    bounds = {p.name: _within(p.declared.bounds) for p in first.model.parameters}
-    free = [
-        replace(f, low=max(f.low, bounds[f.name][0]), high=min(f.high, bounds[f.name][1]))
-        for f in named.values()
-        if f.name in bounds
-    ]
-    starts = [Free(name, 0.0, 0.05, False, recording=e.name) for e in experiments for name in e.free]
-    internal = scenario.simulation.internal_step if scenario.simulation else None
-    if internal is None:
-        p = first.model.parameter_values
-        step = min(e.step for e in experiments)
-        internal = max(internal_step(first.model, p, start_values(first.model, p), step), step / FINEST)
-    return Problem(scenario, first.model, tuple(experiments), (*free, *starts), internal)
+    return first.model, [experiment(m, r, max(longest, 1e-3)) for m, r in zip(plans, recordings, strict=True)]
 
 
 def _within(bounds: tuple[float, float]) -> tuple[float, float]:

@@ -7,6 +7,7 @@ scale where its bounds keep it positive, and pays the square of that distance: t
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,6 +77,8 @@ class Experiment:
         sigma: standard deviation of each signal's noise.
         from_first: for each signal, whether it counts from the first sample.
         free: starting values that belong to this recording.
+        initial: starting values by name (SI), those that are free as they begin.
+        uneven: whether ``time`` is not a multiple of the rows' interval: outputs are then interpolated between rows.
     """
 
     name: str
@@ -89,26 +92,96 @@ class Experiment:
     from_first: tuple[bool, ...]
     free: tuple[str, ...] = ()
     initial: dict[str, float] = field(default_factory=dict)
+    uneven: bool = False
 
     @property
     def stop(self) -> float:
         """End of the simulation (s)."""
+        if self.uneven:
+            return float(self.step * (math.floor(self.time[-1] / self.step + 1e-6) + 1))
         return float(self.step * self.every * (len(self.time) - 1))
+
+    @property
+    def shortest(self) -> float:
+        """The shortest time (s) that it resolves."""
+        return self.step * self.every
+
+    def sampled(self, rows: Array) -> Array:
+        """Simulated rows at the recorded instants, shape (samples, ...)."""
+        if not self.uneven:
+            return rows[:: self.every][: len(self.time)]
+        place = self.time / self.step
+        below = np.minimum(np.floor(place + 1e-6).astype(int), len(rows) - 2)
+        share = np.maximum(place - below, 0.0).reshape(-1, *[1] * (rows.ndim - 1))
+        return np.asarray(rows[below] * (1 - share) + rows[below + 1] * share)
 
     def cut(self, until: float) -> Experiment:
         """The same, only up to a time."""
         keep = max(8, int(np.searchsorted(self.time, until)))
         return replace(self, time=self.time[:keep], measured=self.measured[:keep])
 
+    def outputs(
+        self, model: Model, parameters: dict[str, float], starts: dict[str, float], longest: float | None
+    ) -> Array:
+        """Simulated outputs, shape (rows, signals), at integration steps of at most ``longest`` (s).
+
+        Raises:
+            SimulationError: the run diverged.
+        """
+        run = simulate(
+            model,
+            self.stop,
+            self.step,
+            parameters=parameters,
+            drive=self.drive,
+            initial=starts,
+            internal_step=longest,
+            log_capacity=0,
+        )
+        return run.values
+
+    def linearised(
+        self, model: Model, free: Sequence[Free], x: Array, starts: dict[str, float], longest: float | None
+    ) -> tuple[Array, Array]:
+        """Residual, flat, and its Jacobian with respect to the search vector, by tangents.
+
+        Raises:
+            SimulationError: the run diverged.
+        """
+        parameters = {f.name: f.value(v) for f, v in zip(free, x, strict=True) if not f.recording}
+        mine = [i for i, f in enumerate(free) if not f.recording or f.recording == self.name]
+        names = [free[i].name for i in mine]
+        try:
+            found = tangents(
+                model,
+                self.stop,
+                self.step,
+                wrt=names,
+                parameters=parameters,
+                drive=self.drive,
+                initial=starts,
+                internal_step=longest,
+            )
+        except ParameterError as error:
+            raise SimulationError(error.message) from error
+        r = np.clip(self.residual(found.result.values), -HUGE, HUGE).ravel()
+        slopes = self.slopes(found.values).reshape(len(r), len(names))
+        J = np.zeros((len(r), len(free)))
+        for column, i in enumerate(mine):
+            J[:, i] = slopes[:, column] * free[i].slope(x[i])
+        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > HUGE**2:
+            raise SimulationError("the sensitivities grow without bound")
+        return r, J
+
     def residual(self, simulated: Array) -> Array:
         """(measured - simulated) / sigma, zero where nothing was recorded; shape (samples, signals)."""
-        rows = simulated[:: self.every][: len(self.time)]
+        rows = self.sampled(simulated)
         rows = rows - np.where(self.from_first, rows[0], 0.0)
         return np.nan_to_num((self.measured - rows) / self.sigma, nan=0.0)
 
     def slopes(self, values: Array) -> Array:
         """Derivative of the residual, shape (samples, signals, directions), from that of the outputs."""
-        rows = values[:: self.every][: len(self.time)]
+        rows = self.sampled(values)
         rows = rows - np.where(np.asarray(self.from_first)[:, None], rows[0], 0.0)
         made = -rows / self.sigma[None, :, None]
         made[np.isnan(self.measured)] = 0.0
@@ -152,18 +225,7 @@ class Problem:
         Raises:
             SimulationError: the run diverged.
         """
-        parameters, starts = self.values(x, experiment)
-        run = simulate(
-            self.model,
-            experiment.stop,
-            experiment.step,
-            parameters=parameters,
-            drive=experiment.drive,
-            initial=starts,
-            internal_step=self.internal_step,
-            log_capacity=0,
-        )
-        return run.values
+        return experiment.outputs(self.model, *self.values(x, experiment), self.internal_step)
 
     def residual(self, x: Array, experiment: Experiment) -> Array:
         """Residual of one experiment, or a huge one where the simulation fails."""
@@ -179,27 +241,4 @@ class Problem:
         Raises:
             SimulationError: the run diverged.
         """
-        parameters, starts = self.values(x, experiment)
-        mine = [i for i, f in enumerate(self.free) if not f.recording or f.recording == experiment.name]
-        names = [self.free[i].name for i in mine]
-        try:
-            found = tangents(
-                self.model,
-                experiment.stop,
-                experiment.step,
-                wrt=names,
-                parameters=parameters,
-                drive=experiment.drive,
-                initial=starts,
-                internal_step=self.internal_step,
-            )
-        except ParameterError as error:
-            raise SimulationError(error.message) from error
-        r = np.clip(experiment.residual(found.result.values), -HUGE, HUGE).ravel()
-        slopes = experiment.slopes(found.values).reshape(len(r), len(names))
-        J = np.zeros((len(r), len(self.free)))
-        for column, i in enumerate(mine):
-            J[:, i] = slopes[:, column] * self.free[i].slope(x[i])
-        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > HUGE**2:
-            raise SimulationError("the sensitivities grow without bound")
-        return r, J
+        return experiment.linearised(self.model, self.free, x, self.values(x, experiment)[1], self.internal_step)

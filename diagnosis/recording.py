@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.axis import led_in, steadied, time_axis, window
 from diagnosis.columns import Columns, RecordingError, Vector, read_columns
+from diagnosis.location import location
 from engine.errors import ParameterError, Where
 from engine.quantity import coherent, convert, factor, split
 from engine.simulate import SHORTEST
@@ -30,11 +32,11 @@ class Channel:
     Attributes:
         name: the signal or input of the model.
         unit: coherent SI unit of the values; empty if the file does not say.
-        values: shape (samples,).
+        values: shape (samples,); NaN where a measurement holds no number.
         column: where it came from.
         hold: for a drive, ``zero_order`` or ``linear``.
         tap: for a drive, where it was logged.
-        from_first: count from the first sample, here and in the simulation.
+        from_first: count from the first sample, here and, for a measurement, in the simulation.
         noise: standard deviation in ``unit``; None if it is to be estimated.
     """
 
@@ -60,6 +62,7 @@ class Recording:
         measurements: signals to compare.
         free: states that a fit may choose for this recording.
         loop, role: as the scenario states them.
+        resample: interval (s) at which measurements are compared; None compares every sample.
         notes: what was done to the data, in sentences.
     """
 
@@ -72,6 +75,7 @@ class Recording:
     loop: str = "open"
     role: str = "train"
     notes: tuple[str, ...] = ()
+    resample: float | None = None
 
 
 @dataclass(frozen=True)
@@ -97,6 +101,10 @@ class FrequencyTable:
     largest_step: float | None = None
     role: str = "train"
     notes: tuple[str, ...] = ()
+
+
+Recorded = Recording | FrequencyTable
+"""What a fit or a comparison takes."""
 
 
 @dataclass
@@ -155,7 +163,8 @@ def from_scenario(scenario: Scenario, name: str) -> Recording | FrequencyTable:
 
     made = scenario.recordings[name]
     path = ("recordings", name)
-    columns = read_columns(scenario.path.parent / made.file, scenario.where(*path, "file"))
+    like = (made.frequency if isinstance(made, FrequencyRecording) else made.time).column or ""
+    columns = read_columns(location(scenario, name), scenario.where(*path, "file"), like)
     reader = Reader(columns, scenario, path)
     if isinstance(made, FrequencyRecording):
         return _frequency(reader, name, made, scenario)
@@ -163,23 +172,19 @@ def from_scenario(scenario: Scenario, name: str) -> Recording | FrequencyTable:
 
 
 def _time(reader: Reader, name: str, made: TimeRecording, scenario: Scenario) -> Recording:
-    try:
-        seconds = factor(made.time.unit, "s")
-    except ParameterError as error:
-        raise error.at(scenario.where("recordings", name, "time", "unit")) from None
-    time = reader.column(made.time.column, "time") * seconds
-    raw: dict[str, Vector] = {made.time.column: time}
+    time, time_column = time_axis(reader, made)
+    raw: dict[str, Vector] = {time_column: time}
     drives, measured = [], []
     for end, given in made.drive.items():
         keys = ("drive", end)
         values = raw[given.column] = reader.column(given.column, *keys)
         scale, si_unit = reader.factor(given.unit, given.scale, *keys, "unit")
-        drives.append(
-            Channel(scenario.resolve(end), si_unit, values * (scale * given.sign), given.column, given.hold, given.tap)
-        )
+        values = values * (scale * given.sign)
+        channel = Channel(scenario.resolve(end), si_unit, values, given.column, given.hold, given.tap)
+        drives.append(replace(channel, from_first=given.zero == "first"))
     for signal, meant in made.measurements.items():
         keys = ("measurements", signal)
-        values = raw[meant.column] = reader.column(meant.column, *keys)
+        values = reader.column(meant.column, *keys)
         if meant.counts_per_rev is not None:
             scale, si_unit = 2 * math.pi / reader.convert(meant.counts_per_rev, "1", *keys, "counts_per_rev"), "rad"
         else:
@@ -192,39 +197,48 @@ def _time(reader: Reader, name: str, made: TimeRecording, scenario: Scenario) ->
         noise = None
         if meant.noise != "auto":
             noise = abs(scale) * reader.convert(meant.noise, meant.unit, *keys, "noise")
-        measured.append(
-            Channel(
-                scenario.resolve(signal),
-                si_unit,
-                values,
-                meant.column,
-                from_first=meant.zero == "first",
-                noise=noise,
-            )
-        )
-    return checked(
-        Recording(
-            name,
-            reader.columns.file,
-            time,
-            tuple(drives),
-            tuple(measured),
-            tuple(made.initial.free),
-            made.loop,
-            made.role,
-        ),
-        reader,
-        made.gaps == "skip",
-        raw,
-        made.time.column,
+        channel = Channel(scenario.resolve(signal), si_unit, values, meant.column)
+        measured.append(replace(channel, from_first=meant.zero == "first", noise=noise))
+    resample = reader.convert(made.resample, "s", "resample") if made.resample is not None else None
+    if resample is not None and not resample > 0:
+        raise RecordingError(f"resample is {resample:g} s", reader.where("resample"), "give a time above zero")
+    recording = Recording(
+        name,
+        reader.columns.file,
+        time,
+        tuple(drives),
+        tuple(measured),
+        tuple(made.initial.free),
+        made.loop,
+        made.role,
+        resample=resample,
     )
+    keep = window(reader, made, time)
+    return led_in(checked(recording, reader, made.gaps == "skip", raw, time_column, keep), made.lead_in)
 
 
-def checked(recording: Recording, reader: Reader, skip: bool, raw: dict[str, Vector], time_column: str) -> Recording:
-    """The recording with gaps refused or skipped, time rising and starting from zero, and no dead column."""
+def checked(
+    recording: Recording,
+    reader: Reader,
+    skip: bool,
+    raw: dict[str, Vector],
+    time_column: str,
+    within: NDArray[np.bool_] | None = None,
+) -> Recording:
+    """The recording with gaps refused or skipped, time rising and starting from zero, and no dead column.
+
+    Args:
+        recording: as read.
+        reader: its file.
+        skip: leave out rows with holes in ``raw``, which are refused otherwise.
+        raw: columns that must hold a number in every row; holes in other measurements stay, as NaN.
+        time_column: what the time is called.
+        within: rows to use, all if None.
+    """
+    within = np.ones(len(reader.columns), dtype=bool) if within is None else within
     bad = np.zeros(len(reader.columns), dtype=bool)
     for column, values in raw.items():
-        holes = ~np.isfinite(values)
+        holes = ~np.isfinite(values) & within
         if holes.any() and not skip:
             raise RecordingError(
                 f"column '{column}' holds no finite number in {reader.rows(holes)}",
@@ -234,7 +248,7 @@ def checked(recording: Recording, reader: Reader, skip: bool, raw: dict[str, Vec
         bad |= holes
     if bad.any():
         reader.notes.append(f"{int(bad.sum())} of {len(bad)} rows hold no number and are left out: {reader.rows(bad)}")
-    keep = ~bad
+    keep = ~bad & within
     time, rows = recording.time[keep], reader.columns.rows[keep]
     if len(time) < 2:
         raise RecordingError(
@@ -260,7 +274,7 @@ def checked(recording: Recording, reader: Reader, skip: bool, raw: dict[str, Vec
             f"intervals of at least {SHORTEST:g} s can be simulated; is the unit of the time right?",
         )
     for channel in (*recording.drive, *recording.measurements):
-        large = ~(np.abs(channel.values) <= LARGEST) & keep
+        large = (np.abs(channel.values) > LARGEST) & np.isfinite(channel.values) & keep
         if large.any():
             raise RecordingError(
                 f"column '{channel.column}' holds more than {LARGEST:g} {channel.unit} in {reader.rows(large)}",
@@ -269,36 +283,55 @@ def checked(recording: Recording, reader: Reader, skip: bool, raw: dict[str, Vec
             )
     measured = []
     for channel in recording.measurements:
-        values = channel.values[keep]
-        if np.ptp(values) <= 1 / LARGEST:
-            raise RecordingError(
-                f"column '{channel.column}' is constant ({values[0]:g} {channel.unit} in all {len(values)} rows), "
-                "so there is nothing to compare",
-                Where(reader.columns.file),
-                f"leave '{channel.name}' out of the measurements",
-            )
+        values = _measured(channel, channel.values[keep], reader, keep)
         if channel.from_first:
             values = values - values[0]
-        measured.append(_with(channel, values))
+        measured.append(replace(channel, values=values))
     if time[0] != 0:
         reader.notes.append(f"time begins at {time[0]:g} s in the file and is counted from there")
-    return Recording(
-        recording.name,
-        recording.file,
-        time - time[0],
-        tuple(_with(channel, channel.values[keep]) for channel in recording.drive),
-        tuple(measured),
-        recording.free,
-        recording.loop,
-        recording.role,
-        (*recording.notes, *reader.notes),
+    time, said = steadied(time - time[0])
+    drives = [(channel, channel.values[keep]) for channel in recording.drive]
+    return replace(
+        recording,
+        time=time,
+        drive=tuple(replace(c, values=values - values[0] if c.from_first else values) for c, values in drives),
+        measurements=tuple(measured),
+        notes=(*recording.notes, *reader.notes, *said),
     )
 
 
-def _with(channel: Channel, values: Vector) -> Channel:
-    from dataclasses import replace
-
-    return replace(channel, values=values)
+def _measured(channel: Channel, values: Vector, reader: Reader, keep: NDArray[np.bool_]) -> Vector:
+    """The values of a measurement with NaN where it holds no number, reported."""
+    holes = ~np.isfinite(values)
+    finite = values[~holes]
+    if not finite.size:
+        raise RecordingError(
+            f"column '{channel.column}' holds no number",
+            Where(reader.columns.file),
+            f"leave '{channel.name}' out of the measurements",
+        )
+    if np.ptp(finite) <= 1 / LARGEST:
+        raise RecordingError(
+            f"column '{channel.column}' is constant ({finite[0]:g} {channel.unit} in all {len(finite)} rows), "
+            "so there is nothing to compare",
+            Where(reader.columns.file),
+            f"leave '{channel.name}' out of the measurements",
+        )
+    if holes.any():
+        marked = np.zeros(len(keep), dtype=bool)
+        marked[np.flatnonzero(keep)[holes]] = True
+        reader.notes.append(
+            f"column '{channel.column}' holds no number in {int(holes.sum())} of {len(holes)} rows, "
+            f"where it is not compared: {reader.rows(marked)}"
+        )
+        values = np.where(holes, np.nan, values)
+        if channel.from_first and holes[0]:
+            raise RecordingError(
+                f"column '{channel.column}' counts from its first sample, which holds no number",
+                reader.first(marked),
+                "leave the first rows out with 'window:', or write 'zero: none'",
+            )
+    return values
 
 
 def _frequency(reader: Reader, name: str, made: FrequencyRecording, scenario: Scenario) -> FrequencyTable:
@@ -327,7 +360,10 @@ def _frequency(reader: Reader, name: str, made: FrequencyRecording, scenario: Sc
     for signal, meant in made.response.items():
         raw[meant.column] = values = reader.column(meant.column, "response", signal)
         scale, unit = reader.factor(meant.unit, meant.scale, "response", signal)
-        responses.append(Channel(scenario.resolve(signal), unit, values * scale, meant.column))
+        noise = None
+        if meant.noise != "auto":
+            noise = abs(scale) * reader.convert(meant.noise, meant.unit, "response", signal, "noise")
+        responses.append(Channel(scenario.resolve(signal), unit, values * scale, meant.column, noise=noise))
     for column, values in raw.items():
         wrong = ~((np.nan_to_num(values) > 1 / LARGEST) & (values < LARGEST))
         if wrong.any():

@@ -15,8 +15,11 @@ from diagnosis.catalogue import candidates
 from diagnosis.fit import Fit, descend, fit, prior
 from diagnosis.prepare import problem
 from diagnosis.problem import Array, Problem
-from diagnosis.recording import Recording
+from diagnosis.recording import FrequencyTable, Recorded
+from diagnosis.sines import renamed
+from diagnosis.starts import settled
 from diagnosis.surroundings import Surroundings, surroundings
+from diagnosis.ties import lookalike
 from engine.errors import FlexarmError
 from scenarios.amend import Edit, amended
 from scenarios.load import Scenario, load
@@ -26,6 +29,9 @@ BLOCK = 0.2
 
 STRAIN = 2.5
 """Tolerances beyond which a fitted parameter is not believed."""
+
+CHANCE = 1.645
+"""Standard deviations of chi2 that noise alone exceeds once in twenty times."""
 
 DECISIVE = 10.0
 """Difference in cost, twice the log likelihood ratio, beyond which one change is preferred to another."""
@@ -68,6 +74,27 @@ class Trial:
         return sum(max(len(c.knobs), 1) for c in self.effects)
 
     @property
+    def merit(self) -> float:
+        """Held-out chi2 and, spread over its values, what the fitted parameters cost against their tolerances.
+
+        The second part is nothing beside thousands of samples, but a few rows of a table follow a wrong model whose
+        parameters have left their tolerances.
+        """
+        return self.hold_out + float(np.sum(prior(self.fit.problem, self.fit.x)[0] ** 2)) / max(self.samples, 1)
+
+    def added(self) -> dict[str, float]:
+        """Sizes of the effects (SI): ``effect.parameter`` -> fitted value, or the one it stays at."""
+        fitted, sizes = self.fit.parameters(), self.sizes or ({},) * len(self.effects)
+        rows = {}
+        for effect, start in zip(self.effects, sizes, strict=True):
+            for knob in effect.knobs:
+                name = f"{effect.name}.{knob.parameter}"
+                rows[f"{effect.effect}.{knob.parameter}"] = fitted.get(name, start.get(knob.parameter, math.nan))
+            if effect.loosened:
+                rows[effect.loosened.name] = fitted[effect.loosened.name]
+        return rows
+
+    @property
     def label(self) -> str:
         """The effects in words."""
         return " + ".join(c.key for c in self.effects) or "nothing"
@@ -82,14 +109,14 @@ class Study:
         recordings: of all roles.
         nominal: mean squared residual of the model as given, (train, hold-out).
         refit: the user's model with its parameters fitted.
-        trials: single effects, best first.
+        trials: single effects, best first, and pairs that may be taken for the chosen one.
         chosen: the best model found, of one or more effects, or the refit.
         around: sizes at the places.
         failures: candidates that could not be built, with the reason.
     """
 
     scenario: Scenario
-    recordings: tuple[Recording, ...]
+    recordings: tuple[Recorded, ...]
     nominal: tuple[float, float]
     refit: Trial
     trials: tuple[Trial, ...]
@@ -99,6 +126,7 @@ class Study:
 
 
 def _scored(made: Fit, effects: tuple[Candidate, ...], text: str, sizes: tuple[dict[str, float], ...] = ()) -> Trial:
+    made = replace(made, x=settled(made.problem, made.x))
     held = made.problem.chosen("hold_out") or made.problem.chosen("train", "repeat")
     sums, total, count = [], 0.0, 0
     for e in held:
@@ -120,7 +148,7 @@ class Workshop:
         seed: of everything random.
     """
 
-    def __init__(self, scenario: Scenario, recordings: Sequence[Recording], workers: int = 2, seed: int = 0) -> None:
+    def __init__(self, scenario: Scenario, recordings: Sequence[Recorded], workers: int = 2, seed: int = 0) -> None:
         self.scenario, self.recordings = scenario, tuple(recordings)
         self.workers, self.seed = workers, seed
         self.text = scenario.path.read_text(encoding="utf-8")
@@ -233,10 +261,12 @@ def _placed(
     return x
 
 
-def _renamed(recording: Recording, edits: Sequence[Edit]) -> Recording:
+def _renamed(recording: Recorded, edits: Sequence[Edit]) -> Recorded:
     """The recording with its signals called as the amended scenario calls them."""
     from scenarios.amend import InSignal, OnSensor
 
+    if isinstance(recording, FrequencyTable):
+        return renamed(recording, edits)
     for edit in edits:
         if isinstance(edit, InSignal):
             drive = tuple(
@@ -263,7 +293,7 @@ def gain_band(better: Trial, worse: Trial, seed: int = 0, draws: int = 400) -> t
 
 def study(
     scenario: Scenario,
-    recordings: Sequence[Recording],
+    recordings: Sequence[Recorded],
     *,
     workers: int = 2,
     seed: int = 0,
@@ -293,19 +323,22 @@ def study(
     around = surroundings(base)
     listed = [c for c in candidates(around) if c.effect not in without]
     trials, failures = _try_all(shop, [(c,) for c in listed], refit.fit, progress)
-    trials.sort(key=lambda t: (t.hold_out, t.size))
+    trials.sort(key=lambda t: (t.merit, t.size))
     chosen = _choose(refit, trials)
     for _ in range(1, most):
-        if not chosen.effects or chosen.hold_out < 1.2:
+        if not chosen.effects or chosen.hold_out - 1 < max(0.2, by_chance(chosen)):
             break
         used = {c.effect for c in chosen.effects}
         more = [t for t in trials if t.effects[0].effect not in used][:12]
         second, _ = _try_all(shop, [(*chosen.effects, t.effects[0]) for t in more], chosen.fit, progress)
-        second.sort(key=lambda t: (t.hold_out, t.size))
+        second.sort(key=lambda t: (t.merit, t.size))
         if not second or second[0].hold_out - 1 > 0.5 * (chosen.hold_out - 1):
             break
         chosen = second[0]
     chosen = shop.polish(chosen)
+    pair = lookalike(chosen, trials)
+    if pair:
+        trials += [shop.polish(t) for t in _try_all(shop, [pair], refit.fit, progress)[0]]
     return Study(scenario, tuple(recordings), before, refit, tuple(trials), chosen, around, tuple(failures))
 
 
@@ -337,14 +370,20 @@ def _choose(refit: Trial, trials: Sequence[Trial]) -> Trial:
     if not trials:
         return refit
     best = trials[0]
-    near = [t for t in trials if gain_band(best, t)[0] <= 0 and t.hold_out - best.hold_out < 0.05 * best.hold_out]
-    best = min(near or [best], key=lambda t: (t.size, t.hold_out))
+    near = [t for t in trials if gain_band(best, t)[0] <= 0 and t.merit - best.merit < 0.05 * best.merit]
+    best = min(near or [best], key=lambda t: (t.size, t.merit))
     excess = refit.hold_out - 1
     if excess < 0.2 and strained(refit):
         return _freed(refit, trials)
-    if refit.hold_out - best.hold_out < 0.3 * max(excess, 0.0) or gain_band(best, refit)[0] <= 0 or excess < 0.05:
+    least = max(0.05, by_chance(refit))
+    if refit.hold_out - best.hold_out < 0.3 * max(excess, 0.0) or gain_band(best, refit)[0] <= 0 or excess < least:
         return refit
     return best
+
+
+def by_chance(trial: Trial) -> float:
+    """How far above the floor noise alone may leave held-out chi2: far for the few rows of a table."""
+    return CHANCE * math.sqrt(2 / max(trial.samples, 1))
 
 
 def strained(refit: Trial) -> list[str]:

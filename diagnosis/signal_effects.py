@@ -20,13 +20,13 @@ CORNERS = (1.0, 3.0, 10.0, 30.0)
 
 def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candidate]:
     """What may lie between a driven signal and the block it drives; ``size`` is the largest value it takes."""
-    unit = next(v.unit for v in around.problem.model.inputs if v.name == target)
+    unit = around.units[target]
     system = around.problem.scenario.system
     block = system.split(target)[0]
     node = next((c for c in system.connections if target in c.ends), None)
     source = next((end for end in node.ends if end != target), "signal") if node is not None else "signal"
     place = f"{source} -> {target}"
-    sample = min(e.step * e.every for e in around.problem.experiments)
+    sample = around.sample
 
     def made(
         effect: str, kind: str, units: dict[str, str], knobs: tuple[Knob, ...], starts: tuple[Sizes, ...], **more: Any
@@ -53,7 +53,9 @@ def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candida
     corners = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield made("lag", "LowPass", {"corner_frequency": "rad/s"}, (Knob("corner_frequency", 1 / sample),), corners)
     waits = grid(delay=shares(sample, 1, 2, 3, 4, 5, 6, 8, 10, 14, 20))
-    yield made("delay", "Delay", {"delay": "s"}, (Knob("delay", sample, fixed=True),), waits, period=with_unit(sample, "s"))
+    yield made(
+        "delay", "Delay", {"delay": "s"}, (Knob("delay", sample, fixed=True),), waits, period=with_unit(sample, "s")
+    )
     motor = system.blocks[block]
     if type(motor).__name__ == "DCMotor" and motor.values["inductance"] == 0:
         reference = motor.values["resistance"] * sample
@@ -72,7 +74,7 @@ def at_sensor(around: Surroundings, signal: str) -> Iterator[Candidate]:
     training = around.problem.chosen("train", "repeat")
     measured = [e.measured[:, k] for e in training]
     size = max(float(np.nanmax(np.abs(m))) for m in measured) or 1.0
-    sample = min(e.step * e.every for e in training)
+    sample = around.sample
     biases, gains = grid(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02)), grid(gain=(1.01, 0.99, 1.05, 0.95))
     lags = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
     rows = [

@@ -11,7 +11,10 @@ import numpy as np
 
 from diagnosis.experiment import Proposal, propose
 from diagnosis.fit import Fit, prior, uncertainty
+from diagnosis.screening import screen
 from diagnosis.select import DECISIVE, Study, Trial, gain_band, log_evidence
+from diagnosis.sines import Sines
+from diagnosis.sines_report import absorbed, remarks
 
 NEAR = 0.05
 """Rivals whose held-out chi2 is within this share of the best, or within its bootstrap band, count as rivals."""
@@ -30,6 +33,7 @@ WORDS = {
     "viscous_friction": "viscous friction",
     "quadratic_drag": "quadratic drag",
     "joint_flexibility": "a flexible joint",
+    "one_sided_contact": "a contact that only pushes, without play,",
     "hardening_spring": "a hardening spring",
     "extra_mode": "a further bending mode",
     "torque_ripple": "torque ripple",
@@ -73,6 +77,7 @@ class Diagnosis:
                     "effects": [c.key for c in t.effects],
                     "log_evidence": evidence.get(t.label, log_evidence(t, best)),
                     "hold_out_chi2": t.hold_out,
+                    "parameters": t.added(),
                 }
                 for t in self.rivals
             ],
@@ -132,7 +137,8 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     """Turn a study into a verdict."""
     chosen, refit = study.chosen, study.refit
     made = replace(chosen.fit, **uncertainty(chosen.fit))
-    warnings = _warnings(study)
+    found = screen(refit.fit.problem)
+    warnings = (*(remark.text for remark in found), *_warnings(study))
     if not chosen.effects:
         best = study.trials[0] if study.trials else refit
         status = "none"
@@ -141,7 +147,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
         return Diagnosis(study, status, (_nothing(study, status),), (), None, warnings, made)
     rivals = _rivals(study, seed)
     explained = _explained(refit, chosen)
-    if explained < EXPLAINS:
+    if explained < EXPLAINS or any(remark.grave for remark in found):
         status = "unknown"
     elif rivals:
         status = "tie"
@@ -179,7 +185,9 @@ def _rivals(study: Study, seed: int) -> tuple[Trial, ...]:
         if same or _contains(trial, chosen):
             continue
         low, _ = gain_band(chosen, trial, seed)
-        if low <= 0 or trial.hold_out < (1 + NEAR) * chosen.hold_out:
+        # Twice the log likelihood ratio on held-out data, in units of what the best model leaves.
+        apart = (trial.merit - chosen.merit) * chosen.samples / max(chosen.hold_out, 1.0)
+        if low <= 0 or trial.hold_out < (1 + NEAR) * chosen.hold_out or apart < DECISIVE:
             rows.append(trial)
     return tuple(rows)
 
@@ -270,8 +278,11 @@ def _sentence(effect: str, place: str, status: str, explained: float, study: Stu
     if status == "wrong_parameter":
         return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
     if status == "tie":
-        others = "; ".join(t.label for t in rivals[:4])
+        others = "; ".join(t.label for t in rivals[:8])
         return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}."
+    if status == "unknown" and explained >= EXPLAINS:
+        what = f"{what.capitalize()} at {place}"
+        return f"{what} would explain {explained:.0%}, but a recording looks wrong: see the warnings."
     if status == "unknown":
         return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."
     return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."
@@ -282,6 +293,8 @@ def traits(trial: Trial) -> tuple[str, str]:
     problem = trial.fit.problem
     e = (problem.chosen("hold_out") or problem.chosen("train", "repeat"))[0]
     r = problem.residual(trial.fit.x, e)
+    if isinstance(e, Sines):
+        return e.traits(r, [v.name for v in problem.model.outputs])
     energy = np.sum(r**2, axis=1)
     dt = float(e.time[1] - e.time[0])
     length = max(1, round(0.2 / dt))
@@ -323,6 +336,7 @@ def _warnings(study: Study) -> tuple[str, ...]:
         rows.append(
             "all training recordings have one amplitude: effects that depend on amplitude are hard to tell apart"
         )
+    rows += remarks(problem) + absorbed(study)
     if not problem.chosen("hold_out"):
         rows.append("no recording was held out: gains are judged on the data that were fitted")
     if not study.refit.fit.converged:

@@ -91,7 +91,9 @@ def diagnose(
     hold_out: HoldOutOption = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="DIR", help="Folder for diagnosis.json, amended.yaml and figures."),
+        typer.Option(
+            "--output", "-o", metavar="DIR", help="Folder for report.html, diagnosis.json, amended.yaml and figures."
+        ),
     ] = None,
     without: Annotated[
         list[str] | None,
@@ -128,7 +130,11 @@ def diagnose(
             progress=progress,
         )
     if output is not None:
+        from flexarm.report import write_diagnosis
+        from flexarm.report.origin import command_line
+
         write(found, output)
+        write_diagnosis(found, output / "report.html", seed=seed, command=command_line())
     if as_json:
         typer.echo(json.dumps(found.numbers(), indent=2))
         return

@@ -124,7 +124,7 @@ def relocated(text: str, old: Path, new: Path) -> str:
     for entry in entries:
         for key in ("file", "type"):
             value = entry.get(key) if isinstance(entry, dict) else None
-            if not isinstance(value, str) or Path(value).is_absolute():
+            if not isinstance(value, str) or value.startswith("$") or Path(value).is_absolute():
                 continue
             if key == "file" or value.endswith((".yaml", ".yml")):
                 entry[key] = os.path.relpath((old / value).resolve(), new.resolve())

@@ -76,8 +76,8 @@ def _path(document: Node, key: str, given: Node) -> list[str]:
     if parts[0] in SECTIONS and parts[0] not in blocks:
         if parts[0] == "blocks" and len(parts) > 1:
             return ["blocks", *_in_block(blocks, parts[1:], where)]
-        if parts[0] == "initial" and len(parts) > 1:
-            return ["initial", ".".join(parts[1:])]
+        if parts[0] in ("initial", "tolerances") and len(parts) > 1:
+            return [parts[0], ".".join(parts[1:])]
         if parts[0] == "parameters" and (len(parts) != 2 or parts[1] not in parameters):
             name = ".".join(parts[1:])
             raise ScenarioError(f"the scenario has no parameter '{name}'", where, nearest(name, parameters))

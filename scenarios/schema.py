@@ -20,6 +20,7 @@ SECTIONS = (
     "connect",
     "expose",
     "initial",
+    "tolerances",
     "simulate",
     "analyses",
     "recordings",
@@ -27,6 +28,10 @@ SECTIONS = (
 
 QUANTITY_PATTERN = (
     r"^\s*([-+]?([0-9][0-9_]*\.?[0-9_]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*[A-Za-z0-9./%*^()_ µΩ°-]*|\$[A-Za-z_]\w*)\s*$"
+)
+FILE = (
+    "a .csv, .mat, .parquet, .json or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in the "
+    "folder that this environment variable names"
 )
 NAME_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
 ASSEMBLY_PATTERN = r"\.ya?ml$"
@@ -100,7 +105,7 @@ class Analysis(Section):
 class Linearise(Analysis):
     """A linear model about an operating point."""
 
-    kind: Literal["linearise"]
+    kind: Literal["linearise"] = Field(description="a linear model")
     modes: dict[str, int | str] = Field(
         default_factory=dict, description="for each friction or contact: -1, 0, +1, or its label"
     )
@@ -112,36 +117,38 @@ class Linearise(Analysis):
 class Export(Analysis):
     """An FMU."""
 
-    kind: Literal["export"]
+    kind: Literal["export"] = Field(description="an FMU")
 
 
 class TimeColumn(Section):
-    """The time axis of a recording."""
+    """The time axis of a recording: a column, or the interval between samples where the file has none."""
 
-    column: Text
+    column: Text | None = Field(default=None, description="name of the column that holds the time")
     unit: Text = Field(default="s", description="unit of the numbers in the column")
+    interval: Quantity | None = Field(default=None, description="time between samples, s, in place of a column")
 
 
 class Drive(Section):
     """A recorded signal that drives an input of the model."""
 
-    column: Text
+    column: Text = Field(description="name of the column")
     unit: Text = Field(description="unit of the numbers in the column")
     scale: Quantity = Field(default=1.0, description="what a number is multiplied by; its unit changes the column's")
-    sign: Literal[-1, 1] = 1
+    sign: Literal[-1, 1] = Field(default=1, description="-1 where the recorded signal counts the other way")
     tap: Text = Field(
         default="after_limit", description="where the signal was logged: after_limit or before_limit of the amplifier"
     )
     hold: Literal["zero_order", "linear"] = Field(default="zero_order", description="what happens between samples")
+    zero: Literal["first", "none"] = Field(default="none", description="first: count from the first sample")
 
 
 class Measurement(Section):
     """A recorded signal to compare with a signal of the model."""
 
-    column: Text
+    column: Text = Field(description="name of the column")
     unit: Text = Field(description="unit of the numbers in the column; 'count' for an encoder")
     scale: Quantity = Field(default=1.0, description="what a number is multiplied by; its unit changes the column's")
-    sign: Literal[-1, 1] = 1
+    sign: Literal[-1, 1] = Field(default=1, description="-1 where the recorded signal counts the other way")
     zero: Literal["first", "none"] = Field(default="none", description="first: count from the first sample")
     wrap: bool = Field(default=False, description="the recorded angle jumps at each revolution and is to be unwrapped")
     counts_per_rev: Quantity | None = Field(default=None, description="encoder counts in a revolution")
@@ -151,59 +158,89 @@ class Measurement(Section):
 class StartOfRecord(Section):
     """The state in which a recording begins."""
 
-    state: Literal["at_rest"] = "at_rest"
+    state: Literal["at_rest"] = Field(default="at_rest", description="at_rest: nothing moves at the first instant")
     free: list[Text] = Field(default_factory=list, description="states that a fit may choose for this recording")
 
 
 class TimeRecording(Section):
     """A recording over time."""
 
-    kind: Literal["time_series"] = "time_series"
-    file: Text = Field(description="a .csv, .mat or .parquet file, relative to this file")
-    time: TimeColumn
+    kind: Literal["time_series"] = Field(default="time_series", description="a recording over time")
+    file: Text = Field(description=FILE)
+    time: TimeColumn = Field(description="the time axis")
+    window: list[Quantity] | None = Field(
+        default=None,
+        description="first and last instant to use, s, as the file counts time",
+        min_length=2,
+        max_length=2,
+    )
+    resample: Quantity | None = Field(
+        default=None,
+        description="compare at this interval, s; the drive keeps every sample, and nothing is filtered",
+    )
     drive: dict[str, Drive] = Field(default_factory=dict, description="input of the model: recorded column")
     measurements: dict[str, Measurement] = Field(description="signal of the model: recorded column", min_length=1)
-    gaps: Literal["refuse", "skip"] = Field(default="refuse", description="what to do with rows that hold no number")
-    initial: StartOfRecord = StartOfRecord()
-    loop: Literal["open", "closed", "reference"] = "open"
-    role: Literal["train", "hold_out", "repeat"] = "train"
+    lead_in: int = Field(
+        default=0,
+        description="periods of the drive to be simulated beforehand, for a recording that is one whole period",
+        ge=0,
+        le=1000,
+    )
+    gaps: Literal["refuse", "skip"] = Field(
+        default="refuse",
+        description="what to do with rows in which time or drive holds no number; a measurement is not compared there",
+    )
+    initial: StartOfRecord = Field(default=StartOfRecord(), description="the state in which the recording begins")
+    loop: Literal["open", "closed", "reference"] = Field(
+        default="open",
+        description="closed: recorded under control, the drive is the plant's input; reference: the drive is what the "
+        "scenario's controller is to follow",
+    )
+    role: Literal["train", "hold_out", "repeat"] = Field(
+        default="train", description="train: fitted; hold_out: judged on alone; repeat: the same experiment again"
+    )
 
 
 class Frequency(Section):
     """The frequency column of a table."""
 
-    column: Text
+    column: Text = Field(description="name of the column")
     unit: Text = Field(description="Hz or rad/s")
 
 
 class Amplitude(Section):
     """The amplitude of the sine that drives the model: a column, or one value for all rows."""
 
-    column: Text | None = None
-    value: Quantity | None = None
+    column: Text | None = Field(default=None, description="name of the column")
+    value: Quantity | None = Field(default=None, description="one amplitude for all rows, in place of a column")
     unit: Text = Field(default="", description="unit of the numbers in the column")
 
 
 class Response(Section):
     """A measured amplitude."""
 
-    column: Text
+    column: Text = Field(description="name of the column")
     unit: Text = Field(description="unit of the numbers in the column")
     scale: Quantity = Field(default=1.0, description="what a number is multiplied by; its unit changes the column's")
-    reading: Literal["half_peak_to_peak"] = "half_peak_to_peak"
+    reading: Literal["half_peak_to_peak"] = Field(
+        default="half_peak_to_peak", description="how the amplitude is read from the simulated response"
+    )
+    noise: Quantity = Field(default="auto", description="standard deviation in the column's unit, or auto")
 
 
 class FrequencyRecording(Section):
     """A frequency-response table: one row per sine."""
 
-    kind: Literal["frequency_response"]
-    file: Text = Field(description="a .csv, .mat or .parquet file, relative to this file")
+    kind: Literal["frequency_response"] = Field(description="a frequency-response table")
+    file: Text = Field(description=FILE)
     drive: Endpoint = Field(description="the input that the sine drives")
-    frequency: Frequency
-    amplitude: Amplitude
+    frequency: Frequency = Field(description="the frequency of each row")
+    amplitude: Amplitude = Field(description="the amplitude of the sine that drives the model")
     response: dict[str, Response] = Field(min_length=1, description="signal of the model: recorded column")
     internal_step: Quantity | None = Field(default=None, description="largest step of the integration, s")
-    role: Literal["train", "hold_out", "repeat"] = "train"
+    role: Literal["train", "hold_out", "repeat"] = Field(
+        default="train", description="train: fitted; hold_out: judged on alone; repeat: the same experiment again"
+    )
 
 
 def _recording_kind(value: Any) -> str:
@@ -235,6 +272,14 @@ class ScenarioFile(Section):
     initial: dict[str, Quantity] = Field(
         default_factory=dict, description="starting values, for example link.hub.angle"
     )
-    simulate: Simulate | None = None
-    analyses: dict[Name, AnyAnalysis] = Field(default_factory=dict)
-    recordings: dict[Name, AnyRecording] = Field(default_factory=dict)
+    tolerances: dict[str, Quantity] = Field(
+        default_factory=dict,
+        description="share by which a fit may move a parameter, in place of the library's tolerance; 0: it is known",
+    )
+    simulate: Simulate | None = Field(default=None, description="how `flexarm run` simulates")
+    analyses: dict[Name, AnyAnalysis] = Field(
+        default_factory=dict, description="linear models and FMUs to make: their inputs and outputs"
+    )
+    recordings: dict[Name, AnyRecording] = Field(
+        default_factory=dict, description="measured data, and how they relate to the model"
+    )

@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm")
-DATA = {".c", ".h", ".yaml", ".csv"}
+DATA = {".c", ".h", ".yaml", ".csv", ".j2", ".css", ".js"}
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,348 @@
+"""Recordings of every kind: uneven time, windows, periods that lead in, free starts, loops, files outside."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from diagnosis.api import fit
+from diagnosis.compare import compare, find_recording
+from diagnosis.loop import plant_inputs
+from diagnosis.prepare import problem
+from diagnosis.surroundings import surroundings
+from engine.errors import FlexarmError
+from scenarios.load import load
+
+J, B, K = 0.5, 0.3, 12.0
+
+PENDULUM = """\
+schema: 1
+name: swing
+blocks:
+  arm: {{type: Inertia, inertia: 0.5 kg.m2}}
+  bearing: {{type: BearingFriction, viscous_friction: {damping}}}
+  spring: {{type: GroundSpring, stiffness: 12 N.m/rad}}
+connect:
+  - [arm.shaft, bearing.shaft, spring.shaft]
+tolerances: {{arm.inertia: 0, spring.stiffness: 0}}
+simulate: {{stop: 3 s, step: 10 ms}}
+recordings:
+  one:
+    file: one.csv
+    time: {{column: t}}
+    measurements: {{arm.shaft.angle: {{column: y, unit: rad, noise: 1e-4}}}}
+    initial: {{free: [arm.shaft.angle, arm.shaft.speed]}}
+  two:
+    file: two.csv
+    time: {{column: t}}
+    measurements: {{arm.shaft.angle: {{column: y, unit: rad, noise: 1e-4}}}}
+    initial: {{free: [arm.shaft.angle, arm.shaft.speed]}}
+    role: hold_out
+"""
+
+
+def decay(t: np.ndarray, angle: float, speed: float) -> np.ndarray:
+    """The free swing in closed form."""
+    a, w = B / (2 * J), np.sqrt(K / J - (B / (2 * J)) ** 2)
+    return np.exp(-a * t) * (angle * np.cos(w * t) + (speed + a * angle) / w * np.sin(w * t))
+
+
+def store(path: Path, **columns: np.ndarray) -> None:
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+
+
+@pytest.fixture
+def swing(tmp_path: Path) -> Path:
+    """Two free decays, sampled at instants drawn at random."""
+    random = np.random.default_rng(4)
+    for name, angle, speed in (("one", 0.4, -1.0), ("two", -0.2, 2.0)):
+        t = np.sort(random.uniform(0.0, 3.0, 300))
+        t -= t[0]
+        store(tmp_path / f"{name}.csv", t=t, y=decay(t, angle, speed))
+    (tmp_path / "swing.yaml").write_text(PENDULUM.format(damping="0.2 N.m.s/rad"))
+    return tmp_path / "swing.yaml"
+
+
+def test_uneven_free_decays_are_fitted_with_their_own_starts(swing: Path) -> None:
+    """Damping, and the state in which each recording begins, held-out ones too, against the closed form."""
+    made, scores = fit(swing, workers=1)
+    assert made.parameters()["bearing.viscous_friction"] == pytest.approx(B, rel=0.01)
+    assert made.problem.values(made.x, made.problem.experiments[0])[1] == pytest.approx(
+        {"arm.shaft.angle": 0.4, "arm.shaft.speed": -1.0}, abs=2e-3
+    )
+    assert scores["fitted"] < 1.0
+    assert any("uneven" in note for note in find_recording(load(swing), "one").notes)
+    assert made.problem.experiments[0].uneven
+
+
+def test_outputs_at_uneven_instants_are_those_of_the_model(swing: Path) -> None:
+    scenario = load(swing, ["bearing.viscous_friction=0.3"])
+    made = problem(scenario, [find_recording(scenario, "one")])
+    x = np.array(
+        [f.position({"arm.shaft.angle": 0.4, "arm.shaft.speed": -1.0}.get(f.name, f.start)) for f in made.free]
+    )
+    residual = made.residual(x, made.experiments[0]) * made.experiments[0].sigma
+    # Linear interpolation between rows h apart leaves up to h^2 max|y''| / 8, y'' of about w^2 0.45.
+    bound = made.experiments[0].step ** 2 * (K / J) * 0.5 / 8
+    assert np.abs(residual).max() < 1.2 * bound
+
+
+def test_slopes_at_uneven_instants_are_differences(swing: Path) -> None:
+    scenario = load(swing)
+    made = problem(scenario, [find_recording(scenario, "one")])
+    e, zero = made.experiments[0], np.zeros(len(made.free))
+    _, jacobian = made.linearised(zero, e)
+    for k in range(len(zero)):
+        step = np.zeros(len(zero))
+        step[k] = 1e-5
+        difference = (made.residual(zero + step, e) - made.residual(zero - step, e)).ravel() / 2e-5
+        np.testing.assert_allclose(jacobian[:, k], difference, rtol=0, atol=1e-5 * np.abs(difference).max())
+
+
+def test_starts_begin_at_the_first_sample_and_its_slope(swing: Path) -> None:
+    scenario = load(swing)
+    (e,) = problem(scenario, [find_recording(scenario, "two")]).experiments
+    assert e.initial["arm.shaft.angle"] == pytest.approx(-0.2, abs=1e-9)
+    assert e.initial["arm.shaft.speed"] == pytest.approx(2.0, abs=0.3)
+    wrong = load(swing, text=PENDULUM.format(damping=0.2).replace("arm.shaft.speed", "arm.shaft.spead"))
+    with pytest.raises(FlexarmError, match=r"'arm.shaft.spead' in 'initial: free' of recording 'two'") as caught:
+        problem(wrong, [find_recording(wrong, "two")])
+    assert "arm.shaft.speed" in caught.value.remedy
+
+
+PRELOADED = """\
+schema: 1
+name: preloaded
+blocks:
+  source: {type: Step, height: 0 N.m}
+  motor: {type: Torque}
+  arm: {type: Inertia, inertia: 0.5 kg.m2}
+  bearing: {type: BearingFriction, coulomb_friction: 1 N.m}
+  spring: {type: GroundSpring, stiffness: 12 N.m/rad}
+connect:
+  - [source.out, motor.torque]
+  - [motor.shaft, arm.shaft, bearing.shaft, spring.shaft]
+tolerances: {arm.inertia: 0, spring.stiffness: 0, bearing.coulomb_friction: 0}
+simulate: {stop: 1 s, step: 1 ms}
+recordings:
+  run:
+    file: run.csv
+    time: {column: t}
+    drive: {motor.torque: {column: u, unit: N.m, hold: linear}}
+    measurements: {arm.shaft.angle: {column: y, unit: rad, zero: first, noise: 1e-4}}
+    initial: {free: [arm.shaft.angle]}
+"""
+
+
+def test_the_preload_of_a_stuck_joint_is_found(tmp_path: Path) -> None:
+    """A rising torque breaks the joint away the sooner the more the spring pushes: u(t) + k p = Fc at the instant."""
+    preload, t = 0.05, 0.002 * np.arange(901)
+    leave = 1.0 - K * preload  # s, with a torque of 1 N.m/s and a Coulomb friction of 1 N.m
+    w, after = np.sqrt(K / J), np.maximum(t - (1.0 - K * preload), 0.0)
+    moved = np.where(t > leave, (after - np.sin(w * after) / w) / K, 0.0)
+    store(tmp_path / "run.csv", t=t, u=t, y=moved)
+    (tmp_path / "s.yaml").write_text(PRELOADED.replace("arm.shaft.angle]", "arm.shaft.angle]\n"))
+    made, scores = fit(tmp_path / "s.yaml", workers=1)
+    # The spring pulls an arm at p back by k p: a torque in the positive sense breaks it away sooner where p < 0.
+    assert made.problem.values(made.x, made.problem.experiments[0])[1]["arm.shaft.angle"] == pytest.approx(
+        -preload, abs=2e-4
+    )
+    assert scores["fitted"] < 1.0
+
+
+def test_comparing_starts_where_the_recording_does(swing: Path) -> None:
+    error = compare(load(swing, ["bearing.viscous_friction=0.3"]), "one")
+    assert error.signals["arm.shaft.angle"].nrmse > 80
+    assert any("starts at the first sample" in note for note in error.notes)
+
+
+def test_windows_and_resampling(tmp_path: Path) -> None:
+    t = 5.0 + 0.01 * np.arange(301)
+    store(tmp_path / "one.csv", t=t, y=decay(t - 5.0, 0.4, 0.0))
+    store(tmp_path / "two.csv", t=t, y=decay(t - 5.0, 0.4, 0.0))
+    text = PENDULUM.format(damping=0.3)
+    (tmp_path / "s.yaml").write_text(
+        text.replace("    time:", "    window: [5.5 s, 7 s]\n    resample: 50 ms\n    time:")
+    )
+    scenario = load(tmp_path / "s.yaml")
+    recording = find_recording(scenario, "one")
+    assert len(recording.time) == 151
+    assert "151 of 301 rows lie within the window from 5.5 s to 7 s" in recording.notes[0]
+    (e,) = problem(scenario, [recording]).experiments
+    np.testing.assert_allclose(e.time, 0.05 * np.arange(31), atol=1e-12)
+    np.testing.assert_allclose(e.measured[:, 0], decay(0.5 + e.time, 0.4, 0.0), rtol=1e-9)
+    (f,) = problem(scenario, [replace(recording, resample=0.025)]).experiments
+    np.testing.assert_allclose(f.time, 0.025 * np.arange(61), atol=1e-12)
+    assert f.measured[1, 0] == pytest.approx((recording.measurements[0].values[2:4]).mean(), rel=1e-12)
+    for key, piece in (("window: [1 s, 2 s]", "it holds 5 s to 8 s"), ("window: [2 s]", "more entries")):
+        with pytest.raises(FlexarmError) as caught:
+            find_recording(load(tmp_path / "s.yaml", text=text.replace("    time:", f"    {key}\n    time:")), "one")
+        assert piece in f"{caught.value.message} {caught.value.remedy}"
+
+
+def test_a_jitter_of_the_clock_is_told_and_ignored(tmp_path: Path) -> None:
+    t = 0.01 * np.arange(301)
+    store(tmp_path / "one.csv", t=t + 3e-6 * np.sin(7 * np.arange(301)), y=decay(t, 0.4, 0.0))
+    (tmp_path / "s.yaml").write_text(PENDULUM.format(damping=0.3))
+    recording = find_recording(load(tmp_path / "s.yaml"), "one")
+    assert any("jitter" in note for note in recording.notes)
+    np.testing.assert_allclose(np.diff(recording.time), recording.time[1], rtol=1e-12)
+
+
+DRIVEN = """\
+schema: 1
+name: driven
+blocks:
+  source: {type: Sine, amplitude: 1 N.m, frequency: 1 Hz}
+  motor: {type: Torque}
+  arm: {type: Inertia, inertia: 0.5 kg.m2}
+  bearing: {type: BearingFriction, viscous_friction: 0.3 N.m.s/rad}
+  spring: {type: GroundSpring, stiffness: 12 N.m/rad}
+connect:
+  - [source.out, motor.torque]
+  - [motor.shaft, arm.shaft, bearing.shaft, spring.shaft]
+simulate: {stop: 3 s, step: 10 ms}
+recordings:
+  period:
+    file: p.dat
+    time: {interval: 10 ms}
+    drive: {motor.torque: {column: "[1]", unit: N.m, hold: linear}}
+    measurements: {arm.shaft.angle: {column: "[2]", unit: rad, noise: 1e-4}}
+    lead_in: 20
+"""
+
+
+def test_a_periodic_recording_is_led_in(tmp_path: Path) -> None:
+    """The steady answer to a periodic torque, by harmonics, needs no free start."""
+    n = 200
+    t, w = 0.01 * np.arange(n), 2 * np.pi / 2.0
+    u, y = np.zeros(n), np.zeros(n)
+    for k, amplitude in ((1, 1.0), (3, 0.5)):
+        answer = amplitude / (K - J * (k * w) ** 2 + 1j * B * k * w)
+        u += amplitude * np.cos(k * w * t)
+        y += (answer * np.exp(1j * k * w * t)).real
+    np.savetxt(tmp_path / "p.dat", np.column_stack([u, y]))
+    (tmp_path / "d.yaml").write_text(DRIVEN)
+    scenario = load(tmp_path / "d.yaml")
+    recording = find_recording(scenario, "period")
+    assert len(recording.time) == 21 * n
+    made = problem(scenario, [recording])
+    residual = made.residual(np.zeros(len(made.free)), made.experiments[0]) * 1e-4
+    assert (residual[: 20 * n] == 0).all()
+    assert np.abs(residual).max() < 2e-3 * np.abs(y).max()
+    bare = load(tmp_path / "d.yaml", text=DRIVEN.replace("    lead_in: 20\n", ""))
+    start = problem(bare, [find_recording(bare, "period")])
+    assert np.abs(start.residual(np.zeros(len(start.free)), start.experiments[0])).max() * 1e-4 > 0.2 * np.abs(y).max()
+
+
+LOOP = """\
+schema: 1
+name: loop
+blocks:
+  wanted: {type: Step, height: 1 rad}
+  controller: {type: PID, proportional_gain: 8 N.m/rad, derivative_gain: 1 N.m.s/rad, unit: N.m}
+  motor: {type: Torque}
+  arm: {type: Inertia, inertia: 0.5 kg.m2}
+  bearing: {type: BearingFriction, viscous_friction: 0.2 N.m.s/rad}
+connect:
+  - [wanted.out, controller.reference]
+  - [arm.shaft.angle, controller.measurement]
+  - [controller.out, motor.torque]
+  - [motor.shaft, arm.shaft, bearing.shaft]
+simulate: {stop: 3 s, step: 10 ms}
+recordings:
+  run:
+    file: run.csv
+    time: {column: t}
+    drive: {DRIVE}
+    measurements: {arm.shaft.angle: {column: y, unit: rad, noise: 1e-4}}
+    loop: LOOP
+"""
+
+
+@pytest.fixture
+def loop(tmp_path: Path) -> Path:
+    """An arm under control, integrated by scipy: reference, torque and angle."""
+    t = 0.01 * np.arange(301)
+    kp, kd, corner = 8.0, 1.0, 100.0
+
+    def law(time: float, state: np.ndarray) -> list[float]:
+        angle, speed, filtered = state
+        error = np.sin(2 * time) - angle
+        torque = kp * error + kd * corner * (error - filtered)
+        return [speed, (torque - 0.3 * speed) / 0.5, corner * (error - filtered)]
+
+    found = solve_ivp(law, (0, 3), [0, 0, 0], t_eval=t, rtol=1e-10, atol=1e-12, max_step=1e-3).y
+    error = np.sin(2 * t) - found[0]
+    store(tmp_path / "run.csv", t=t, r=np.sin(2 * t), u=kp * error + kd * corner * (error - found[2]), y=found[0])
+    return tmp_path / "run.yaml"
+
+
+@pytest.mark.parametrize(
+    ("kind", "drive", "known"),
+    [
+        ("closed", "motor.torque: {column: u, unit: N.m, hold: linear}", ("arm.inertia",)),
+        (
+            "reference",
+            "controller.reference: {column: r, unit: rad, hold: linear}",
+            (
+                "arm.inertia",
+                *(f"controller.{g}" for g in ("proportional_gain", "derivative_gain", "derivative_corner")),
+            ),
+        ),
+    ],
+)
+def test_both_sides_of_the_loop_show_the_same_friction(
+    kind: str, drive: str, known: tuple[str, ...], loop: Path
+) -> None:
+    """Driven by the logged torque, or by the reference with the controller simulated."""
+    tolerances = ", ".join(f"{name}: 0" for name in known)
+    loop.write_text(LOOP.replace("LOOP", kind).replace("DRIVE", drive) + f"tolerances: {{{tolerances}}}\n")
+    made, _ = fit(loop, workers=1)
+    assert made.parameters()["bearing.viscous_friction"] == pytest.approx(0.3, rel=0.02)
+
+
+def test_places_in_the_loop(loop: Path) -> None:
+    """Where the controller meets the plant an effect may act too."""
+    reference = "controller.reference: {column: r, unit: rad, hold: linear}"
+    loop.write_text(LOOP.replace("LOOP", "reference").replace("DRIVE", reference))
+    scenario = load(loop)
+    assert plant_inputs(scenario.system, ["controller.reference"]) == ["motor.torque"]
+    assert plant_inputs(scenario.system, ["motor.torque"]) == []
+    around = surroundings(problem(scenario, [find_recording(scenario, "run")]))
+    assert set(around.inputs) == {"controller.reference", "motor.torque"}
+    assert around.units["motor.torque"] == "N.m"
+
+
+def test_a_loop_that_is_none(loop: Path) -> None:
+    torque = "motor.torque: {column: u, unit: N.m}"
+    loop.write_text(LOOP.replace("LOOP", "reference").replace("DRIVE", torque))
+    scenario = load(loop)
+    with pytest.raises(FlexarmError, match="'loop: reference', but nothing in the scenario"):
+        problem(scenario, [find_recording(scenario, "run")])
+    loop.write_text(LOOP.replace("LOOP", "closed").replace("    drive: {DRIVE}\n", ""))
+    scenario = load(loop)
+    with pytest.raises(FlexarmError, match="'loop: closed' but no drive") as caught:
+        problem(scenario, [find_recording(scenario, "run")])
+    assert "the plant's input" in caught.value.remedy
+
+
+def test_files_outside_the_repository(swing: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = PENDULUM.format(damping=0.2).replace("file: one.csv", "file: $FLEXARM_RECORDINGS/one.csv")
+    scenario = load(swing, text=text)
+    monkeypatch.delenv("FLEXARM_RECORDINGS", raising=False)
+    with pytest.raises(FlexarmError, match="environment variable FLEXARM_RECORDINGS, which is not set") as caught:
+        find_recording(scenario, "one")
+    assert "docs/real-recordings.md" in caught.value.remedy
+    assert len(find_recording(scenario, "two").time) == 300
+    monkeypatch.setenv("FLEXARM_RECORDINGS", str(swing.parent / "nowhere"))
+    with pytest.raises(FlexarmError, match="which is no folder"):
+        find_recording(scenario, "one")
+    monkeypatch.setenv("FLEXARM_RECORDINGS", str(swing.parent))
+    assert len(find_recording(scenario, "one").time) == 300
+    with pytest.raises(FlexarmError, match=r"'\$FLEXARM_RECORDING' is not known"):
+        find_recording(load(swing, text=text.replace("RECORDINGS/", "RECORDING/")), "one")

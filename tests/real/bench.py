@@ -1,0 +1,37 @@
+"""A study of a few chosen effects, for tests that cannot try the whole catalogue."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from diagnosis.api import gather
+from diagnosis.candidate import Candidate
+from diagnosis.catalogue import candidates
+from diagnosis.select import Trial, Workshop
+from diagnosis.surroundings import surroundings
+from scenarios.load import load
+
+
+@dataclass
+class Bench:
+    """A scenario's refit, and the effects that can be put in."""
+
+    shop: Workshop
+    refit: Trial
+    known: list[Candidate]
+
+    def find(self, effect: str, place: str = "", exact: bool = False) -> Candidate:
+        """The first candidate of an effect at a place, or at one whose name holds it."""
+        there = [c for c in self.known if c.effect == effect and place in c.place]
+        return next(c for c in there if c.place == place) if exact else there[0]
+
+    def put_in(self, *effects: Candidate) -> Trial:
+        """The model with effects in it, fitted from the refit."""
+        return self.shop.polish(self.shop.attempt(effects, self.refit.fit))
+
+
+def bench(name: str, *overrides: str) -> Bench:
+    """Prepare a shipped scenario with all its recordings."""
+    scenario = load(name, overrides)
+    shop = Workshop(scenario, gather(scenario, (), ()), 2, 0)
+    return Bench(shop, shop.refit(), candidates(surroundings(shop.base)))
