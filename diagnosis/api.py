@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from diagnosis.compare import find_recording
 from diagnosis.fit import Fit
@@ -21,6 +22,9 @@ from engine.errors import FlexarmError
 from engine.files import writing
 from scenarios.amend import Edit, Set, amended, relocated
 from scenarios.load import Scenario, load
+
+BLAS_THREADS = 1
+"""The matrices are small: threads of the linear algebra would wait for one another, and change the rounding."""
 
 
 def gather(
@@ -67,9 +71,9 @@ def fit(
         FlexarmError: scenario or recordings that do not fit.
     """
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
-    made = fit_problem(
-        problem(scenario, gather(scenario, recordings, hold_out)), random_starts=2, seed=seed, workers=workers
-    )
+    recorded = gather(scenario, recordings, hold_out)
+    with threadpool_limits(BLAS_THREADS):
+        made = fit_problem(problem(scenario, recorded), random_starts=2, seed=seed, workers=workers)
     scores = {"fitted": made.chi2}
     held = made.problem.chosen("hold_out")
     if held:
@@ -105,8 +109,8 @@ def diagnose(
     """
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
     recorded = gather(scenario, recordings, hold_out)
-    made = study(scenario, recorded, workers=workers, seed=seed, without=without, progress=progress)
-    return judge(made, seed)
+    with threadpool_limits(BLAS_THREADS):
+        return judge(study(scenario, recorded, workers=workers, seed=seed, without=without, progress=progress), seed)
 
 
 def amended_text(found: Diagnosis) -> str:

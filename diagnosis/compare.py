@@ -186,8 +186,13 @@ class Plan:
     dropped: tuple[str, ...]
 
 
-def plan(scenario: Scenario, recording: Recording) -> Plan:
+def plan(scenario: Scenario, recording: Recording, like: Plan | None = None) -> Plan:
     """A model driven and read as a recording was.
+
+    Args:
+        scenario: the model.
+        recording: what was driven and measured.
+        like: the plan of another recording, whose model is taken if the same is driven and measured.
 
     Raises:
         FlexarmError: names or units that do not fit the scenario.
@@ -199,7 +204,11 @@ def plan(scenario: Scenario, recording: Recording) -> Plan:
             raise RecordingError(f"'{end}' is not an input", place, nearest(end, scenario.system.inputs()))
     dropped = bypass(scenario.system, driven)[1] if driven else []
     check_loop(scenario, recording, _place(scenario, recording.name, "loop"))
-    model = _build(scenario, recording.name, driven, recording.measurements, "measurements")
+    names = [*driven, *(channel.name for channel in recording.measurements)]
+    if like is not None and names == [v.name for v in (*like.model.inputs, *like.model.outputs)]:
+        model = like.model
+    else:
+        model = _build(scenario, recording.name, driven, recording.measurements, "measurements")
     drive = None
     if driven:
         columns = []

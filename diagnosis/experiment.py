@@ -15,7 +15,7 @@ from engine.errors import FlexarmError
 from engine.simulate import Drive, simulate
 
 if TYPE_CHECKING:
-    from diagnosis.select import Trial
+    from diagnosis.trial import Trial
 
 DURATION = 6.0
 

@@ -114,6 +114,7 @@ def descend(
     *,
     iterations: int = 25,
     tolerance: float = 1e-3,
+    least: float = 1e-7,
 ) -> tuple[Array, float, bool]:
     """Levenberg-Marquardt with geodesic acceleration from ``x``.
 
@@ -127,6 +128,7 @@ def descend(
         pool: threads.
         iterations: at most.
         tolerance: converged when a full step would gain less than this much of the cost's natural unit, 1.
+        least: ends when a step gains less than this share of the cost.
 
     Returns:
         Search vector, cost, and whether it converged.
@@ -161,7 +163,7 @@ def descend(
         except SimulationError:
             return x, float(there @ there), False
         gain, cost = cost - float(r @ r), float(r @ r)
-        if gain < 1e-7 * cost:
+        if gain < least * cost:
             return x, cost, promised < max(1.0, SETTLED * cost)
     return x, cost, False
 

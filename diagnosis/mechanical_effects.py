@@ -134,8 +134,10 @@ def at_joints(around: Surroundings) -> Iterator[Candidate]:
     """Compliance, play, hardening and hysteresis where a shaft can be cut, with inertia left on both sides."""
     system = around.problem.scenario.system
     for flange, members in around.groups.items():
-        inertia, angle, torque = around.inertia[flange], around.angle[flange], around.torque[flange]
         for cut in members:
+            ratio = around.ratio(flange, cut)
+            inertia, torque = around.inertia[flange] / ratio**2, around.torque[flange] / ratio
+            angle = around.angle[flange] * ratio
             block, port = system.split(cut)
             node = next((c for c in system.connections if cut in c.ends), None)
             if node is None or len(node.ends) < 2 or not _drives(type(system.blocks[block]).__name__, port):
@@ -239,13 +241,13 @@ def _link(name: str, block: Any) -> Iterator[Candidate]:
 
         yield Candidate("centrifugal_stiffening", name, name, name, spun)
     mass = float(block.values["mass"])
-    if not block.values["payload_mass"]:
+    if not block.values["payload"]:
 
         def loaded(values: Sizes) -> list[Edit]:
-            return [Set(name, "payload_mass", with_unit(values["payload_mass"], "kg"))]
+            return [Set(name, "payload", with_unit(values["payload"], "kg"))]
 
-        sizes = grid(payload_mass=shares(mass, 0.005, 0.05, 0.3))
-        yield Candidate("payload", name, name, name, loaded, (Knob("payload_mass", mass),), sizes)
+        sizes = grid(payload=shares(mass, 0.005, 0.05, 0.3))
+        yield Candidate("payload", name, name, name, loaded, (Knob("payload", mass),), sizes)
 
 
 def _is_spring(block: Any) -> bool:

@@ -13,20 +13,23 @@ from diagnosis.columns import RecordingError
 from diagnosis.compare import Plan, grid, plan
 from diagnosis.problem import Array, Experiment, Free, Problem
 from diagnosis.recording import FrequencyTable, Recorded, Recording
-from diagnosis.sines import prepared
+from diagnosis.sines import Sines, prepared
 from diagnosis.starts import free_starts, starting_values
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.model import Model
 from engine.quantity import convert
 from engine.start import start_values
-from engine.step import internal_step
+from engine.step import fastest, internal_step
 from scenarios.load import Scenario
 
 MOST_SAMPLES = 1_000_000
 """Samples of one recording that a fit takes."""
 
-FINEST = 20
-"""At most so many internal steps per sample: stiffer models than the data can show are left to diverge."""
+FINEST = 8
+"""At most so many internal steps per sample: what moves faster than they can follow, the data cannot show."""
+
+STABLE = 2.0
+"""A mode is integrated stably while its rate times the step stays below this."""
 
 
 def noise(values: Array) -> float:
@@ -152,12 +155,8 @@ def problem(
         if f.name in bounds
     ]
     starts = [start for e in experiments for start in free_starts(e)]
-    internal = scenario.simulation.internal_step if scenario.simulation else None
-    if internal is None and not tables:
-        p = model.parameter_values
-        step = min(e.step for e in experiments)
-        internal = max(internal_step(model, p, start_values(model, p), step), step / FINEST)
-    return Problem(scenario, model, tuple(experiments), (*free, *starts), internal)
+    whole = Problem(scenario, model, tuple(experiments), (*free, *starts))
+    return resolved(whole, np.zeros(len(whole.free))) or whole
 
 
 def _tolerances(scenario: Scenario, model: Model | None) -> dict[str, float]:
@@ -179,8 +178,8 @@ def _tolerances(scenario: Scenario, model: Model | None) -> dict[str, float]:
 
 def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Model, list[Experiment]]:
     """The model, and recordings over time as experiments."""
-    plans = [plan(scenario, recording) for recording in recordings]
-    first = plans[0]
+    first = plan(scenario, recordings[0])
+    plans = [first, *(plan(scenario, recording, first) for recording in recordings[1:])]
     for made, recording in zip(plans, recordings, strict=True):
         if [v.name for v in made.model.outputs] != [v.name for v in first.model.outputs]:
             raise FlexarmError(
@@ -189,6 +188,21 @@ def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Mod
             )
     longest = scenario.simulation.step if scenario.simulation else 1e-3
     return first.model, [experiment(m, r, max(longest, 1e-3)) for m, r in zip(plans, recordings, strict=True)]
+
+
+def resolved(made: Problem, x: Array) -> Problem | None:
+    """The problem with an integration step that suits its parameters at ``x``; None if none can follow them."""
+    asked = made.scenario.simulation.internal_step if made.scenario.simulation else None
+    if asked is not None:
+        return replace(made, internal_step=asked)
+    if any(isinstance(e, Sines) for e in made.experiments):
+        return made
+    model, step = made.model, min(e.step for e in made.experiments)
+    p = model.parameter_vector(made.values(x)[0])
+    start = start_values(model, p)
+    if fastest(model, p, start).rate * step / FINEST > STABLE:
+        return None
+    return replace(made, internal_step=max(internal_step(model, p, start, step), step / FINEST))
 
 
 def _within(bounds: tuple[float, float]) -> tuple[float, float]:

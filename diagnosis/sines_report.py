@@ -14,7 +14,8 @@ from engine.errors import SimulationError
 
 if TYPE_CHECKING:
     from diagnosis.fit import Fit
-    from diagnosis.select import Study, Trial
+    from diagnosis.select import Study
+    from diagnosis.trial import Trial
 
 SHARES = (0.25, 0.5, 0.75, 1.0)
 """Amplitudes of a proposed sweep, as shares of the largest that was used."""

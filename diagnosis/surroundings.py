@@ -59,6 +59,13 @@ class Surroundings:
         """Effects that recordings of this kind do not show."""
         return UNSEEN if any(isinstance(e, Sines) for e in self.problem.experiments) else ()
 
+    def ratio(self, one: str, other: str) -> float:
+        """How far ``other`` moves while ``one`` moves by one; 1 where one of them is held or moved from outside."""
+        model = self.problem.model
+        transform = np.array(model.functions["transform"](model.parameter_values).full())
+        a, b = (float(np.linalg.norm(transform[model.motions[flange]])) for flange in (one, other))
+        return b / a if a > 0 and b > 0 else 1.0
+
 
 def surroundings(problem: Problem) -> Surroundings:
     """Simulate the nominal model on the training recordings and see how large things are."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from diagnosis.candidate import Candidate
-    from diagnosis.select import Trial
+    from diagnosis.trial import Trial
 
 KNOWN = {
     "direction_dependent_friction": ("coulomb_friction", "offset"),

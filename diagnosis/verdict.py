@@ -9,15 +9,26 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.choice import floor, rivals, unexplained
+from diagnosis.evidence import Curve, Evidence, place_of, recover
 from diagnosis.experiment import Proposal, propose
-from diagnosis.fit import Fit, prior, uncertainty
+from diagnosis.fit import Fit, uncertainty
+from diagnosis.recording import Recording
 from diagnosis.screening import screen
-from diagnosis.select import DECISIVE, Study, Trial, gain_band, log_evidence
+from diagnosis.select import Study
 from diagnosis.sines import Sines
 from diagnosis.sines_report import absorbed, remarks
+from diagnosis.trial import Trial, by_chance, log_evidence
 
-NEAR = 0.05
-"""Rivals whose held-out chi2 is within this share of the best, or within its bootstrap band, count as rivals."""
+WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
+"""Statuses of findings, the weakest first."""
+
+UNKNOWN = 1.0
+"""Held-out excess over the floor, in floors, beyond which something is missing even if no effect accounts for it."""
+
+REACHED, LEFT_OVER = 0.5, 0.03
+"""Where the noise is stated, a name must bring the held-out error so close to it, or leave so small a share."""
+
 EXPLAINS = 0.6
 """An effect is named only if it removes at least this share of the held-out excess over the floor."""
 WORDS = {
@@ -53,6 +64,7 @@ class Diagnosis:
         proposal: the experiment that would separate them, if there are any.
         warnings: what makes the verdict less sure.
         fit: the chosen model's fit with its intervals.
+        recovered: the force that is missing where something was found, without a name.
     """
 
     study: Study
@@ -62,6 +74,12 @@ class Diagnosis:
     proposal: Proposal | None
     warnings: tuple[str, ...]
     fit: Fit
+    recovered: Evidence | None = None
+
+    @property
+    def evidence(self) -> tuple[Curve, ...]:
+        """The recovered force against what it may depend on, the curve that explains most first."""
+        return self.recovered.curves if self.recovered else ()
 
     def numbers(self) -> dict[str, Any]:
         """The verdict as it stands in ``diagnosis.json``."""
@@ -84,6 +102,11 @@ class Diagnosis:
             "fit": fit_table(study),
             "next_experiment": self.proposal.numbers() if self.proposal else None,
             "warnings": list(self.warnings),
+            "recovered_force": self.recovered.numbers() if self.recovered else None,
+            "trials": [
+                {"effects": [c.key for c in t.effects], "train_chi2": t.fit.chi2, "hold_out_chi2": t.hold_out}
+                for t in study.trials
+            ],
         }
 
 
@@ -140,69 +163,51 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     found = screen(refit.fit.problem)
     warnings = (*(remark.text for remark in found), *_warnings(study))
     if not chosen.effects:
-        best = study.trials[0] if study.trials else refit
-        status = "none"
-        if refit.hold_out > 2.0 and best.hold_out > 0.7 * refit.hold_out and refit.hold_out > 5.0:
-            status = "unknown"
-        return Diagnosis(study, status, (_nothing(study, status),), (), None, warnings, made)
-    rivals = _rivals(study, seed)
+        status = "unknown" if refit.hold_out - floor(refit) > max(UNKNOWN, by_chance(refit)) else "none"
+        near = study.trials[0].effects[0] if status == "unknown" and study.trials else None
+        force = recover(study, *place_of(near, study)) if near else None
+        return Diagnosis(study, status, (_nothing(study, status),), (), None, warnings, made, force)
+    others = rivals(chosen, refit, study.trials)
     explained = _explained(refit, chosen)
-    if explained < EXPLAINS or any(remark.grave for remark in found):
-        status = "unknown"
-    elif rivals:
-        status = "tie"
-    elif all(c.effect == "wrong_parameter" for c in chosen.effects):
-        status = "wrong_parameter"
-    else:
-        status = "named"
     intervals = {i.name: i for i in made.intervals()}
-    findings = tuple(_finding(study, k, status, explained, intervals, rivals) for k in range(len(chosen.effects)))
-    proposal = propose([chosen, *rivals]) if rivals else None
-    return Diagnosis(study, status, findings, rivals, proposal, warnings, made)
+    findings = []
+    for k, effect in enumerate(chosen.effects):
+        against = [t for t in others if effect.key not in {c.key for c in t.effects}]
+        if not _accounted(study, explained) or any(remark.grave for remark in found):
+            status = "unknown"
+        elif against:
+            status = "tie"
+        else:
+            status = "wrong_parameter" if effect.effect == "wrong_parameter" else "named"
+        findings.append(_finding(study, k, status, explained, intervals, against))
+    weakest = min((f["status"] for f in findings), key=WEAKEST.index)
+    proposal = propose([chosen, *others]) if others else None
+    force = recover(study, *place_of(chosen.effects[0], study))
+    return Diagnosis(study, weakest, tuple(findings), others, proposal, warnings, made, force)
 
 
 def _explained(refit: Trial, chosen: Trial) -> float:
     """Share of the held-out excess over the floor that is gone; of the strain on the tolerances where there is none."""
-    if refit.hold_out - 1 < 0.2:
-        strain = [float(np.sum(prior(t.fit.problem, t.fit.x)[0] ** 2)) for t in (refit, chosen)]
-        return min(max(1 - strain[1] / max(strain[0], 1e-9), 0.0), 1.0)
-    return min(max((refit.hold_out - chosen.hold_out) / (refit.hold_out - 1), 0.0), 1.0)
+    ground = floor(chosen)
+    if not unexplained(refit, ground):
+        return min(max(1 - chosen.strain / max(refit.strain, 1e-9), 0.0), 1.0)
+    return min(max((refit.hold_out - chosen.hold_out) / (refit.hold_out - ground), 0.0), 1.0)
 
 
-def _rivals(study: Study, seed: int) -> tuple[Trial, ...]:
-    """Other single effects that do as well on held-out data, within the bootstrap band."""
-    chosen = study.chosen
-    if len(chosen.effects) > 1:
-        return ()
-    if study.refit.hold_out - 1 < 0.2:
-        able = [t for t in study.trials if t.size == 1 and t.effects != chosen.effects]
-        return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE and t.hold_out < 1.1 * chosen.hold_out)
-    rows = []
-    for trial in study.trials:
-        same = trial.effects == chosen.effects or (
-            trial.effects[0].effect == chosen.effects[0].effect and trial.effects[0].place == chosen.effects[0].place
-        )
-        if same or _contains(trial, chosen):
-            continue
-        low, _ = gain_band(chosen, trial, seed)
-        # Twice the log likelihood ratio on held-out data, in units of what the best model leaves.
-        apart = (trial.merit - chosen.merit) * chosen.samples / max(chosen.hold_out, 1.0)
-        if low <= 0 or trial.hold_out < (1 + NEAR) * chosen.hold_out or apart < DECISIVE:
-            rows.append(trial)
-    return tuple(rows)
+def _accounted(study: Study, explained: float) -> bool:
+    """Whether what was found accounts for the mismatch: to the floor where the noise was stated, else most of it.
 
-
-_NESTED = {
-    "coulomb_friction": ("stribeck_friction", "direction_dependent_friction"),
-    "joint_flexibility": ("hardening_spring", "backlash"),
-    "viscous_friction": (),
-}
-
-
-def _contains(larger: Trial, smaller: Trial) -> bool:
-    """Whether the larger effect contains the smaller one, so that equal merit speaks for the smaller."""
-    one, other = smaller.effects[0], larger.effects[0]
-    return one.place == other.place and other.effect in _NESTED.get(one.effect, ())
+    Where the noise of every signal is stated, a law that is right reaches it; one that only resembles the missing one
+    leaves a share of the mismatch.
+    """
+    refit, chosen = study.refit, study.chosen
+    if explained < EXPLAINS:
+        return False
+    stated = all(c.noise is not None for r in study.recordings if isinstance(r, Recording) for c in r.measurements)
+    if not stated or any(not isinstance(r, Recording) for r in study.recordings):
+        return True
+    ground = floor(chosen)
+    return chosen.hold_out - ground < max(REACHED * ground, LEFT_OVER * (refit.hold_out - ground))
 
 
 def _finding(

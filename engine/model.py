@@ -234,6 +234,16 @@ class Model:
         return {parameter.name: i for i, parameter in enumerate(self.parameters)}
 
     @functools.cached_property
+    def shaping(self) -> frozenset[int]:
+        """Indices of the parameters that the starting values of states and memories depend on at all."""
+        columns: set[int] = set()
+        for name, entry in (("start", 0), ("transform", 0), ("memory_start", 0), ("imposed", 5)):
+            function = self.functions[name]
+            if function.nnz_out():
+                columns.update(int(k) for k in function.jac_sparsity(0, entry).get_col())
+        return frozenset(columns)
+
+    @functools.cached_property
     def functions(self) -> dict[str, Any]:
         """CasADi functions of ``t, x, u, d, m, p``: derivative, guards, outputs, update, following, starts."""
         e = self.equations

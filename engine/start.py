@@ -33,6 +33,8 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
     """
     given = {**model.initial, **(initial or {})}
     x = np.array(model.functions["start"](p).full()).ravel()
+    if not given:
+        return x
     names = [state.name for state in model.states]
     n = model.coordinates
     transform = np.array(model.functions["transform"](p).full())

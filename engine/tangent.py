@@ -127,8 +127,11 @@ def _seeds(
     def memories(q: Vector) -> Vector:
         return np.array(model.functions["memory_start"](q).full()).ravel()
 
+    moving = model.shaping
     for j, name in enumerate(names):
         if j < len(indices):
+            if indices[j] not in moving:
+                continue
             up, down = p.copy(), p.copy()
             delta = 1e-6 * max(abs(p[indices[j]]), 1e-12)
             up[indices[j]] += delta

@@ -116,6 +116,17 @@ def amended(text: str, edits: Sequence[Edit], notes: dict[str, str] | None = Non
     return out.getvalue()
 
 
+def without(text: str, *sections: str) -> str:
+    """The scenario's text without some of its top-level sections, such as ``recordings``."""
+    yaml = _yaml()
+    document = yaml.load(text)
+    for section in sections:
+        document.pop(section, None)
+    out = io.StringIO()
+    yaml.dump(document, out)
+    return out.getvalue()
+
+
 def relocated(text: str, old: Path, new: Path) -> str:
     """The text with the files it names relative to ``old`` named relative to ``new``."""
     yaml = _yaml()

@@ -190,7 +190,7 @@ def _true_tie(
     missing = [r for r in sorted(rivals) if "+".join(r) not in known]
     if missing:
         for rival in tie_class(from_answers(answer), missing):
-            known[rival.name.replace(" ", "")] = rival.distance
+            known["+".join(sorted(f"{effect}@{place}" for effect, place in rival.effects))] = rival.distance
         kept.parent.mkdir(exist_ok=True)
         kept.write_text(json.dumps(known, indent=1), encoding="utf-8")
     return all(known["+".join(r)] < FLOOR for r in rivals)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from diagnosis.api import amended_text
 from diagnosis.recording import FrequencyTable
-from diagnosis.select import log_evidence
+from diagnosis.trial import log_evidence
 from diagnosis.verdict import fit_table, place_odds
 from flexarm.pictures.diagram import diagram
 from flexarm.report.evidence import evidence_charts

@@ -1,0 +1,133 @@
+"""The rules of the choice: when an effect pays, which of those that do equally well is taken, and what rivals it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.sines import Sines
+from diagnosis.trial import Trial, by_chance, gain_band, strained
+
+DECISIVE = 10.0
+"""Difference in cost, twice the log likelihood ratio, beyond which one change is preferred to another."""
+
+NEAR = 0.05
+"""Models whose held-out errors differ by less than this share do equally well."""
+
+LEAST = 0.25
+"""Excess over the floor, as a share of it, that is worth explaining."""
+
+FITTED = 0.1
+"""The same for the data that are fitted, which more samples and free parameters bring closer to the floor."""
+
+PAYS, PAYS_AGAIN = 0.3, 0.5
+"""Share of the held-out excess that a first and a second effect must take away."""
+
+NESTED = {
+    "coulomb_friction": ("stribeck_friction", "direction_dependent_friction"),
+    "joint_flexibility": ("hardening_spring", "backlash", "hysteresis"),
+    "lag": (),
+}
+"""Effect: those that contain it, so that equal merit speaks for it."""
+
+
+def floor(trial: Trial) -> float:
+    """Mean squared residual that is noise, in units of the stated variance: that stated, or more where it shows more.
+
+    White noise is what second differences leave of a residual: a model's errors are smooth at the rate of the samples.
+    """
+    problem = trial.fit.problem
+    held = problem.chosen("hold_out") or problem.chosen("train", "repeat")
+    levels = []
+    for e in held:
+        if isinstance(e, Sines) or len(e.time) < 64:
+            return 1.0
+        bend = np.diff(problem.residual(trial.fit.x, e), 2, axis=0)
+        levels.append(np.mean(bend**2, axis=0) / 6)
+    return max(1.0, float(np.mean(levels)))
+
+
+def unexplained(trial: Trial, ground: float) -> bool:
+    """Whether more than noise is left over, of the held-out data and of those that were fitted.
+
+    Where the fitted data are at the floor, what is left of the others is what the parameters are uncertain by.
+    """
+    fitted = trial.fit.chi2 - ground > FITTED * ground
+    return fitted and trial.hold_out - ground > max(LEAST * ground, by_chance(trial))
+
+
+def pays(better: Trial, worse: Trial) -> bool:
+    """Whether what a model adds takes enough away of what another leaves over, beyond the bootstrap band."""
+    ground = floor(better)
+    share = PAYS if len(better.effects) == 1 else PAYS_AGAIN
+    gain = worse.hold_out - better.hold_out
+    return gain > share * (worse.hold_out - ground) and gain_band(better, worse)[0] > 0 and unexplained(worse, ground)
+
+
+def price(trial: Trial) -> float:
+    """What a model costs before it explains anything: its parameters, and how far those of the user had to move."""
+    return trial.strain + trial.size * math.log(max(trial.samples, 2))
+
+
+def near(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """The trials that do as well as the best one on held-out data, as far as the data can tell."""
+    rows = []
+    for t in trials:
+        apart = (t.merit - best.merit) * best.samples / max(best.hold_out, 1.0)
+        if t.merit - best.merit < NEAR * best.merit or gain_band(best, t)[0] <= 0 or apart < DECISIVE:
+            rows.append(t)
+    return rows
+
+
+def choose(parent: Trial, trials: Sequence[Trial]) -> Trial:
+    """The trial to prefer to its parent, or the parent: of those that do equally well the one of the least price.
+
+    Args:
+        parent: the model without what the trials add.
+        trials: with one effect more, best first.
+    """
+    if not trials:
+        return parent
+    if not parent.effects and not unexplained(parent, floor(trials[0])):
+        return _freed(parent, trials) if strained(parent) else parent
+    best = min(near(trials[0], trials), key=lambda t: (price(t), t.merit))
+    return best if pays(best, parent) else parent
+
+
+def _freed(refit: Trial, trials: Sequence[Trial]) -> Trial:
+    """The single change that lets all other parameters stay within their tolerances, if one does."""
+    able = [t for t in trials if t.size == 1 and t.hold_out < 1.1 * refit.hold_out]
+    best = min(able, key=lambda t: (t.fit.cost, t.effects[0].effect != "wrong_parameter"), default=refit)
+    return best if refit.fit.cost - best.fit.cost > DECISIVE else refit
+
+
+def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial, ...]:
+    """Other models with as many effects that the held-out data cannot tell from the chosen one.
+
+    A model that contains the chosen one, or that costs much more before it explains as much, is none.
+    """
+    others = [t for t in trials if len(t.effects) == len(chosen.effects) and not _same(t, chosen)]
+    others += [t for t in trials if len(t.effects) > len(chosen.effects) and t.effects[-1].effect == "offset"]
+    if not unexplained(refit, floor(chosen)):
+        able = [t for t in others if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
+        return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)
+    return tuple(
+        t for t in near(chosen, others) if not _contains(t, chosen) and price(t) - price(chosen) < 3 * DECISIVE
+    )
+
+
+def _same(one: Trial, other: Trial) -> bool:
+    return {c.key for c in one.effects} == {c.key for c in other.effects}
+
+
+def _contains(larger: Trial, smaller: Trial) -> bool:
+    """Whether each effect of one model is in the other, or in a richer effect of it at the same place."""
+    return all(
+        any(
+            b.place == a.place and (b.effect == a.effect or b.effect in NESTED.get(a.effect, ()))
+            for b in larger.effects
+        )
+        for a in smaller.effects
+    )
