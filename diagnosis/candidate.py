@@ -45,6 +45,7 @@ class Candidate:
         knobs: its parameters.
         starts: sizes to start from, the least effect first, so that no fit ends worse than without the effect.
         loosened: for ``wrong_parameter``, the parameter that may leave its tolerance.
+        finer: further starts next to the best one, for sizes that are only chosen.
     """
 
     effect: str
@@ -55,6 +56,7 @@ class Candidate:
     knobs: tuple[Knob, ...] = ()
     starts: tuple[Sizes, ...] = ({},)
     loosened: Free | None = None
+    finer: Callable[[Sizes], Sequence[Sizes]] | None = None
 
     @property
     def key(self) -> str:

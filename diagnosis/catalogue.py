@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from blocks.registry import registry
 from diagnosis.candidate import Candidate
-from diagnosis.mechanical_effects import at_joints, at_links, at_shaft
+from diagnosis.mechanical_effects import at_joints, at_links, at_shaft, at_turns
 from diagnosis.mounts import at_mounts
 from diagnosis.signal_effects import at_input, at_sensor
 from diagnosis.surroundings import Surroundings
@@ -26,6 +26,7 @@ def candidates(around: Surroundings) -> list[Candidate]:
         rows += at_input(around, target, size)
     for flange in around.groups:
         rows += at_shaft(around, flange)
+        rows += at_turns(around, flange)
     rows += at_joints(around)
     rows += at_mounts(around)
     rows = [along_slide(c) if slides(around.problem.scenario.system, c) else c for c in rows]

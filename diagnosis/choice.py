@@ -16,6 +16,9 @@ DECISIVE = 10.0
 NEAR = 0.05
 """Models whose held-out errors differ by less than this share do equally well."""
 
+RICHER = 0.02
+"""A richer law that does better by more than this share is a rival of the simpler one that was preferred."""
+
 LEAST = 0.25
 """Excess over the floor, as a share of it, that is worth explaining."""
 
@@ -113,9 +116,16 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
     if not unexplained(refit, floor(chosen)):
         able = [t for t in others if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
         return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)
-    return tuple(
-        t for t in near(chosen, others) if not _contains(t, chosen) and price(t) - price(chosen) < 3 * DECISIVE
-    )
+    rows = []
+    for t in near(chosen, others):
+        if _contains(t, chosen):
+            # The simpler law was taken for its simplicity; the richer one is a rival if it does better beyond chance.
+            better = chosen.hold_out - t.hold_out > RICHER * chosen.hold_out and gain_band(t, chosen)[0] > 0
+        else:
+            better = price(t) - price(chosen) < 3 * DECISIVE
+        if better:
+            rows.append(t)
+    return tuple(rows)
 
 
 def _same(one: Trial, other: Trial) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from diagnosis.candidate import NAME, Candidate, Knob, Sizes, grid, shares, with_unit
@@ -27,17 +27,7 @@ def at_shaft(around: Surroundings, flange: str) -> Iterator[Candidate]:
     block = around.problem.scenario.system.split(flange)[0]
     torque, speed, angle, inertia = (d[flange] for d in (around.torque, around.speed, around.angle, around.inertia))
 
-    def made(
-        effect: str, kind: str, units: dict[str, str], starts: tuple[Sizes, ...], *knobs: Knob, **fixed: Any
-    ) -> Candidate:
-        name = f"{NAME}_{effect}"
-
-        def edits(values: Sizes) -> list[Edit]:
-            given = {key: with_unit(values[key], unit) for key, unit in units.items() if key in values}
-            return [AtFlange(name, kind, flange, "shaft", {**fixed, **given})]
-
-        return Candidate(effect, flange, block, name, edits, knobs, starts)
-
+    made = _maker(flange, block)
     levels = shares(torque, *LEVELS)
     dry, back = Knob("coulomb_friction", torque), Knob("coulomb_friction_backward", torque)
     yield made("coulomb_friction", "BearingFriction", {"coulomb_friction": "N.m"}, grid(coulomb_friction=levels), dry)
@@ -85,29 +75,11 @@ def at_shaft(around: Surroundings, flange: str) -> Iterator[Candidate]:
         Knob("rest_angle", angle, signed=True),
     )
     yield made(
-        "gravity",
-        "GravityTorque",
-        {"mass": "kg", "hanging_angle": "rad"},
-        grid(mass=shares(torque / 9.81, 1e-3, 0.02, 0.15), hanging_angle=PHASES),
-        Knob("mass", torque / 9.81),
-        Knob("hanging_angle", 1.0, signed=True),
-        radius="1 m",
-    )
-    yield made(
         "payload",
         "Inertia",
         {"inertia": "kg.m2"},
         grid(inertia=shares(inertia, 0.003, 0.05, 0.3)),
         Knob("inertia", inertia),
-    )
-    yield made(
-        "torque_ripple",
-        "TorqueRipple",
-        {"amplitude": "N.m", "phase": "rad", "order": "1"},
-        grid(order=ORDERS, amplitude=shares(torque, 1e-3, 0.05), phase=PHASES),
-        Knob("order", 1.0, fixed=True),
-        Knob("amplitude", torque),
-        Knob("phase", 1.0, signed=True),
     )
     swing = math.sqrt(torque / (inertia * angle))
     yield made(
@@ -119,15 +91,66 @@ def at_shaft(around: Surroundings, flange: str) -> Iterator[Candidate]:
         Knob("frequency", swing, signed=True),
         Knob("phase", 1.0, signed=True),
     )
+    swings = [
+        *around.lines,
+        *(w for w in (20.0, 50.0, 120.0, 300.0) if all(abs(w - a) > 0.2 * w for a in around.lines)),
+    ]
     yield made(
         "extra_mode",
         "Resonator",
         {"inertia": "kg.m2", "frequency": "rad/s", "damping_ratio": "1"},
-        grid(inertia=shares(inertia, 1e-3, 0.05), frequency=(20.0, 50.0, 120.0, 300.0), damping_ratio=[0.02]),
+        grid(inertia=shares(inertia, 1e-3, 0.03, 0.3), frequency=swings, damping_ratio=[0.02]),
         Knob("inertia", inertia),
         Knob("frequency", 100.0),
         Knob("damping_ratio", 0.02),
     )
+
+
+def at_turns(around: Surroundings, flange: str) -> Iterator[Candidate]:
+    """What depends on the angle itself: a flange for each ratio at which members of a group turn."""
+    tried: list[float] = []
+    for member in around.groups[flange]:
+        ratio = around.ratio(flange, member)
+        if any(abs(ratio / other - 1) < 1e-6 for other in tried):
+            continue
+        tried.append(ratio)
+        torque = around.torque[flange] / ratio
+        made = _maker(member, around.problem.scenario.system.split(member)[0])
+        yield made(
+            "gravity",
+            "GravityTorque",
+            {"mass": "kg", "hanging_angle": "rad"},
+            grid(mass=shares(torque / 9.81, 1e-3, 0.02, 0.15), hanging_angle=PHASES),
+            Knob("mass", torque / 9.81),
+            Knob("hanging_angle", 1.0, signed=True),
+            radius="1 m",
+        )
+        yield made(
+            "torque_ripple",
+            "TorqueRipple",
+            {"amplitude": "N.m", "phase": "rad", "order": "1"},
+            grid(order=ORDERS, amplitude=shares(torque, 1e-3, 0.05), phase=PHASES),
+            Knob("order", 1.0, fixed=True),
+            Knob("amplitude", torque),
+            Knob("phase", 1.0, signed=True),
+        )
+
+
+def _maker(flange: str, block: str) -> Callable[..., Candidate]:
+    """What makes a candidate at a flange, from its effect, type, units, starts and knobs."""
+
+    def made(
+        effect: str, kind: str, units: dict[str, str], starts: tuple[Sizes, ...], *knobs: Knob, **fixed: Any
+    ) -> Candidate:
+        name = f"{NAME}_{effect}"
+
+        def edits(values: Sizes) -> list[Edit]:
+            given = {key: with_unit(values[key], unit) for key, unit in units.items() if key in values}
+            return [AtFlange(name, kind, flange, "shaft", {**fixed, **given})]
+
+        return Candidate(effect, flange, block, name, edits, knobs, starts)
+
+    return made
 
 
 def at_joints(around: Surroundings) -> Iterator[Candidate]:

@@ -48,10 +48,12 @@ class Remark:
     Attributes:
         text: a sentence.
         grave: whether no effect of the catalogue should be named with confidence while it stands.
+        shift: whether it is a shift in time, which a model that leaves only noise refutes.
     """
 
     text: str
     grave: bool
+    shift: bool = False
 
 
 def warnings(problem: Problem) -> list[str]:
@@ -162,7 +164,7 @@ def _shifted(where: str, y: Array, s: Array, interval: float) -> list[Remark]:
     samples = f"{abs(best)} sample{'s' if abs(best) > 1 else ''} ({abs(best) * interval:g} s)"
     if best < 0:
         text = f"{where} is {samples} ahead of the model, before its cause: is a column shifted against the time?"
-        return [Remark(text, True)]
+        return [Remark(text, True, shift=True)]
     text = f"{where} is {samples} behind the model: there is a delay, or a column is shifted against the time"
     return [Remark(text, False)]
 

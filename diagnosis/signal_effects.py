@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -52,10 +53,16 @@ def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candida
     )
     corners = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield made("lag", "LowPass", {"corner_frequency": "rad/s"}, (Knob("corner_frequency", 1 / sample),), corners)
+    quarter = sample / 4
     waits = grid(delay=shares(sample, 1, 2, 3, 4, 5, 6, 8, 10, 14, 20))
-    yield made(
-        "delay", "Delay", {"delay": "s"}, (Knob("delay", sample, fixed=True),), waits, period=with_unit(sample, "s")
+
+    def between(best: Sizes) -> Sequence[Sizes]:
+        return [{"delay": best["delay"] + k * quarter} for k in (-3, -2, -1, 1, 2, 3)]
+
+    wait = made(
+        "delay", "Delay", {"delay": "s"}, (Knob("delay", sample, fixed=True),), waits, period=with_unit(quarter, "s")
     )
+    yield replace(wait, finer=between)
     motor = system.blocks[block]
     if type(motor).__name__ == "DCMotor" and motor.values["inductance"] == 0:
         reference = motor.values["resistance"] * sample

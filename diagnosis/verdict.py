@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.choice import floor, rivals, unexplained
+from diagnosis.choice import FITTED, floor, rivals, unexplained
 from diagnosis.evidence import Curve, Evidence, place_of, recover
 from diagnosis.experiment import Proposal, propose
 from diagnosis.fit import Fit, uncertainty
 from diagnosis.recording import Recording
-from diagnosis.screening import screen
+from diagnosis.screening import Remark, screen
 from diagnosis.select import Study
 from diagnosis.sines import Sines
 from diagnosis.sines_report import absorbed, remarks
@@ -161,7 +161,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     chosen, refit = study.chosen, study.refit
     made = replace(chosen.fit, **uncertainty(chosen.fit))
     found = screen(refit.fit.problem)
-    warnings = (*(remark.text for remark in found), *_warnings(study))
+    warnings = (*study.notes, *(remark.text for remark in found), *_warnings(study))
     if not chosen.effects:
         status = "unknown" if refit.hold_out - floor(refit) > max(UNKNOWN, by_chance(refit)) else "none"
         near = study.trials[0].effects[0] if status == "unknown" and study.trials else None
@@ -173,7 +173,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     findings = []
     for k, effect in enumerate(chosen.effects):
         against = [t for t in others if effect.key not in {c.key for c in t.effects}]
-        if not _accounted(study, explained) or any(remark.grave for remark in found):
+        if not _accounted(study, explained) or _spoilt(study, found):
             status = "unknown"
         elif against:
             status = "tie"
@@ -200,14 +200,26 @@ def _accounted(study: Study, explained: float) -> bool:
     Where the noise of every signal is stated, a law that is right reaches it; one that only resembles the missing one
     leaves a share of the mismatch.
     """
-    refit, chosen = study.refit, study.chosen
     if explained < EXPLAINS:
         return False
     stated = all(c.noise is not None for r in study.recordings if isinstance(r, Recording) for c in r.measurements)
     if not stated or any(not isinstance(r, Recording) for r in study.recordings):
         return True
-    ground = floor(chosen)
-    return chosen.hold_out - ground < max(REACHED * ground, LEFT_OVER * (refit.hold_out - ground))
+    return _reached(study, floor(study.chosen))
+
+
+def _spoilt(study: Study, found: Sequence[Remark]) -> bool:
+    """Whether a recording looks so wrong that no name is to be trusted: a shift in time only while it is left over."""
+    ground = floor(study.chosen)
+    return any(r.grave and not (r.shift and _reached(study, ground)) for r in found)
+
+
+def _reached(study: Study, ground: float) -> bool:
+    """Whether the amended model leaves little more than noise, of the held-out data or at least of the fitted ones."""
+    refit, chosen = study.refit, study.chosen
+    left, before = chosen.hold_out - ground, refit.hold_out - ground
+    fitted = chosen.fit.chi2 - ground < FITTED * ground and left < 0.1 * before
+    return fitted or left < max(REACHED * ground, LEFT_OVER * before)
 
 
 def _finding(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.candidate import Candidate
+from diagnosis.candidate import Candidate, Sizes
 from diagnosis.fit import Fit, descend, fit, prior
 from diagnosis.prepare import problem, resolved
 from diagnosis.problem import Array, Problem
@@ -78,15 +78,15 @@ class Workshop:
         """
         parent, entries = start.parameters(), []
         for chosen in itertools.product(*(c.structures() for c in effects)):
-            made = self.build(effects, [group[0] for group in chosen])
-            for sizes in itertools.product(*chosen):
-                x = _placed(made, parent, effects, sizes)
-                stepped = resolved(made, x)
-                if stepped is not None:
-                    entries.append(Entry(_glance(stepped, x), stepped, x, sizes))
+            entries += self._entries(effects, chosen, parent)
         if not entries:
             raise FlexarmError("at every size it would move faster than these recordings can show")
         entries.sort(key=lambda entry: entry.cost)
+        for k, effect in enumerate(effects):
+            best = entries[0].sizes
+            for finer in effect.finer(best[k]) if effect.finer else ():
+                entries += self._entries(effects, [[s] if j != k else [finer] for j, s in enumerate(best)], parent)
+            entries.sort(key=lambda entry: entry.cost)
         tried = []
         with ThreadPoolExecutor(1) as pool:
             for entry in _spread(entries):
@@ -94,6 +94,31 @@ class Workshop:
                 x, cost, converged = descend(entry.problem, entry.x, training, pool, iterations=FIRST, least=HARDLY)
                 tried.append(Draft(effects, replace(entry, x=x, cost=cost), converged))
         return min(tried, key=lambda draft: draft.entry.cost)
+
+    def _entries(
+        self, effects: tuple[Candidate, ...], groups: Sequence[Sequence[Sizes]], parent: dict[str, float]
+    ) -> list[Entry]:
+        """Starting sizes that share one model, each with its cost."""
+        made, rows = self.build(effects, [group[0] for group in groups]), []
+        for sizes in itertools.product(*groups):
+            x = _placed(made, parent, effects, sizes)
+            stepped = resolved(made, x)
+            if stepped is not None:
+                rows.append(Entry(_glance(stepped, x), stepped, x, sizes))
+        return rows
+
+    def reduced(self, trial: Trial, kept: Candidate) -> Trial:
+        """One effect of a trial alone, from where the trial ended.
+
+        Raises:
+            FlexarmError: the amended model has no meaning.
+        """
+        values = trial.fit.parameters()
+        sizes = trial.sizes[trial.effects.index(kept)]
+        there = {key: values.get(f"{kept.name}.{key}", value) for key, value in sizes.items()}
+        alone = replace(kept, starts=(there,), finer=None)
+        made = self.finish(self.draft((alone,), trial.fit))
+        return replace(made, effects=(kept,))
 
     def finish(self, draft: Draft, iterations: int = MOST) -> Trial:
         """Fit a draft until it converges, and score it; with no iterations left it is scored as it is."""
@@ -149,14 +174,18 @@ def _glance(made: Problem, x: Array) -> float:
 
 
 def _spread(entries: Sequence[Entry]) -> list[Entry]:
-    """The best entries that do not lie next to each other, and the one with the least effect."""
+    """The best entries that do not lie next to each other; those that share no model differ in a fixed size."""
     chosen: list[Entry] = []
     for entry in entries:
-        if all(entry.problem is not other.problem or np.abs(entry.x - other.x).max() > APART for other in chosen):
+        if all(_apart(entry, other) for other in chosen):
             chosen.append(entry)
         if len(chosen) == STARTS:
             break
     return chosen
+
+
+def _apart(one: Entry, other: Entry) -> bool:
+    return one.problem.model is not other.problem.model or float(np.abs(one.x - other.x).max()) > APART
 
 
 def _placed(
