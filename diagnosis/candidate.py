@@ -45,7 +45,8 @@ class Candidate:
         knobs: its parameters.
         starts: sizes to start from, the least effect first, so that no fit ends worse than without the effect.
         loosened: for ``wrong_parameter``, the parameter that may leave its tolerance.
-        finer: further starts next to the best one, for sizes that are only chosen.
+        finer: for sizes that are only chosen, further ones at a distance from the best, halved from time to time.
+        bold: starts that are fitted however bad they look: the model's own parameters have to make room for them.
     """
 
     effect: str
@@ -56,7 +57,8 @@ class Candidate:
     knobs: tuple[Knob, ...] = ()
     starts: tuple[Sizes, ...] = ({},)
     loosened: Free | None = None
-    finer: Callable[[Sizes], Sequence[Sizes]] | None = None
+    finer: Callable[[Sizes, float], Sequence[Sizes]] | None = None
+    bold: tuple[Sizes, ...] = ()
 
     @property
     def key(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 from diagnosis.candidate import NAME, Candidate, Knob, Sizes, grid, shares, with_unit
@@ -95,15 +96,16 @@ def at_shaft(around: Surroundings, flange: str) -> Iterator[Candidate]:
         *around.lines,
         *(w for w in (20.0, 50.0, 120.0, 300.0) if all(abs(w - a) > 0.2 * w for a in around.lines)),
     ]
-    yield made(
+    mode = made(
         "extra_mode",
         "Resonator",
         {"inertia": "kg.m2", "frequency": "rad/s", "damping_ratio": "1"},
-        grid(inertia=shares(inertia, 1e-3, 0.03, 0.3), frequency=swings, damping_ratio=[0.02]),
+        grid(inertia=shares(inertia, 1e-3, 0.03), frequency=swings, damping_ratio=[0.02]),
         Knob("inertia", inertia),
         Knob("frequency", 100.0),
         Knob("damping_ratio", 0.02),
     )
+    yield replace(mode, bold=grid(inertia=[0.3 * inertia], frequency=swings[:2], damping_ratio=[0.02]))
 
 
 def at_turns(around: Surroundings, flange: str) -> Iterator[Candidate]:

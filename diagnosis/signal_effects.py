@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -53,16 +52,7 @@ def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candida
     )
     corners = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield made("lag", "LowPass", {"corner_frequency": "rad/s"}, (Knob("corner_frequency", 1 / sample),), corners)
-    quarter = sample / 4
-    waits = grid(delay=shares(sample, 1, 2, 3, 4, 5, 6, 8, 10, 14, 20))
-
-    def between(best: Sizes) -> Sequence[Sizes]:
-        return [{"delay": best["delay"] + k * quarter} for k in (-3, -2, -1, 1, 2, 3)]
-
-    wait = made(
-        "delay", "Delay", {"delay": "s"}, (Knob("delay", sample, fixed=True),), waits, period=with_unit(quarter, "s")
-    )
-    yield replace(wait, finer=between)
+    yield _delay(place, block, target, sample)
     motor = system.blocks[block]
     if type(motor).__name__ == "DCMotor" and motor.values["inductance"] == 0:
         reference = motor.values["resistance"] * sample
@@ -72,6 +62,22 @@ def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candida
 
         sizes = grid(inductance=shares(reference, 0.3, 1.0, 5.0))
         yield Candidate("inductance", block, block, block, coil, (Knob("inductance", reference),), sizes)
+
+
+def _delay(place: str, block: str, target: str, sample: float) -> Candidate:
+    """A delay by any time, on the instants of the samples: what is recorded holds between them."""
+    name = f"{NAME}_delay"
+
+    def edits(values: Sizes) -> list[Edit]:
+        wait = with_unit(round(values["delay"], 9), "s")
+        return [InSignal(name, "Delay", target, {"delay": wait, "period": with_unit(sample, "s")})]
+
+    def finer(best: Sizes, share: float) -> list[Sizes]:
+        step = share * sample
+        return [{"delay": w} for w in (best["delay"] - step, best["delay"] + step) if w > sample / 50]
+
+    waits = grid(delay=shares(sample, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 14, 20))
+    return Candidate("delay", place, block, name, edits, (Knob("delay", sample, fixed=True),), waits, finer=finer)
 
 
 def at_sensor(around: Surroundings, signal: str) -> Iterator[Candidate]:

@@ -29,6 +29,9 @@ GLANCE = 0.4
 FIRST, MOST = 6, 25
 """Steps from each of the best starts, and then from the best of all."""
 
+FINER = (0.5, 0.25, 0.125, 0.0625)
+"""Distances, in samples, at which a size that is only chosen is looked for next to the best."""
+
 HARDLY = 3e-3
 """A first step that gains less than this share of the cost is the last."""
 
@@ -82,14 +85,10 @@ class Workshop:
         if not entries:
             raise FlexarmError("at every size it would move faster than these recordings can show")
         entries.sort(key=lambda entry: entry.cost)
-        for k, effect in enumerate(effects):
-            best = entries[0].sizes
-            for finer in effect.finer(best[k]) if effect.finer else ():
-                entries += self._entries(effects, [[s] if j != k else [finer] for j, s in enumerate(best)], parent)
-            entries.sort(key=lambda entry: entry.cost)
+        bold = self._entries(effects, [effects[0].bold], parent) if len(effects) == 1 and effects[0].bold else []
         tried = []
         with ThreadPoolExecutor(1) as pool:
-            for entry in _spread(entries):
+            for entry in [*_spread(entries), *bold]:
                 training = entry.problem.chosen("train", "repeat")
                 x, cost, converged = descend(entry.problem, entry.x, training, pool, iterations=FIRST, least=HARDLY)
                 tried.append(Draft(effects, replace(entry, x=x, cost=cost), converged))
@@ -116,12 +115,13 @@ class Workshop:
         values = trial.fit.parameters()
         sizes = trial.sizes[trial.effects.index(kept)]
         there = {key: values.get(f"{kept.name}.{key}", value) for key, value in sizes.items()}
-        alone = replace(kept, starts=(there,), finer=None)
+        alone = replace(kept, starts=(there,), finer=None, bold=())
         made = self.finish(self.draft((alone,), trial.fit))
         return replace(made, effects=(kept,))
 
     def finish(self, draft: Draft, iterations: int = MOST) -> Trial:
         """Fit a draft until it converges, and score it; with no iterations left it is scored as it is."""
+        draft = self._refined(draft) if iterations else draft
         entry, converged = draft.entry, draft.converged
         made, x, cost = entry.problem, entry.x, entry.cost
         training = made.chosen("train", "repeat")
@@ -133,6 +133,21 @@ class Workshop:
         chi2 = (cost - float(np.sum(prior(made, x)[0] ** 2))) / max(count, 1)
         n = len(x)
         return scored(Fit(made, x, cost, chi2, converged, np.zeros((n, n))), draft.effects, entry.sizes)
+
+    def _refined(self, draft: Draft) -> Draft:
+        """The draft with sizes that are only chosen, such as a delay, moved to where they fit best."""
+        for k, effect in enumerate(draft.effects):
+            for share in FINER if effect.finer else ():
+                best = draft.entry
+                for sizes in effect.finer(best.sizes[k], share) if effect.finer else ():
+                    chosen = tuple(sizes if j == k else s for j, s in enumerate(best.sizes))
+                    made = self.build(draft.effects, chosen)
+                    training = made.chosen("train", "repeat")
+                    with ThreadPoolExecutor(1) as pool:
+                        x, cost, converged = descend(made, best.x, training, pool, iterations=FIRST, least=HARDLY)
+                    if cost < draft.entry.cost:
+                        draft = Draft(draft.effects, Entry(cost, made, x, chosen), converged)
+        return draft
 
     def polish(self, trial: Trial) -> Trial:
         """The same model, fitted until it converges."""

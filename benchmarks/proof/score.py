@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,11 @@ from benchmarks.concealed.plants import PLANTS
 from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.sites import Site, sites
 from benchmarks.concealed.ties import FLOOR, from_answers, tie_class
+from benchmarks.proof.intervals import covered
+from benchmarks.proof.run import plan
+
+RIGHT = frozenset({"named", "tie", "none"})
+"""Outcomes that are right."""
 
 
 @dataclass(frozen=True)
@@ -20,29 +25,52 @@ class Score:
     """One case, judged.
 
     Attributes:
-        name, suite, plant: of the case.
+        name, suite, plant, spec: of the case; ``spec`` as JSON, enough to draw it again.
         truth: what was concealed, ``effect@place``.
         visible: how large it was, in noise floors after a refit.
+        reported: the findings, (status, effect, place) each.
         verdict: status, effect and place that were reported, and what it could not be told from.
         outcome: ``named``, ``tie`` (a true one, with the truth in it), ``none`` (rightly), ``missed``, ``unknown``,
-            ``wrong`` (a wrong name claimed), ``false alarm``, ``failed``.
+            ``half`` (of two effects), ``wrong`` (a wrong name claimed), ``wrong tie``, ``loose tie`` (the truth is in
+            it, but so is what the recordings exclude), ``false alarm``, ``failed``, ``not run``.
+        found: how many of the concealed effects were named, or are in a true tie.
+        claimed: whether a name was claimed, alone, that is not the truth.
         placed: whether the place is right; None where none was to be found.
-        hold_out: held-out error (mean square over the floor): (refit, amended).
+        errors: held-out error (mean square over the true floor) of nominal, refit and amended; None if it failed.
         covered: (parameter, inside its interval) for each interval whose true value is known.
-        seconds: of the diagnosis.
+        seconds, cpu: of the diagnosis; cpu None where it was not measured.
+        failure: what went wrong.
+        frozen, code: commit that the seeds follow from, or nothing; hash of the program that ran.
+        proposal: kind of the next experiment, if one was proposed.
+        settled: whether that experiment, carried out, made the tie a right name; None if it was not carried out.
     """
 
     name: str
     suite: str
     plant: str
+    spec: dict[str, Any]
     truth: tuple[str, ...]
-    visible: tuple[float, ...]
-    verdict: str
-    outcome: str
-    placed: bool | None
-    hold_out: tuple[float, float]
-    covered: tuple[tuple[str, bool], ...]
-    seconds: float
+    visible: tuple[float, ...] = ()
+    reported: tuple[tuple[str, str, str], ...] = ()
+    verdict: str = "failed"
+    outcome: str = "failed"
+    found: int = 0
+    claimed: bool = False
+    placed: bool | None = None
+    errors: tuple[float, float, float] | None = None
+    covered: tuple[tuple[str, bool], ...] = ()
+    seconds: float = 0.0
+    cpu: float | None = None
+    failure: str = ""
+    frozen: str = ""
+    code: str = ""
+    proposal: str = ""
+    settled: bool | None = None
+
+    @property
+    def right(self) -> bool:
+        """Whether the verdict is the truth, or a tie that the truth generator confirms."""
+        return self.outcome in RIGHT
 
 
 def wilson(hits: int, total: int) -> tuple[float, float]:
@@ -57,53 +85,70 @@ def wilson(hits: int, total: int) -> tuple[float, float]:
 
 
 def scores(folder: Path) -> list[Score]:
-    """Every finished case of a folder that `benchmarks.proof.run` filled."""
-    rows = []
-    for result in sorted((folder / "results").iterdir()):
+    """Every case that was asked for in a folder that `benchmarks.proof.run` filled; none is left out."""
+    rows, seen = [], set()
+    for result in sorted((folder / "results").glob("*")):
         if (result / "run.json").exists():
             rows.append(_score(folder, result))
-    return rows
+            seen.add(result.name)
+    missing = {name: spec for name, spec in plan(folder).items() if name not in seen}
+    return rows + [replace(_failed(name, spec), outcome="not run", verdict="not run") for name, spec in missing.items()]
+
+
+def _failed(name: str, spec: dict[str, Any]) -> Score:
+    effects = [(e, "") for e in spec["effects"]] + [("wrong_parameter", p) for p, _ in spec["options"]["wrong"]]
+    truth = tuple(f"{effect}@{place}" if place else effect for effect, place in effects)
+    return Score(name, spec["suite"], spec["plant"], spec, truth, placed=False if truth else None)
 
 
 def _score(folder: Path, result: Path) -> Score:
     run = json.loads((result / "run.json").read_text(encoding="utf-8"))
-    answer = json.loads((folder / "answers" / f"{result.name}.json").read_text(encoding="utf-8"))
-    spec, concealed = run["spec"], answer["concealed"]
-    truth = tuple(f"{c['effect']}@{c['place']}" for c in concealed)
-    truth = truth or tuple(f"wrong_parameter@{name}" for name, _ in spec["options"]["wrong"])
-    visible = tuple(float(c["excess_in_floors"]) for c in concealed)
+    spec = run["spec"]
+    about = {key: run[key] for key in ("seconds", "cpu", "failure", "frozen", "code") if key in run}
+    base = replace(_failed(result.name, spec), **about)
+    sealed = folder / "answers" / f"{result.name}.json"
+    if not sealed.exists():
+        return base
+    answer = json.loads(sealed.read_text(encoding="utf-8"))
+    concealed, wrong = answer["concealed"], [name for name, _ in spec["options"]["wrong"]]
+    truth = [f"{c['effect']}@{c['place']}" for c in concealed] + [f"wrong_parameter@{name}" for name in wrong]
+    base = replace(base, truth=tuple(truth), visible=tuple(float(c["excess_in_floors"]) for c in concealed))
     if run["failure"]:
-        return Score(
-            result.name,
-            spec["suite"],
-            spec["plant"],
-            truth,
-            visible,
-            "failed",
-            "failed",
-            False,
-            (0, 0),
-            (),
-            run["seconds"],
-        )
+        return base
     found = json.loads((result / "diagnosis.json").read_text(encoding="utf-8"))
     targets = [(c["effect"], {c["place"], *c["same_place"]}) for c in concealed]
-    targets += [("wrong_parameter", {name}) for name, _ in spec["options"]["wrong"]]
+    targets += [("wrong_parameter", {name}) for name in wrong]
     outcome, placed = _outcome(found, targets, folder, result, answer)
+    hits = _hits(found, targets)
+    reported = tuple((f["status"], f["effect"], f["place"]) for f in found["findings"] if f["status"] != "none")
+    floor = spec["options"]["sigma_error"] ** 2  # the tool's errors are over the floor that the scenario states
     held = found["fit"]["hold_out"]
-    return Score(
-        result.name,
-        spec["suite"],
-        spec["plant"],
-        truth,
-        visible,
-        _words(found),
-        outcome,
-        placed,
-        (_pooled(held["refit"]), _pooled(held["amended"])),
-        tuple(_covered(found, concealed)),
-        run["seconds"],
+    return replace(
+        base,
+        reported=reported,
+        verdict=_words(found),
+        outcome=outcome,
+        placed=placed,
+        found=len(targets) if outcome in ("named", "tie") else sum(hits),
+        claimed=any(_is_claim(*row) and not any(_meets(row, t) for t in targets) for row in reported),
+        errors=(_pooled(held["nominal"]) * floor, _pooled(held["refit"]) * floor, _pooled(held["amended"]) * floor),
+        covered=tuple(covered(found, answer)),
+        proposal=(found["next_experiment"] or {}).get("kind", ""),
     )
+
+
+def _is_claim(status: str, effect: str, place: str) -> bool:
+    return status in ("named", "wrong_parameter")
+
+
+def _meets(row: tuple[str, str, str], target: tuple[str, set[str]]) -> bool:
+    """Whether a finding claims a target by name, at its place."""
+    return _is_claim(*row) and row[1] == target[0] and _at(row[2], target[1])
+
+
+def _hits(found: dict[str, Any], targets: list[tuple[str, set[str]]]) -> list[bool]:
+    rows = [(f["status"], f["effect"], f["place"]) for f in found["findings"]]
+    return [any(_meets(row, target) for row in rows) for target in targets]
 
 
 def _words(found: dict[str, Any]) -> str:
@@ -138,13 +183,7 @@ def _outcome(
     if not reported:
         return "missed", False
     placed = all(any(_at(place, allowed) for _, _, place, _ in reported) for _, allowed in targets)
-    named = [
-        any(
-            status in ("named", "wrong_parameter") and effect == name and _at(place, allowed)
-            for status, effect, place, _ in reported
-        )
-        for name, allowed in targets
-    ]
+    named = _hits(found, targets)
     if all(named) and len(reported) == len(targets):
         return "named", placed
     if any(status == "tie" for status, *_ in reported):
@@ -203,16 +242,3 @@ def _site(plant: Plant, effect: str, place: str) -> Site | None:
 
 def _is(site: Site | None, targets: list[tuple[str, set[str]]]) -> bool:
     return site is not None and any(site.effect.name == name and site.place in allowed for name, allowed in targets)
-
-
-def _covered(found: dict[str, Any], concealed: list[dict[str, Any]]) -> list[tuple[str, bool]]:
-    rows = []
-    for c in concealed:
-        for f in found["findings"]:
-            if f["effect"] != c["effect"] or f["status"] not in ("named", "tie"):
-                continue
-            for key, row in f["parameters"].items():
-                if key in c["parameters"] and isinstance(c["parameters"][key], int | float):
-                    value = float(c["parameters"][key])
-                    rows.append((f"{c['effect']}.{key}", bool(row["low"] <= value <= row["high"])))
-    return rows

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.plants import PLANTS
@@ -40,6 +41,17 @@ class Spec:
         return f"{self.suite}-{hashlib.sha256(text.encode()).hexdigest()[:10]}"
 
 
+def from_json(data: Mapping[str, Any]) -> Spec:
+    """The case that was written down by ``dataclasses.asdict``."""
+    options = dict(data["options"])
+    for key in {"sensors", "kinds"} & options.keys():
+        options[key] = tuple(options[key])
+    if "wrong" in options:
+        options["wrong"] = tuple((name, factor) for name, factor in options["wrong"])
+    lists = {key: tuple(data[key]) for key in ("effects", "sizes", "withheld")}
+    return Spec(data["suite"], data["plant"], seed=data["seed"], options=Options(**options), **lists)
+
+
 def hosts(effect: str) -> list[str]:
     """The plants that can hide an effect, in the order in which they are used."""
     return [name for name, plant in PLANTS.items() if any(s.effect.name == effect for s in sites(plant))]
@@ -71,8 +83,9 @@ def power(seeds: list[int]) -> Iterator[Spec]:
                     yield Spec("power", plant, (effect,), (size,), 100 * seed + k)
 
 
-def nothing(seeds: list[int], count: int = 40) -> Iterator[Spec]:
-    """Nothing concealed; the stated noise is off by up to 30 %."""
+def nothing(seeds: list[int], count: int | None = None) -> Iterator[Spec]:
+    """Nothing concealed; the stated noise is off by up to 30 %. 40 cases, or 20 for each seed if that is more."""
+    count = count or max(40, 20 * len(seeds))
     plants, errors = sorted(PLANTS), (1.0, 0.77, 1.3, 1.0, 0.85, 1.15)
     for k in range(count):
         seed = 1000 * seeds[k % len(seeds)] + k
@@ -125,6 +138,15 @@ def ties(seeds: list[int]) -> Iterator[Spec]:
             yield Spec("ties", tie.plant, tie.effects, tie.sizes, seed, tie.options)
 
 
+def quick(seeds: list[int]) -> Iterator[Spec]:
+    """Eight cases of the others, for a look within minutes."""
+    for effect in ("dead_zone", "coulomb_friction", "backlash", "offset"):
+        yield next(s for s in core(seeds) if s.effects == (effect,))
+    yield from nothing(seeds, 2)
+    yield next(wrong(seeds))
+    yield next(withheld(seeds))
+
+
 SUITES = {
     "core": core,
     "none": nothing,
@@ -135,6 +157,7 @@ SUITES = {
     "withheld": withheld,
     "wrong": wrong,
     "ties": ties,
+    "quick": quick,
 }
 
 

@@ -17,12 +17,12 @@ LONGEST = 20_000
 
 
 class Delay(SignalBlock):
-    """Transport delay: out(t) = in(t - delay), sampled: at each instant k, out = in taken delay / period instants ago.
+    """Transport delay: out(t) = in(t - delay), sampled: in is read at each instant and given out ``delay`` later.
 
-    A delay line of delay / period memories, which must be a whole number; out holds until the next instant and is
-    ``start`` until the line is full. There is no delay of a continuous signal as such: it would not be a state of
-    finite size. Give a period short against the signal; holding the samples adds half a period to the delay on average.
-    A delay of 0 is a sample and hold. The output has the input's unit.
+    A delay line of delay / period memories; what is left of the delay beyond whole periods shifts the instants at which
+    out changes. out holds in between and is ``start`` until the line is full. There is no delay of a continuous signal
+    as such: it would not be a state of finite size. Give a period short against the signal; holding the samples adds
+    half a period to the delay on average. A delay of 0 is a sample and hold. The output has the input's unit.
     """
 
     delay = parameter("s", ..., "time by which the signal is late", ge=0, structural=True)
@@ -34,16 +34,12 @@ class Delay(SignalBlock):
     out = signal_out("*", "delayed signal")
 
     def check(self) -> None:
-        """The delay must be a whole number of samples."""
+        """The delay line must not be too long."""
         super().check()
-        count = self.delay / self.period
-        self.count = round(count)
-        if abs(count - self.count) > 1e-6:
-            low, high = math.floor(count) * self.period, math.ceil(count) * self.period
-            raise ParameterError(
-                f"delay = {self.delay:g} s is {count:g} periods of {self.period:g} s",
-                remedy=f"give {low:g} s or {high:g} s, or a shorter period",
-            )
+        self.count = math.floor(self.delay / self.period + 1e-6)
+        self.rest = max(self.delay - self.count * self.period, 0.0)
+        if self.rest < 1e-6 * self.period:
+            self.rest = 0.0
         if self.count > LONGEST:
             raise ParameterError(
                 f"a delay of {self.count} samples is too long", remedy=f"give a period above {self.delay / LONGEST:g} s"
@@ -51,10 +47,13 @@ class Delay(SignalBlock):
 
     def stamp(self, net: Net) -> None:
         ticks, late = clock(net, self), self.input
-        for k in range(self.count):
+        for k in range(self.count + (self.rest > 0)):
             stage = net.memory(f"line{k + 1}", "*", ticks, start=self.start)
             net.update(stage, late)
             late = stage
-        out = net.memory("delayed", "*", ticks, start=self.start, held=True)
+        given = ticks
+        if self.rest:
+            given = net.clock(self.period, math.fmod(self.sample_offset + self.rest, self.period))
+        out = net.memory("delayed", "*", given, start=self.start, held=True)
         net.update(out, late)
         self.publish(net, out)

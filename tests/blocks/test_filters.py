@@ -123,9 +123,20 @@ def test_delay_breaks_a_loop_and_none_does_not() -> None:
         model(loop(0.0), *wires)
 
 
-def test_a_delay_between_samples_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"0.025 s is 2.5 periods of 0.01 s\n  give 0.02 s or 0.03 s"):
-        Delay(delay=0.025, period=0.01)
+@pytest.mark.parametrize(("delay", "offset"), [(0.0007, 0.0), (0.025, 0.0), (0.0249, 0.004), (0.0301, 0.0099)])
+def test_a_delay_between_samples_shifts_the_instants(delay: float, offset: float) -> None:
+    """Read every 0.01 s from the offset on, given out the delay later: a sum of steps, each exactly so late."""
+    parts: dict[str, Block] = {
+        "s": Sine(amplitude=1, frequency=1.7, phase=0.4),
+        "d": Delay(delay=delay, period=0.01, sample_offset=offset, start=3.0),
+    }
+    result = run(parts, "s.out d.in", stop=0.5, step=0.0001, energy=False)
+    read = np.floor((result.time - delay - offset) / 0.01 + 1e-7) * 0.01 + offset
+    expected = np.where(read >= offset - 1e-9, np.sin(2 * np.pi * 1.7 * read + 0.4), 3.0)
+    np.testing.assert_allclose(result["d.out"], expected, atol=1e-12)
+
+
+def test_a_delay_of_too_many_samples_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"100000 samples is too long"):
         Delay(delay=100, period=0.001)
     assert Delay(delay="20 ms", period="1 ms").count == 20
