@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diagnosis.recording import Recorded, Recording
 from diagnosis.sines import Sines
 from diagnosis.trial import Trial, by_chance, gain_band, strained
 
@@ -24,6 +25,12 @@ LEAST = 0.25
 
 FITTED = 0.1
 """The same for the data that are fitted, which more samples and free parameters bring closer to the floor."""
+
+REACHED, LEFT_OVER = 0.5, 0.03
+"""Where the noise is known, a right law brings the held-out error so close to it, or leaves so small a share."""
+
+EXPLAINS = 0.6
+"""A name must account for at least this share of the held-out excess over the floor."""
 
 PAYS, PAYS_AGAIN = 0.3, 0.5
 """Share of the held-out excess that a first and a second effect must take away."""
@@ -67,6 +74,34 @@ def pays(better: Trial, worse: Trial) -> bool:
     share = PAYS if len(better.effects) == 1 else PAYS_AGAIN
     gain = worse.hold_out - better.hold_out
     return gain > share * (worse.hold_out - ground) and gain_band(better, worse)[0] > 0 and unexplained(worse, ground)
+
+
+def reached(refit: Trial, chosen: Trial) -> bool:
+    """Whether the amended model leaves little more than noise, of the held-out data or at least of the fitted ones."""
+    ground = floor(chosen)
+    left, before = chosen.hold_out - ground, refit.hold_out - ground
+    fitted = chosen.fit.chi2 - ground < FITTED * ground and left < 0.1 * before
+    return fitted or left < max(REACHED * ground, LEFT_OVER * before)
+
+
+def explained(refit: Trial, chosen: Trial) -> float:
+    """Share of the held-out excess over the floor that is gone; of the strain on the tolerances where there is none."""
+    ground = floor(chosen)
+    if not unexplained(refit, ground):
+        return min(max(1 - chosen.strain / max(refit.strain, 1e-9), 0.0), 1.0)
+    return min(max((refit.hold_out - chosen.hold_out) / (refit.hold_out - ground), 0.0), 1.0)
+
+
+def accounted(recordings: Sequence[Recorded], refit: Trial, chosen: Trial) -> bool:
+    """Whether what was found accounts for the mismatch: to the floor where the noise was stated, else most of it.
+
+    Where the noise of every signal is stated, a law that is right reaches it; one that only resembles the missing one
+    leaves a share of the mismatch.
+    """
+    if not chosen.effects or explained(refit, chosen) < EXPLAINS:
+        return False
+    stated = all(isinstance(r, Recording) and all(c.noise is not None for c in r.measurements) for r in recordings)
+    return reached(refit, chosen) if stated else True
 
 
 def price(trial: Trial) -> float:

@@ -11,8 +11,9 @@ import numpy as np
 
 from diagnosis.candidate import Candidate
 from diagnosis.catalogue import candidates
-from diagnosis.choice import FITTED, choose, floor, pays, unexplained
+from diagnosis.choice import FITTED, accounted, choose, floor, pays, unexplained
 from diagnosis.fit import Fit
+from diagnosis.laws import laws
 from diagnosis.recording import Recorded
 from diagnosis.surroundings import Surroundings, surroundings
 from diagnosis.ties import lookalike
@@ -109,9 +110,21 @@ def study(
     pair = lookalike(chosen, trials)
     if pair:
         trials += [shop.polish(t) for t in _try_all(shop, [pair], refit.fit, progress)[0]]
-    return Study(
+    made = Study(
         shop.scenario, shop.recordings, before, refit, tuple(trials), chosen, around, tuple(failures), tuple(notes)
     )
+    return made if accounted(made.recordings, refit, chosen) else _unnamed(shop, made, progress)
+
+
+def _unnamed(shop: Workshop, study: Study, progress: Progress | None) -> Study:
+    """The study with a law without a name, where none with a name accounts for what the refit leaves over."""
+    refit = study.refit
+    if not unexplained(refit, floor(refit)):
+        return study
+    curves = [(c,) for c in laws(replace(study, chosen=refit))]
+    found, _ = _try_all(shop, curves, refit.fit, progress)
+    found = [t for t in sorted(found, key=lambda t: t.merit) if pays(t, study.chosen)]
+    return replace(study, chosen=shop.polish(found[0])) if found else study
 
 
 def exchanged(shop: Workshop, refit: Trial) -> tuple[list[Recorded], str] | None:

@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.choice import FITTED, floor, rivals, unexplained
+from diagnosis.choice import EXPLAINS, accounted, explained, floor, reached, rivals
 from diagnosis.evidence import Curve, Evidence, place_of, recover
 from diagnosis.experiment import Proposal, propose
 from diagnosis.fit import Fit, uncertainty
-from diagnosis.recording import Recording
 from diagnosis.screening import Remark, screen
 from diagnosis.select import Study
 from diagnosis.sines import Sines
@@ -26,11 +25,6 @@ WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
 UNKNOWN = 1.0
 """Held-out excess over the floor, in floors, beyond which something is missing even if no effect accounts for it."""
 
-REACHED, LEFT_OVER = 0.5, 0.03
-"""Where the noise is stated, a name must bring the held-out error so close to it, or leave so small a share."""
-
-EXPLAINS = 0.6
-"""An effect is named only if it removes at least this share of the held-out excess over the floor."""
 WORDS = {
     "dead_zone": "a dead zone",
     "saturation": "saturation",
@@ -168,58 +162,28 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
         force = recover(study, *place_of(near, study)) if near else None
         return Diagnosis(study, status, (_nothing(study, status),), (), None, warnings, made, force)
     others = rivals(chosen, refit, study.trials)
-    explained = _explained(refit, chosen)
+    share = explained(refit, chosen)
     intervals = {i.name: i for i in made.intervals()}
     findings = []
     for k, effect in enumerate(chosen.effects):
         against = [t for t in others if effect.key not in {c.key for c in t.effects}]
-        if not _accounted(study, explained) or _spoilt(study, found):
+        if effect.effect == "unknown" or not accounted(study.recordings, refit, chosen) or _spoilt(study, found):
             status = "unknown"
         elif against:
             status = "tie"
         else:
             status = "wrong_parameter" if effect.effect == "wrong_parameter" else "named"
-        findings.append(_finding(study, k, status, explained, intervals, against))
+        findings.append(_finding(study, k, status, share, intervals, against))
     weakest = min((f["status"] for f in findings), key=WEAKEST.index)
     proposal = propose([chosen, *others]) if others else None
     force = recover(study, *place_of(chosen.effects[0], study))
     return Diagnosis(study, weakest, tuple(findings), others, proposal, warnings, made, force)
 
 
-def _explained(refit: Trial, chosen: Trial) -> float:
-    """Share of the held-out excess over the floor that is gone; of the strain on the tolerances where there is none."""
-    ground = floor(chosen)
-    if not unexplained(refit, ground):
-        return min(max(1 - chosen.strain / max(refit.strain, 1e-9), 0.0), 1.0)
-    return min(max((refit.hold_out - chosen.hold_out) / (refit.hold_out - ground), 0.0), 1.0)
-
-
-def _accounted(study: Study, explained: float) -> bool:
-    """Whether what was found accounts for the mismatch: to the floor where the noise was stated, else most of it.
-
-    Where the noise of every signal is stated, a law that is right reaches it; one that only resembles the missing one
-    leaves a share of the mismatch.
-    """
-    if explained < EXPLAINS:
-        return False
-    stated = all(c.noise is not None for r in study.recordings if isinstance(r, Recording) for c in r.measurements)
-    if not stated or any(not isinstance(r, Recording) for r in study.recordings):
-        return True
-    return _reached(study, floor(study.chosen))
-
-
 def _spoilt(study: Study, found: Sequence[Remark]) -> bool:
     """Whether a recording looks so wrong that no name is to be trusted: a shift in time only while it is left over."""
-    ground = floor(study.chosen)
-    return any(r.grave and not (r.shift and _reached(study, ground)) for r in found)
-
-
-def _reached(study: Study, ground: float) -> bool:
-    """Whether the amended model leaves little more than noise, of the held-out data or at least of the fitted ones."""
-    refit, chosen = study.refit, study.chosen
-    left, before = chosen.hold_out - ground, refit.hold_out - ground
-    fitted = chosen.fit.chi2 - ground < FITTED * ground and left < 0.1 * before
-    return fitted or left < max(REACHED * ground, LEFT_OVER * before)
+    refuted = reached(study.refit, study.chosen)
+    return any(r.grave and not (r.shift and refuted) for r in found)
 
 
 def _finding(
@@ -297,6 +261,8 @@ def _sentence(effect: str, place: str, status: str, explained: float, study: Stu
     if status == "tie":
         others = "; ".join(t.label for t in rivals[:8])
         return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}."
+    if effect == "unknown":
+        return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
     if status == "unknown" and explained >= EXPLAINS:
         what = f"{what.capitalize()} at {place}"
         return f"{what} would explain {explained:.0%}, but a recording looks wrong: see the warnings."

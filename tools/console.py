@@ -31,6 +31,11 @@ class Command:
     line: str
     shown: tuple[str, ...]
 
+    @property
+    def fails(self) -> bool:
+        """Whether the page shows an error."""
+        return bool(self.shown) and self.shown[0].startswith("error:")
+
 
 @dataclass(frozen=True)
 class File:
@@ -56,11 +61,11 @@ def prepare(folder: Path) -> None:
     (folder / "docs").symlink_to(ROOT / "docs", target_is_directory=True)
 
 
-def run(line: str, folder: Path, timeout: float = 300.0) -> list[str]:
-    """Lines that a command prints; ``make demo`` runs without make what the Makefile runs.
+def run(command: Command, folder: Path, timeout: float = 300.0) -> list[str]:
+    """Lines that a command prints, errors if it shows one; ``make demo`` runs without make what the Makefile runs.
 
     Raises:
-        RuntimeError: it failed.
+        RuntimeError: it failed, or should have.
     """
     # No shell prompt of the user's, and no terminal: the width of tables follows neither.
     environment = os.environ | {
@@ -68,13 +73,13 @@ def run(line: str, folder: Path, timeout: float = 300.0) -> list[str]:
         "MPLBACKEND": "Agg",
         "COLUMNS": "120",
     }
-    line = line.replace("make demo", f"{sys.executable} -m flexarm.demo")
+    line = command.line.replace("make demo", f"{sys.executable} -m flexarm.demo")
     done = subprocess.run(
         ["/bin/sh", "-c", line], cwd=folder, env=environment, capture_output=True, text=True, timeout=timeout, check=False
     )
-    if done.returncode:
+    if bool(done.returncode) != command.fails:
         raise RuntimeError(f"{line}\nended with {done.returncode}\n{done.stdout}{done.stderr}")
-    return done.stdout.rstrip("\n").replace(str(folder), "~").split("\n")
+    return (done.stderr if command.fails else done.stdout).rstrip("\n").replace(str(folder), "~").split("\n")
 
 
 def same(shown: str, printed: str, tolerance: float) -> bool:
@@ -121,7 +126,7 @@ def refresh(text: str, folder: Path) -> str:
         for step in steps(match[0]):
             assert isinstance(step, Command)
             print(f"$ {step.line}", flush=True)
-            printed = run(step.line, folder)
+            printed = run(step, folder)
             if any(line.strip() == LEFT_OUT for line in step.shown):
                 for problem in differences(step, printed):
                     print(f"  to be repaired by hand: {problem}")

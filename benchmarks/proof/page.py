@@ -1,0 +1,316 @@
+"""The page: what was asked, what came out, and every failure."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.proof import figures
+from benchmarks.proof.data import Proof
+from benchmarks.proof.score import Score
+from benchmarks.proof.summary import (
+    FLOOR_BOUND,
+    SLACK,
+    amended,
+    by_size,
+    confusion,
+    goals,
+    median,
+    rate,
+    suites,
+)
+from engine.files import writing
+
+HEAD = """# The proof
+
+Effects are concealed in recordings by code that shares nothing with flexarm (`benchmarks/concealed`), and
+`flexarm diagnose` is asked what the nominal model leaves out. Each diagnosis runs in a folder that holds the scenario and
+six recordings, nothing else; the answers lie elsewhere and only the scorer opens them. Written by
+`python -m benchmarks.proof page`; the cases stand in `benchmarks/results/proof.json`, one line each.
+
+**Rerun one case** and watch the name appear (a few minutes at most; nothing but this repository is needed):
+
+    make setup
+    .venv/bin/python -m benchmarks.proof one {example}
+
+{say}. The name of a case says nothing about what is concealed; any case of the tables below will do, and so will one that
+nobody has drawn yet:
+
+    .venv/bin/python -m benchmarks.proof one --plant harmonic-arm --effect backlash --size 3 --seed 12345
+
+`make proof` runs eight cases in a few minutes, `make proof FULL=1` all suites; both go on where they were stopped, and
+`--scheduler ADDRESS` spreads them over a dask cluster that sees the same folder.
+"""
+
+
+def write(proof: Proof, page: Path, causes: Mapping[str, str]) -> None:
+    """Write the page, and its figures beside it.
+
+    Raises:
+        FlexarmError: a file cannot be written.
+    """
+    power, matrix = page.with_name(f"{page.stem}-power.svg"), page.with_name(f"{page.stem}-confusion.png")
+    figures.power(proof.rows, power)
+    figures.matrix(proof.rows, matrix)
+    parts = [
+        _head(proof.rows),
+        _frozen(proof.about, proof.rows),
+        _goals(proof.rows),
+        _suites(proof.rows),
+        f"![Power against effect size, and held-out errors]({power.name})\n\n" + _power(proof.rows),
+        _confusion(proof.rows) + f"\n![Confusion matrix]({matrix.name})\n",
+        _held_out(proof.rows),
+        _intervals(proof.rows),
+        _peers(proof),
+        _time(proof.rows),
+        _failures(proof.rows, causes),
+        _seeds(proof.rows),
+    ]
+    with writing(page, (".md",)) as temporary:
+        temporary.write_text("\n".join(parts), encoding="utf-8")
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    cells = [[cell.replace("|", "\\|").replace("\n", " ") for cell in row] for row in rows]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in cells)]) + "\n"
+
+
+def _head(rows: Sequence[Score]) -> str:
+    ran = [r for r in rows if r.seconds > 0]
+    named = [r for r in ran if r.outcome == "named" and r.truth] or ran
+    if not named:
+        return HEAD.format(example="--plant pendulum --effect offset --seed 1", say="It says what it finds")
+    best = min(named, key=lambda r: r.seconds)
+    say = f"It took {best.seconds:.0f} s here, and ends with what was reported and what had been concealed"
+    return HEAD.format(example=best.name, say=say)
+
+
+def _frozen(about: Mapping[str, Any], rows: Sequence[Score]) -> str:
+    versions = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
+    lines = ["## What was frozen, and what ran\n", f"{versions}; {about['machine']}.\n"]
+    made = about.get("frozen")
+    if made:
+        lines.append(f"Commit `{made['commit']}` froze the rules. Seeds of a suite are the first four bytes of")
+        lines.append("SHA-256(commit, suite, k), k = 0, 1, ..., modulo 1e6, so that nobody could choose them.\n")
+        now = about.get("trees", {})
+        listed = [
+            [
+                f"`{path}/`",
+                f"`{then[:12]}`",
+                f"`{now.get(path, 'absent')[:12]}`",
+                "yes" if now.get(path) == then else "no",
+            ]
+            for path, then in made["trees"].items()
+        ]
+        lines.append(table(["folder", "tree when frozen", f"tree at {about['commit'][:12]}", "the same"], listed))
+        changed = made["changed_since"]
+        lines.append(
+            "Files of `diagnosis/` and `blocks/` that differ from the frozen commit: "
+            + (", ".join(f"`{name}`" for name in changed) if changed else "none")
+            + ".\n"
+        )
+    else:
+        lines.append(
+            "No commit has frozen the rules yet: these seeds were chosen, and the figures are of development.\n"
+        )
+    drawn = Counter(r.frozen for r in rows if r.outcome != "not run")
+    if made:
+        lines.append(f"{drawn[made['commit']]} of {len(rows)} cases have seeds of that commit.\n")
+    states = Counter(r.code for r in rows if r.code)
+    if states:
+        told = ", ".join(f"`{state}` ({count} cases)" for state, count in states.most_common())
+        lines.append(f"States of the program that diagnosed (hash over all its sources): {told}.\n")
+    return "\n".join(lines)
+
+
+def _goals(rows: Sequence[Score]) -> str:
+    met = {True: "met", False: "**not met**", None: "-"}
+    listed = [[g.suite, g.goal, g.measured, met[g.met]] for g in goals(rows)]
+    return (
+        "## What must be shown\n\nRates with 95 % bounds (Wilson). Cases that could not be drawn, failed, were stopped"
+        " after half an hour or were not\nrun count as failures.\n\n" + table(["suite", "goal", "measured", ""], listed)
+    )
+
+
+def _suites(rows: Sequence[Score]) -> str:
+    found = suites(rows)
+    outcomes = list(dict.fromkeys(o for o in ORDER if any(c[o] for _, c in found)))
+    listed = [
+        [name, str(counts.total()), rate(sum(counts[o] for o in ("named", "tie", "none")), counts.total())]
+        + [str(counts[o] or "") for o in outcomes]
+        for name, counts in found
+    ]
+    return "## Suites\n\n" + table(["suite", "cases", "right", *outcomes], listed) + LEGEND
+
+
+ORDER = (
+    "named",
+    "tie",
+    "none",
+    "half",
+    "loose tie",
+    "unknown",
+    "missed",
+    "wrong tie",
+    "wrong",
+    "false alarm",
+    "failed",
+    "not run",
+)
+LEGEND = """
+*named*: the right name at the right place, and nothing else. *tie*: the truth is among what is reported, and the truth
+generator confirms that the recordings cannot tell the rest from it. *none*: rightly nothing. *half*: one of two.
+*loose tie*: the truth is in the tie, and so is something that the recordings do exclude. *unknown*: a place and no name.
+*missed*: nothing reported. *wrong*, *wrong tie*: a name that is not the truth. In the suite *withheld* the true effect
+may not be named, so that *unknown* is what is wanted.
+"""
+
+
+def _power(rows: Sequence[Score]) -> str:
+    found = by_size(rows)
+    sizes = sorted({size for of_size in found.values() for size in of_size})
+    listed = []
+    for effect in sorted(found):
+        cells = []
+        for size in sizes:
+            cases = found[effect].get(size, [])
+            cells.append(f"{sum(r.right for r in cases)} of {len(cases)}" if cases else "-")
+        listed.append([effect, *cells])
+    every = [[r for of_size in found.values() for r in of_size.get(size, [])] for size in sizes]
+    listed.append(["all", *(rate(sum(r.right for r in cases), len(cases)) for cases in every)])
+    head = ["effect", *(f"{size:g} x threshold" for size in sizes)]
+    return (
+        "Right name, or a correct tie, against the size of the effect. One detection threshold is the size at which what a"
+        " refit\nof the nominal parameters leaves of the effect is as large as the noise floor.\n\n"
+        + table(head, listed)
+    )
+
+
+def _confusion(rows: Sequence[Score]) -> str:
+    listed = []
+    for truth, counts in sorted(confusion(rows).items()):
+        others = ", ".join(f"{name} {n}" for name, n in counts.most_common() if name != truth)
+        listed.append([truth, str(counts.total()), str(counts[truth]), others or "-"])
+    return (
+        "## Concealed against reported\n\nAll cases that conceal one thing or nothing, whatever their sensors and sizes."
+        " A tie is counted as *tie*, also where it is right;\n*several*: more than one finding.\n\n"
+        + table(["concealed", "cases", "so reported", "reported as something else"], listed)
+    )
+
+
+def _held_out(rows: Sequence[Score]) -> str:
+    listed = []
+    for name, _ in suites(rows):
+        errors = amended([r for r in rows if r.suite == name])
+        if errors:
+            below = sum(e[2] <= FLOOR_BOUND for e in errors)
+            worse = sum(e[2] > e[1] * SLACK for e in errors)
+            medians = [f"{median([e[k] for e in errors]):.3g}" for k in range(3)]
+            listed.append([name, *medians, rate(below, len(errors)), str(worse)])
+    head = ["suite", "nominal", "refit alone", "amended", f"amended <= {FLOOR_BOUND} x floor", "worse than the refit"]
+    return (
+        "## Held-out error before and after\n\nMedians of the mean square over the noise floor on three recordings of"
+        " kinds that nothing was fitted to; 1 is the sensors'\nnoise. The refit alone, parameters without diagnosis, is the"
+        " first peer. The floor is the true one where the scenario\nstates another.\n\n" + table(head, listed)
+    )
+
+
+def _intervals(rows: Sequence[Score]) -> str:
+    counts: dict[str, list[bool]] = {}
+    for row in rows:
+        for name, hit in row.covered:
+            counts.setdefault(name, []).append(hit)
+    every = [hit for hits in counts.values() for hit in hits]
+    listed = [[name, rate(sum(hits), len(hits))] for name, hits in sorted(counts.items())]
+    listed.append(["all", rate(sum(every), len(every))])
+    return (
+        "## Intervals\n\nHow many of the 95 % intervals hold the true value, where the tool reports the quantity that the"
+        " truth has. Levels behind\nthe amplifier are compared at the command (its gain is off by up to 5 %).\n\n"
+        + table(["parameter", "inside"], listed)
+    )
+
+
+def _peers(proof: Proof) -> str:
+    text = "## A peer on the same cases: PySINDy\n\n"
+    if not proof.sindy:
+        return text + "Not run (`pip install 'flexarm[peers]'`, then `python -m benchmarks.peers.sindy -o DIR`).\n"
+    ours = {r.name: r for r in proof.rows}
+    groups: dict[str, list[tuple[dict[str, Any], Score]]] = {}
+    for name, found in proof.sindy.items():
+        if name in ours and ours[name].outcome != "not run":
+            groups.setdefault("+".join(t.partition("@")[0] for t in ours[name].truth) or "none", []).append(
+                (found, ours[name])
+            )
+    listed = []
+    for effect, pairs in sorted(groups.items()):
+        able = [(f, r) for f, r in pairs if f["applies"]]
+        right = sum(r.right for _, r in pairs)
+        cells = ["no: " + pairs[0][0]["reason"], "-", "-"]
+        if able:
+            cells = ["yes", *(f"{sum(f[key] for f, _ in able)} of {len(able)}" for key in ("selected", "alone"))]
+        listed.append([effect, *cells, f"{right} of {len(pairs)}"])
+    head = ["concealed", "a term of the library can be it", "term selected", "and no other nonlinear", "flexarm right"]
+    return text + SINDY + table(head, listed)
+
+
+SINDY = """The discrepancy approach (Kaheman et al. 2019): angles and speeds from the sensors by smoothed differentiation, the
+acceleration that the linear nominal model does not explain, and a sparse regression on a library (1, q, v, sign v,
+v|v|, q^3, sin q, cos q, sin and cos n q, sign u, joint twist cubed). It needs no simulation and takes a second. It gives a
+term and no place; where the effect is a hidden state or memory (delay, lag, play, a further mode or joint) the library has no term
+for it. With nothing concealed, *selected* counts the cases in which it selects no nonlinear term.
+
+"""
+
+
+def _time(rows: Sequence[Score]) -> str:
+    listed = []
+    for name, _ in suites(rows):
+        ran = [r for r in rows if r.suite == name and r.seconds > 0]
+        if not ran:
+            continue
+        cpu = [r.cpu for r in ran if r.cpu is not None]
+        middle = f"{median(cpu):.0f} s" if cpu else "not measured"
+        seconds = [r.seconds for r in ran]
+        listed.append([name, f"{median(seconds):.0f} s", middle, f"{max(seconds):.0f} s"])
+    return (
+        "## Time per diagnosis\n\nSix recordings of 4 s at 1 kHz, three to train; one thread, compiling included; the"
+        " machine did other work beside it.\n\n" + table(["suite", "median", "median CPU", "slowest"], listed)
+    )
+
+
+def _failures(rows: Sequence[Score], causes: Mapping[str, str]) -> str:
+    failed = [r for r in rows if not (r.right or (r.suite == "withheld" and r.outcome == "unknown"))]
+    listed = []
+    for row in sorted(failed, key=lambda r: (r.suite, r.truth, r.plant)):
+        said = row.failure.strip().splitlines()[-1] if row.failure.strip() else row.verdict
+        size = ", ".join(f"{s:g} x" for s in row.spec["sizes"]) if row.truth and row.spec["effects"] else ""
+        truth = " + ".join(row.truth) or "nothing"
+        cells = [f"`{row.name}`", row.plant, f"{truth} {size}".strip(), row.outcome, said, cause(row, causes)]
+        listed.append(cells)
+    head = ["case", "plant", "concealed", "outcome", "verdict", "cause, where known"]
+    told = f"{len(failed)} of {len(rows)} cases.\n\n" + (table(head, listed) if listed else "")
+    return "## The failures one by one\n\n" + told
+
+
+def cause(row: Score, causes: Mapping[str, str]) -> str:
+    """Why a case failed, by its name or by the first pattern that fits ``suite plant effect@place+...``."""
+    if row.name in causes:
+        return causes[row.name]
+    text = f"{row.suite} {row.plant} {'+'.join(row.truth) or 'none'}"
+    return next((why for pattern, why in causes.items() if fnmatch.fnmatchcase(text, pattern)), "")
+
+
+def _seeds(rows: Sequence[Score]) -> str:
+    listed = []
+    for name, _ in suites(rows):
+        found = sorted({r.spec["seed"] for r in rows if r.suite == name})
+        shown = ", ".join(map(str, found[:20])) + (f", ... ({len(found)} in all)" if len(found) > 20 else "")
+        listed.append([name, shown])
+    return "## Seeds\n\nOf each case, as `benchmarks.concealed` takes them; the rest is in the data file.\n\n" + table(
+        ["suite", "seeds"], listed
+    )
