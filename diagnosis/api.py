@@ -1,14 +1,11 @@
-"""`fit` and `diagnose` from scenario and recording names, and the files they leave."""
+"""`fit` and `diagnose` from scenario and recording names."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from diagnosis.compare import find_recording
@@ -19,8 +16,6 @@ from diagnosis.recording import Recorded
 from diagnosis.select import Progress, study
 from diagnosis.verdict import Diagnosis, judge
 from engine.errors import FlexarmError
-from engine.files import writing
-from scenarios.amend import Edit, Set, amended, relocated
 from scenarios.load import Scenario, load
 
 BLAS_THREADS = 1
@@ -111,75 +106,3 @@ def diagnose(
     recorded = gather(scenario, recordings, hold_out)
     with threadpool_limits(BLAS_THREADS):
         return judge(study(scenario, recorded, workers=workers, seed=seed, without=without, progress=progress), seed)
-
-
-def amended_text(found: Diagnosis) -> str:
-    """The user's scenario with what was missing put in and every parameter fitted; unchanged if nothing was found."""
-    study = found.study
-    original = study.scenario.path.read_text(encoding="utf-8")
-    if not study.chosen.effects:
-        return original
-    values = study.chosen.fit.parameters()
-    intervals = {i.name: i for i in found.fit.intervals()}
-    edits: list[Edit] = []
-    notes: dict[str, str] = {}
-    for finding, effect, start in zip(found.findings, study.chosen.effects, study.chosen.sizes, strict=True):
-        sizes = {k.parameter: values.get(f"{effect.name}.{k.parameter}", start[k.parameter]) for k in effect.knobs}
-        edits += effect.edits(sizes)
-        evidence = [f"{finding['status']}: {finding['sentence']}"]
-        for knob in effect.knobs:
-            i = intervals.get(f"{effect.name}.{knob.parameter}")
-            if i is None:
-                continue
-            low, high = sorted((i.low, i.high))
-            evidence.append(f"{knob.parameter}: 95 % interval {low:.4g} to {high:.4g} {i.unit}")
-        notes[effect.name] = "\n".join(evidence)
-    given = {p.name: p for p in study.refit.fit.problem.model.parameters}
-    for name, value in values.items():
-        block, _, key = name.rpartition(".")
-        if name in given and block in study.scenario.file.blocks and "[" not in key:
-            unit = given[name].unit
-            edits.append(Set(block, key, f"{value:.8g} {unit}" if unit not in ("1", "*") else float(f"{value:.8g}")))
-    return amended(original, edits, notes)
-
-
-def write(found: Diagnosis, folder: Path) -> list[Path]:
-    """Write ``diagnosis.json``, ``amended.yaml`` and the figures; each appears whole or not at all.
-
-    Raises:
-        FlexarmError: the folder cannot be written.
-    """
-    from diagnosis import figures
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FlexarmError(f"cannot make the folder '{folder}': {error.strerror}") from error
-    made = [folder / "diagnosis.json", folder / "amended.yaml"]
-    with writing(made[0], (".json",)) as temporary:
-        temporary.write_text(json.dumps(_plain(found.numbers()), indent=2) + "\n", encoding="utf-8")
-    text = relocated(amended_text(found), found.study.scenario.path.parent, folder)
-    with writing(made[1], (".yaml",)) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    made.append(figures.held_out(found, folder / "held-out.png"))
-    made.append(figures.odds(found, folder / "places.png"))
-    made.append(figures.before_after(found, folder / "before-after.png"))
-    if found.proposal is not None:
-        target = folder / "next-experiment.csv"
-        table = np.column_stack([found.proposal.time, found.proposal.drive])
-        header = f"{found.proposal.axis},{found.proposal.input} [{found.proposal.unit}]"
-        with writing(target, (".csv",)) as temporary:
-            np.savetxt(temporary, table, delimiter=",", header=header, comments="", fmt="%.9g")
-        made.append(target)
-    return made
-
-
-def _plain(value: Any) -> Any:
-    """The value with numbers that JSON cannot hold as null."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

@@ -81,6 +81,33 @@ def _plain(axis: Any) -> None:
     axis.margins(x=0)
 
 
+def recovered(diagnosis: Diagnosis, path: Path) -> Path:
+    """The force that is missing: over one held-out recording, and against what it depends on most."""
+    plt = _plt()
+    found = diagnosis.recovered
+    assert found is not None
+    count = 1 + bool(found.curves)
+    figure, axes = plt.subplots(1, count, figsize=(5.2 * count, 3.6), layout="constrained", squeeze=False)
+    left = axes[0][0]
+    band = 1.96 * found.deviation
+    left.fill_between(found.time, found.force - band, found.force + band, color=COLOURS["amended"], alpha=0.2, lw=0)
+    left.plot(found.time, found.force, color=COLOURS["amended"], lw=1.2)
+    left.set_xlabel("time [s]")
+    left.set_ylabel(f"missing at {found.place} [{found.unit}]", fontsize=9)
+    left.set_title(found.recording, fontsize=10)
+    if found.curves:
+        right, curve = axes[0][1], found.curves[0]
+        right.fill_between(curve.x, curve.low, curve.high, color=COLOURS["amended"], alpha=0.2, lw=0)
+        right.plot(curve.x, curve.y, "o-", color=COLOURS["amended"], lw=1.2, ms=3)
+        right.set_xlabel(f"{curve.x_label} [{curve.x_unit}]")
+        right.set_title(f"mean over all recordings; explains {curve.share:.0%} of it", fontsize=10)
+    for axis in axes[0]:
+        axis.axhline(0, color="#333333", lw=0.6)
+        axis.grid(True, color="#e4e4e4", lw=0.6)
+        axis.spines[["top", "right"]].set_visible(False)
+    return _save(figure, path, plt)
+
+
 def odds(diagnosis: Diagnosis, path: Path) -> Path:
     """Odds of each place as bars, on a scale of tenfold steps."""
     plt = _plt()

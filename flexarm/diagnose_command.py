@@ -109,7 +109,7 @@ def diagnose(
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from diagnosis.api import diagnose as run
-    from diagnosis.api import write
+    from diagnosis.files import write
 
     console = Console(stderr=True)
     bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True)

@@ -71,6 +71,17 @@ class OnSensor:
 
 
 @dataclass(frozen=True)
+class Feed:
+    """Drive an input from a new source, in place of what drives it."""
+
+    name: str
+    type: str
+    target: str
+    parameters: dict[str, Any] = field(default_factory=dict)
+    exit: str = "out"
+
+
+@dataclass(frozen=True)
 class Set:
     """Give a parameter or option of a block."""
 
@@ -89,7 +100,7 @@ class Replace:
     drop: tuple[str, ...] = ()
 
 
-Edit = InSignal | AtFlange | Between | OnSensor | Set | Replace
+Edit = InSignal | AtFlange | Between | OnSensor | Feed | Set | Replace
 
 
 def amended(text: str, edits: Sequence[Edit], notes: dict[str, str] | None = None) -> str:
@@ -196,6 +207,13 @@ def _apply(document: Any, edit: Edit) -> None:
                 node.append(f"{edit.name}.{edit.entry}")
         connect.append(_flow([f"{edit.name}.{edit.exit}", edit.target]))
         _rename(document, edit.target, f"{edit.name}.{edit.entry}", ("drive",), "inputs")
+    elif isinstance(edit, Feed):
+        node = _node(document, edit.target)
+        if node is not None:
+            node.remove(edit.target)
+            if len(node) < 2:
+                connect.remove(node)
+        connect.append(_flow([f"{edit.name}.{edit.exit}", edit.target]))
     elif isinstance(edit, AtFlange):
         node = _node(document, edit.target)
         if node is None:

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diagnosis.api import amended_text
+from diagnosis.files import amended_text
 from diagnosis.recording import FrequencyTable
 from diagnosis.trial import log_evidence
 from diagnosis.verdict import fit_table, place_odds

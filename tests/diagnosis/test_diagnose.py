@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import flexarm
-from diagnosis.api import diagnose, fit, write
+from diagnosis.api import diagnose, fit
+from diagnosis.files import write
 from scenarios.load import load
 from tests.diagnosis.plants import INERTIA, RESISTANCE, case
 

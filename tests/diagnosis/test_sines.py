@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from diagnosis.api import diagnose, fit, gather, write
+from diagnosis.api import diagnose, fit, gather
 from diagnosis.catalogue import candidates
+from diagnosis.files import write
 from diagnosis.prepare import problem
 from diagnosis.select import Workshop
 from diagnosis.sines import STEP, Sines, quantum, scatter
