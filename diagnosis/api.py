@@ -16,6 +16,7 @@ from diagnosis.recording import Recorded
 from diagnosis.select import Progress, study
 from diagnosis.verdict import Diagnosis, judge
 from engine.errors import FlexarmError
+from engine.spread import JsonStore
 from scenarios.load import Scenario, load
 
 BLAS_THREADS = 1
@@ -86,6 +87,7 @@ def diagnose(
     seed: int = 0,
     without: Sequence[str] = (),
     progress: Progress | None = None,
+    keep: Path | None = None,
 ) -> Diagnosis:
     """Say what a model leaves out of what was recorded; see `diagnosis.verdict.Diagnosis`.
 
@@ -98,11 +100,14 @@ def diagnose(
         seed: of everything random.
         without: effects of the catalogue that are not to be tried.
         progress: told what is done.
+        keep: folder where every fit is kept, so that a call that was interrupted goes on where it was.
 
     Raises:
         FlexarmError: scenario or recordings that do not fit.
     """
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
     recorded = gather(scenario, recordings, hold_out)
+    store = JsonStore(keep) if keep is not None else None
     with threadpool_limits(BLAS_THREADS):
-        return judge(study(scenario, recorded, workers=workers, seed=seed, without=without, progress=progress), seed)
+        made = study(scenario, recorded, workers=workers, seed=seed, without=without, progress=progress, store=store)
+        return judge(made, seed)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +19,7 @@ from diagnosis.ties import lookalike
 from diagnosis.trial import Trial
 from diagnosis.workshop import MOST, Draft, Workshop
 from engine.errors import FlexarmError
+from engine.spread import Spread, Store
 from scenarios.load import Scenario
 
 FINISHED, PROMISING = 15, 0.2
@@ -73,6 +73,7 @@ def study(
     most: int = 2,
     without: Sequence[str] = (),
     progress: Progress | None = None,
+    store: Store | None = None,
 ) -> Study:
     """Refit, try every candidate, then pairs with the best, and keep what pays on held-out data.
 
@@ -84,14 +85,15 @@ def study(
         most: at most so many effects.
         without: effects that are not to be tried.
         progress: told what is done, how many of how many.
+        store: keeps every fit, so that a study that was interrupted goes on where it was.
     """
-    shop = Workshop(scenario, recordings, workers, seed)
+    shop = Workshop(scenario, recordings, workers, seed, store)
     if progress:
         progress("fitting the model's own parameters", 0, 1)
     refit, notes = shop.refit(), []
     swapped = exchanged(shop, refit)
     if swapped:
-        shop = Workshop(scenario, swapped[0], workers, seed)
+        shop = Workshop(scenario, swapped[0], workers, seed, store)
         refit, notes = shop.refit(), [swapped[1]]
     base = shop.base
     zero = np.zeros(len(base.free))
@@ -209,7 +211,7 @@ def _try_all(
         except FlexarmError as error:
             return effects[-1].key, error.message
 
-    with ThreadPoolExecutor(shop.workers) as pool:
+    with Spread(shop.workers, threads=True) as pool:
         for done, found in enumerate(pool.map(one, combinations), 1):
             if isinstance(found, Draft):
                 drafts.append(found)
@@ -222,7 +224,8 @@ def _try_all(
         promising = [d for d in drafts[:FINISHED] if start.cost - d.entry.cost > PROMISING * best]
         left = [MOST if k < len(promising) else 0 for k in range(len(drafts))]
         trials = []
-        for done, trial in enumerate(pool.map(shop.finish, drafts, left), 1):
+        tasks = zip(drafts, left, strict=True)
+        for done, trial in enumerate(pool.map(lambda task: shop.finish(*task), tasks), 1):
             trials.append(trial)
             if progress:
                 progress("fitting the promising ones", done, len(drafts))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -17,6 +18,7 @@ from diagnosis.recording import FrequencyTable, Recorded
 from diagnosis.sines import renamed
 from diagnosis.trial import Trial, scored
 from engine.errors import FlexarmError
+from engine.spread import Store
 from scenarios.amend import Edit, InSignal, OnSensor, amended, without
 from scenarios.load import Scenario, load
 
@@ -28,6 +30,9 @@ GLANCE = 0.4
 
 FIRST, MOST = 6, 25
 """Steps from each of the best starts, and then from the best of all."""
+
+POLISHED = 150
+"""Steps at most of the chosen model's last fit."""
 
 FINER = (0.5, 0.25, 0.125, 0.0625)
 """Distances, in samples, at which a size that is only chosen is looked for next to the best."""
@@ -44,19 +49,64 @@ class Workshop:
         recordings: of all roles.
         workers: threads.
         seed: of everything random.
+        store: keeps every fit, so that a study that was interrupted goes on where it was.
     """
 
-    def __init__(self, scenario: Scenario, recordings: Sequence[Recorded], workers: int = 2, seed: int = 0) -> None:
-        self.scenario, self.recordings = scenario, tuple(recordings)
+    def __init__(
+        self,
+        scenario: Scenario,
+        recordings: Sequence[Recorded],
+        workers: int = 2,
+        seed: int = 0,
+        store: Store | None = None,
+    ) -> None:
+        self.scenario, self.recordings, self.store = scenario, tuple(recordings), store
         self.workers, self.seed = workers, seed
         self.text = without(scenario.path.read_text(encoding="utf-8"), "recordings", "analyses")
         self.base = problem(scenario, self.recordings)
         self.sigma = np.array([e.sigma for e in self.base.experiments])
+        self.digest = _digest(self.base, seed)
 
     def refit(self) -> Trial:
         """The user's own model, its parameters fitted from several starts."""
-        made = fit(self.base, random_starts=2, seed=self.seed, workers=self.workers)
-        return scored(made, ())
+
+        def compute() -> Draft:
+            made = fit(self.base, random_starts=2, seed=self.seed, workers=self.workers)
+            return Draft((), Entry(made.cost, self.base, made.x, (), ()), made.converged)
+
+        draft = self._kept("refit", (), compute)
+        return self._trial(draft)
+
+    def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], Draft]) -> Draft:
+        """What ``compute`` gives, or what it gave before under the same key."""
+        key = f"{self.digest} {key}"
+        if self.store is None or key not in self.store:
+            draft = compute()
+            if self.store is not None:
+                entry = draft.entry
+                self.store[key] = {
+                    "x": entry.x.tolist(),
+                    "cost": entry.cost,
+                    "converged": draft.converged,
+                    "sizes": entry.sizes,
+                    "built": entry.built,
+                    "internal_step": entry.problem.internal_step,
+                }
+            return draft
+        row = self.store[key]
+        made = self.build(effects, row["built"]) if effects else self.base
+        made = replace(made, internal_step=row["internal_step"])
+        entry = Entry(row["cost"], made, np.array(row["x"]), tuple(row["sizes"]), tuple(row["built"]))
+        return Draft(effects, entry, row["converged"])
+
+    def _trial(self, draft: Draft) -> Trial:
+        """A draft as it is, scored."""
+        made, x = draft.entry.problem, draft.entry.x
+        count = sum(int(np.isfinite(e.measured).sum()) for e in made.chosen("train", "repeat"))
+        chi2 = (draft.entry.cost - float(np.sum(prior(made, x)[0] ** 2))) / max(count, 1)
+        n = len(x)
+        found = Fit(made, x, draft.entry.cost, chi2, draft.converged, np.zeros((n, n)))
+        return scored(found, draft.effects, draft.entry.sizes)
 
     def build(self, effects: Sequence[Candidate], starts: Sequence[dict[str, float]]) -> Problem:
         """The problem with effects put in at starting values.
@@ -79,6 +129,10 @@ class Workshop:
         Raises:
             FlexarmError: the amended model has no meaning.
         """
+        key = " ".join(["draft", *(c.key for c in effects), *(repr(c.starts) for c in effects), _hash(start.x)])
+        return self._kept(key, effects, lambda: self._drafted(effects, start))
+
+    def _drafted(self, effects: tuple[Candidate, ...], start: Fit) -> Draft:
         parent, entries = start.parameters(), []
         for chosen in itertools.product(*(c.structures() for c in effects)):
             entries += self._entries(effects, chosen, parent)
@@ -98,12 +152,13 @@ class Workshop:
         self, effects: tuple[Candidate, ...], groups: Sequence[Sequence[Sizes]], parent: dict[str, float]
     ) -> list[Entry]:
         """Starting sizes that share one model, each with its cost."""
-        made, rows = self.build(effects, [group[0] for group in groups]), []
+        built = tuple(group[0] for group in groups)
+        made, rows = self.build(effects, built), []
         for sizes in itertools.product(*groups):
             x = _placed(made, parent, effects, sizes)
             stepped = resolved(made, x)
             if stepped is not None:
-                rows.append(Entry(_glance(stepped, x), stepped, x, sizes))
+                rows.append(Entry(_glance(stepped, x), stepped, x, sizes, built))
         return rows
 
     def reduced(self, trial: Trial, kept: Candidate) -> Trial:
@@ -121,18 +176,21 @@ class Workshop:
 
     def finish(self, draft: Draft, iterations: int = MOST) -> Trial:
         """Fit a draft until it converges, and score it; with no iterations left it is scored as it is."""
-        draft = self._refined(draft) if iterations else draft
-        entry, converged = draft.entry, draft.converged
-        made, x, cost = entry.problem, entry.x, entry.cost
-        training = made.chosen("train", "repeat")
-        if not converged and iterations:
-            made = resolved(made, x) or made
-            with ThreadPoolExecutor(1) as pool:
-                x, cost, converged = descend(made, x, training, pool, iterations=iterations)
-        count = sum(int(np.isfinite(e.measured).sum()) for e in training)
-        chi2 = (cost - float(np.sum(prior(made, x)[0] ** 2))) / max(count, 1)
-        n = len(x)
-        return scored(Fit(made, x, cost, chi2, converged, np.zeros((n, n))), draft.effects, entry.sizes)
+        if not iterations:
+            return self._trial(draft)
+        key = " ".join(["finish", *(c.key for c in draft.effects), str(iterations), _hash(draft.entry.x)])
+        return self._trial(self._kept(key, draft.effects, lambda: self._finished(draft, iterations)))
+
+    def _finished(self, draft: Draft, iterations: int) -> Draft:
+        draft = self._refined(draft)
+        if draft.converged:
+            return draft
+        entry = draft.entry
+        made = resolved(entry.problem, entry.x) or entry.problem
+        with ThreadPoolExecutor(1) as pool:
+            training = made.chosen("train", "repeat")
+            x, cost, converged = descend(made, entry.x, training, pool, iterations=iterations)
+        return Draft(draft.effects, replace(entry, problem=made, x=x, cost=cost), converged)
 
     def _refined(self, draft: Draft) -> Draft:
         """The draft with sizes that are only chosen, such as a delay, moved to where they fit best."""
@@ -141,12 +199,13 @@ class Workshop:
                 best = draft.entry
                 for sizes in effect.finer(best.sizes[k], share) if effect.finer else ():
                     chosen = tuple(sizes if j == k else s for j, s in enumerate(best.sizes))
-                    made = self.build(draft.effects, chosen)
+                    built = tuple(sizes if j == k else s for j, s in enumerate(best.built))
+                    made = self.build(draft.effects, built)
                     training = made.chosen("train", "repeat")
                     with ThreadPoolExecutor(1) as pool:
                         x, cost, converged = descend(made, best.x, training, pool, iterations=FIRST, least=HARDLY)
                     if cost < draft.entry.cost:
-                        draft = Draft(draft.effects, Entry(cost, made, x, chosen), converged)
+                        draft = Draft(draft.effects, Entry(cost, made, x, chosen, built), converged)
         return draft
 
     def polish(self, trial: Trial) -> Trial:
@@ -156,21 +215,22 @@ class Workshop:
             return trial
         training = made.problem.chosen("train", "repeat")
         with ThreadPoolExecutor(self.workers) as pool:
-            x, cost, converged = descend(made.problem, made.x, training, pool, iterations=150)
-        count = sum(int(np.isfinite(e.measured).sum()) for e in training)
-        chi2 = (cost - float(np.sum(prior(made.problem, x)[0] ** 2))) / max(count, 1)
-        better = replace(made, x=x, cost=cost, chi2=chi2, converged=converged)
-        return scored(better, trial.effects, trial.sizes)
+            x, cost, converged = descend(made.problem, made.x, training, pool, iterations=POLISHED)
+        return self._trial(Draft(trial.effects, Entry(cost, made.problem, x, trial.sizes, trial.sizes), converged))
 
 
 @dataclass(frozen=True)
 class Entry:
-    """Where a fit may start: a model, a search vector, its cost there, and the effects' sizes."""
+    """Where a fit may start: a model, a search vector, its cost there, the effects' sizes, and those it was built with.
+
+    The search vector counts from the sizes that the model was built with.
+    """
 
     cost: float
     problem: Problem
     x: Array
-    sizes: tuple[dict[str, float], ...]
+    sizes: tuple[Sizes, ...]
+    built: tuple[Sizes, ...]
 
 
 @dataclass(frozen=True)
@@ -180,6 +240,20 @@ class Draft:
     effects: tuple[Candidate, ...]
     entry: Entry
     converged: bool
+
+
+def _hash(x: Array) -> str:
+    return hashlib.sha256(np.ascontiguousarray(x).tobytes()).hexdigest()[:16]
+
+
+def _digest(base: Problem, seed: int) -> str:
+    """What every fit depends on: the model, the data, what may move, and the random seed."""
+    found = hashlib.sha256(f"{base.model.signature} {base.free} {base.internal_step} {seed}".encode())
+    for e in base.experiments:
+        found.update(f"{e.name} {e.role}".encode())
+        for part in (e.time, e.measured, e.sigma, *([np.asarray(e.drive.values)] if e.drive is not None else [])):
+            found.update(np.ascontiguousarray(part).tobytes())
+    return found.hexdigest()
 
 
 def _glance(made: Problem, x: Array) -> float:

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flexarm.options import ScenarioArgument, SetOption
+
 if TYPE_CHECKING:
     from diagnosis.fit import Fit
     from diagnosis.verdict import Diagnosis
 
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option("--set", "-s", metavar="KEY=VALUE", help="Change a value, such as gear.ratio=14; repeatable."),
-]
-ScenarioArgument = Annotated[
-    str, typer.Argument(metavar="SCENARIO", help="A scenario file, or the name of a shipped scenario.")
-]
 RecordingsArgument = Annotated[
     list[str] | None,
     typer.Argument(
@@ -31,6 +27,12 @@ HoldOutOption = Annotated[
 ]
 WorkersOption = Annotated[int, typer.Option(min=1, help="Threads.")]
 SeedOption = Annotated[int, typer.Option(help="Of everything random.")]
+
+PROGRESS = ".progress"
+"""Folder of the fits that are done, in the output folder, while a diagnosis is under way."""
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
 
 
 def register(app: typer.Typer) -> None:
@@ -113,28 +115,36 @@ def diagnose(
 
     console = Console(stderr=True)
     bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True)
-    with bar:
-        task = bar.add_task("starting", total=None)
+    keep = output / PROGRESS if output is not None else None
+    try:
+        with bar:
+            task = bar.add_task("starting", total=None)
 
-        def progress(what: str, done: int, total: int) -> None:
-            bar.update(task, description=what, completed=done, total=total)
+            def progress(what: str, done: int, total: int) -> None:
+                bar.update(task, description=what, completed=done, total=total)
 
-        found = run(
-            scenario,
-            recordings or (),
-            hold_out=hold_out or (),
-            overrides=overrides or (),
-            workers=workers,
-            seed=seed,
-            without=without or (),
-            progress=progress,
-        )
+            found = run(
+                scenario,
+                recordings or (),
+                hold_out=hold_out or (),
+                overrides=overrides or (),
+                workers=workers,
+                seed=seed,
+                without=without or (),
+                progress=progress,
+                keep=keep,
+            )
+    except KeyboardInterrupt:
+        hint = "the same command goes on where it stopped" if keep else "with --output DIR it could be resumed"
+        typer.echo(f"interrupted; {hint}", err=True)
+        raise typer.Exit(INTERRUPTED) from None
     if output is not None:
         from flexarm.report import write_diagnosis
         from flexarm.report.origin import command_line
 
         write(found, output)
         write_diagnosis(found, output / "report.html", seed=seed, command=command_line())
+        shutil.rmtree(output / PROGRESS, ignore_errors=True)
     if as_json:
         typer.echo(json.dumps(found.numbers(), indent=2))
         return
