@@ -12,7 +12,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
-.PHONY: help setup demo test test-full lint format bench docs lock clean
+.PHONY: help setup demo test test-full lint format bench proof docs lock clean
 .DEFAULT_GOAL := help
 
 help:
@@ -23,6 +23,7 @@ help:
 	@echo "make lint       ruff, mypy and import-linter alone"
 	@echo "make format     let ruff format and repair"
 	@echo "make bench      run benchmarks/bench_*.py"
+	@echo "make proof      conceal effects, find them again: 8 cases into ./proof-results; FULL=1 for all, into docs/proof.md"
 	@echo "make docs       build the documentation into ./site"
 	@echo "make lock       resolve the dependencies again and write requirements.lock"
 	@echo "make clean      remove caches, builds and results; keeps .venv"
@@ -65,6 +66,18 @@ bench: $(READY)
 		else echo "there is no benchmarks/bench_*.py yet"; fi; \
 	done
 
+# The full form takes its seeds from the commit that froze the rules, and needs hours; both go on where they were stopped.
+proof: $(READY)
+ifdef FULL
+	@$(BIN)/python -m benchmarks.proof run all --frozen --workers $(WORKERS) -o proof-results
+	@$(BIN)/python -m benchmarks.proof settle --workers $(WORKERS) -o proof-results
+	@$(BIN)/python -m benchmarks.proof page -o proof-results
+else
+	@$(BIN)/python -m benchmarks.proof run quick --workers $(WORKERS) -o proof-results/quick
+	@$(BIN)/python -m benchmarks.proof page -o proof-results/quick --page proof-results/quick/proof.md \
+		--data proof-results/quick/proof.json
+endif
+
 docs: $(DOCS_READY)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo "documentation: site/index.html"
 
@@ -72,5 +85,5 @@ lock:
 	@$(PYTHON) tools/lock.py
 
 clean:
-	@rm -rf build dist site demo-results .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@rm -rf build dist site demo-results proof-results/quick .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	@find . -path ./$(VENV) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -151,16 +151,18 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
     if not unexplained(refit, floor(chosen)):
         able = [t for t in others if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
         return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)
-    rows = []
-    for t in near(chosen, others):
-        if _contains(t, chosen):
-            # The simpler law was taken for its simplicity; the richer one is a rival if it does better beyond chance.
-            better = chosen.hold_out - t.hold_out > RICHER * chosen.hold_out and gain_band(t, chosen)[0] > 0
-        else:
-            better = price(t) - price(chosen) < 3 * DECISIVE
-        if better:
-            rows.append(t)
-    return tuple(rows)
+    alike = near(chosen, others)
+    rows = [t for t in alike if not _contains(t, chosen) and price(t) - price(chosen) < 3 * DECISIVE]
+    # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.
+    richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + LEAST) * chosen.merit]
+    rows += [t for t in richer if _better(t, chosen)]
+    return tuple(sorted(rows, key=lambda t: t.merit))
+
+
+def _better(richer: Trial, simpler: Trial) -> bool:
+    """Whether a richer law does better than the simpler one, on held-out data beyond chance or on the fitted ones."""
+    held = simpler.hold_out - richer.hold_out > RICHER * simpler.hold_out and gain_band(richer, simpler)[0] > 0
+    return held or simpler.fit.chi2 - richer.fit.chi2 > RICHER * simpler.fit.chi2
 
 
 def _same(one: Trial, other: Trial) -> bool:

@@ -111,7 +111,8 @@ def experiment_text(found: Diagnosis, proposal: Proposal, folder: Path) -> str:
         "column": f"{proposal.input} [{proposal.unit}]",
         "scale": f"1 {proposal.unit}" if proposal.unit not in ("", "1") else 1,
     }
-    note = f"To tell apart: {'; '.join(proposal.separates)}.\n{proposal.sentence.capitalize()} ({proposal.kind})."
+    task = proposal.sentence[:1].upper() + proposal.sentence[1:]
+    note = f"To tell apart: {'; '.join(proposal.separates)}.\n{task} ({proposal.kind})."
     fed = amended(text, [Feed(EXPERIMENT, "Table", proposal.input, source)], {EXPERIMENT: note})
     return fed.rstrip() + f"\n\nsimulate: {{stop: {float(proposal.time[-1]):g} s, step: 1 ms}}\n"
 

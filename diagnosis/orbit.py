@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,7 +29,7 @@ from engine.step import fastest
 
 Array = Any
 
-POINTS, POINTS_AT_CONTACTS = 200, 2000
+POINTS, POINTS_AT_CONTACTS = 200, 1500
 """Steps per period at least; more where contacts switch, for the speeds then peak sharply between steps."""
 
 STEP_PER_RATE, STEP_PER_RATE_WHEN_SLOW = 0.7, 1.4
@@ -65,6 +65,7 @@ class Orbit:
         inverse: of I - dP/dx, for the combinations of states that matter, in units of ``span``.
         span: what each combination of states that matters spans over the period.
         settled: whether the answer repeats.
+        run: what it was read from; None where the closed form holds, or where it had to settle by itself.
     """
 
     amplitudes: Vector
@@ -73,6 +74,26 @@ class Orbit:
     inverse: Array = None
     span: Array = None
     settled: bool = True
+    run: Pass | None = None
+
+
+@dataclass
+class Pass:
+    """The run over a period that an answer was read from.
+
+    Attributes:
+        p, step, rows: parameters, integration step (s) and steps of the run.
+        lead: rows after which the start is forgotten; 0 where the answer repeats.
+        x1: state after it.
+        windows: for each output, where its highest and its lowest value lie: the row, and the state ``lead`` before.
+    """
+
+    p: Vector
+    step: float
+    rows: int
+    lead: int
+    x1: Vector
+    windows: tuple[tuple[tuple[int, Vector], tuple[int, Vector]], ...] = ()
 
 
 @functools.cache
@@ -131,6 +152,92 @@ class Orbits:
             for job in jobs.values():
                 job.cancel()
             raise
+
+    def near(
+        self,
+        parameters: Sequence[dict[str, float]],
+        base: Sequence[Orbit],
+        frequency: Vector,
+        amplitude: Vector,
+    ) -> Array:
+        """Amplitudes at neighbouring parameters, to first order: one run over a period each, none solved for.
+
+        Args:
+            parameters: for each neighbour, values that replace the model's (SI).
+            base: the answers that they are neighbours of.
+            frequency, amplitude: as for `solve`.
+
+        Returns:
+            Shape (neighbours, rows, outputs).
+
+        Raises:
+            SimulationError: a simulation diverged.
+        """
+        count = len(parameters)
+        found = np.zeros((count, len(base), len(self.model.outputs)))
+        whole = [k for k, orbit in enumerate(base) if orbit.run is None]
+        for i, values in enumerate(parameters if whole else ()):
+            starts = {j: base[k] for j, k in enumerate(whole)}
+            for j, orbit in enumerate(self.solve(values, frequency[whole], amplitude[whole], starts)):
+                found[i, whole[j]] = orbit.amplitudes
+        vectors = [self.model.parameter_vector(values) for values in parameters]
+        rest = [k for k, orbit in enumerate(base) if orbit.run is not None]
+        jobs = [
+            (k, rows_pool().submit(self._neighbours, vectors, base[k], float(frequency[k]), float(amplitude[k])))
+            for k in rest
+        ]
+        try:
+            for k, job in jobs:
+                found[:, k] = job.result()
+        except BaseException:
+            for _, job in jobs:
+                job.cancel()
+            raise
+        return found
+
+    def _neighbours(self, vectors: Sequence[Vector], base: Orbit, frequency: float, amplitude: float) -> Array:
+        run, x = base.run, base.x
+        assert run is not None
+        assert x is not None
+        driven = [self._at(p, frequency, amplitude) for p in vectors]
+        if run.lead:
+            return np.array([self._forgetful(p, x, run) for p in driven])
+        Q, h = self._kept, 1e-4
+        back, spread = np.linalg.pinv(Q), base.span
+        gaps, pull = [], []
+        for k in range(len(Q)):
+            found = self._run(self._job(run.p, x + h * spread[k] * back[:, k], run.step, run.rows))
+            gaps.append(Q @ (found.x1 - run.x1) / spread / h)
+            pull.append((half_range(found.y) - base.amplitudes) / h)
+        inverse = np.linalg.pinv(np.eye(len(Q)) - np.column_stack(gaps), rcond=1e-9) if len(Q) else np.zeros((0, 0))
+        rows = []
+        for p in driven:
+            found = self._run(self._job(p, x, run.step, run.rows))
+            move = inverse @ (Q @ (found.x1 - run.x1) / spread)
+            rows.append(half_range(found.y) + (np.array(pull).T @ move if len(Q) else 0.0))
+        return np.array(rows)
+
+    def _forgetful(self, p: Vector, x: Vector, run: Pass) -> Vector:
+        """Amplitudes where the start is soon forgotten: only the ends of the range are run, from shortly before."""
+        width = 16
+        if 2 * len(run.windows) * (run.lead + 2 * width) >= run.rows + run.lead:
+            return half_range(self._run(self._job(p, x, run.step, run.rows + run.lead)).y[run.lead :])
+        rows = []
+        for k, ends in enumerate(run.windows):
+            values = []
+            for (row, state), top in zip(ends, (True, False), strict=True):
+                job = self._job(p, state, run.step, run.lead + width)
+                y = self._run(replace(job, t0=(row - run.lead) * run.step)).y[run.lead - width :, k]
+                values.append(float(y.max() if top else y.min()))
+            rows.append((values[0] - values[1]) / 2)
+        return np.array(rows)
+
+    def _at(self, p: Vector, frequency: float, amplitude: float) -> Vector:
+        """Parameters with those of the sine."""
+        sine, p = self.driven.sine, p.copy()
+        p[self.model.parameter_index(f"{sine}.amplitude")] = amplitude
+        p[self.model.parameter_index(f"{sine}.frequency")] = frequency / (2 * math.pi)
+        return p
 
     @functools.cached_property
     def _linear(self) -> Any:
@@ -223,10 +330,7 @@ class Orbits:
     def _simulated(
         self, p: Vector, rate: float, settle: float, frequency: float, amplitude: float, near: Orbit | None
     ) -> Orbit:
-        sine, period = self.driven.sine, 2 * math.pi / frequency
-        p = p.copy()
-        p[self.model.parameter_index(f"{sine}.amplitude")] = amplitude
-        p[self.model.parameter_index(f"{sine}.frequency")] = frequency / (2 * math.pi)
+        period, p = 2 * math.pi / frequency, self._at(p, frequency, amplitude)
         slow = period >= settle
         longest = period / (POINTS_AT_CONTACTS if self.sharp else POINTS)
         longest = min(longest, (STEP_PER_RATE_WHEN_SLOW if slow else STEP_PER_RATE) / rate)
@@ -250,6 +354,9 @@ class Orbits:
             x = found.states[rows]
             first, last = half_range(found.y[: rows + 1]), half_range(found.y[lead:])
             made = Orbit(last, found.y[lead + 1 :].std(axis=0), x)
+            ends = [(lead + int(np.argmax(y)), lead + int(np.argmin(y))) for y in found.y[lead:].T]
+            places = tuple(((a, found.states[a - lead]), (b, found.states[b - lead])) for a, b in ends)
+            made.run = Pass(p, step, rows, lead, found.x1, places)
             if np.all(np.abs(last - first) <= 0.02 * last):
                 return made
         made.settled = False
@@ -274,7 +381,8 @@ class Orbits:
             move = inverse @ gap
             size = float(np.abs(move).max(initial=0.0))
             if size < CLOSE:
-                return Orbit(half_range(found.y), found.y[1:].std(axis=0), x, inverse, span)
+                run = Pass(p, step, rows, 0, found.x1)
+                return Orbit(half_range(found.y), found.y[1:].std(axis=0), x, inverse, span, run=run)
             if size > 4 * last:
                 break
             if size > 1.0:

@@ -48,12 +48,12 @@ class Remark:
     Attributes:
         text: a sentence.
         grave: whether no effect of the catalogue should be named with confidence while it stands.
-        shift: whether it is a shift in time, which a model that leaves only noise refutes.
+        refutable: whether a model that leaves only noise refutes it: a shift in time, an end of a sensor's range.
     """
 
     text: str
     grave: bool
-    shift: bool = False
+    refutable: bool = False
 
 
 def warnings(problem: Problem) -> list[str]:
@@ -164,7 +164,7 @@ def _shifted(where: str, y: Array, s: Array, interval: float) -> list[Remark]:
     samples = f"{abs(best)} sample{'s' if abs(best) > 1 else ''} ({abs(best) * interval:g} s)"
     if best < 0:
         text = f"{where} is {samples} ahead of the model, before its cause: is a column shifted against the time?"
-        return [Remark(text, True, shift=True)]
+        return [Remark(text, True, refutable=True)]
     text = f"{where} is {samples} behind the model: there is a delay, or a column is shifted against the time"
     return [Remark(text, False)]
 
@@ -190,5 +190,5 @@ def _clipped(where: str, y: Array, s: Array) -> list[Remark]:
                 f"{len(abrupt)} run{'s' if len(abrupt) > 1 else ''}",
             )
             text = f"{where} stays at its {side} value, {extreme:g}, for {held} samples in {runs_said}"
-            found.append(Remark(f"{text}: is the sensor at the end of its range?", True))
+            found.append(Remark(f"{text}: is the sensor at the end of its range?", True, refutable=True))
     return found

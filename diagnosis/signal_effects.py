@@ -42,7 +42,7 @@ def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candida
     ends = {"lower": unit, "upper": unit}
     both = (Knob("lower", size), Knob("upper", size))
     yield made("dead_zone", "DeadZone", ends, both, tuple({"lower": -s, "upper": s} for s in shares(size, *FEW)))
-    limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.98, 0.9, 0.8, 0.7, 0.55, 0.4))
+    limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.999, 0.99, 0.975, 0.95, 0.9, 0.8, 0.7, 0.55, 0.4))
     yield made("saturation", "Saturation", ends, both, limits)
     offsets = grid(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02))
     yield made("offset", "Offset", {"offset": unit}, (Knob("offset", size, signed=True),), offsets)

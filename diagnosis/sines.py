@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,9 @@ STEP = 0.02
 
 KEPT, NEAR = 2, 0.6
 """A Jacobian serves so many further steps, each shorter than so many tolerances."""
+
+LATEST = 4
+"""So many evaluations are kept."""
 
 DECIBEL = 20 / math.log(10)
 
@@ -78,6 +82,7 @@ class Sines(Experiment):
         note: what was done with the table.
         orbits: periodic answers at the latest linearisation, by row; the next ones start there.
         slope: the latest Jacobian.
+        latest: the latest answers, by parameters.
     """
 
     frequency: Array = field(default_factory=lambda: np.zeros(0))
@@ -89,6 +94,7 @@ class Sines(Experiment):
     note: str = ""
     orbits: dict[int, Orbit] = field(default_factory=dict, compare=False)
     slope: Slope = field(default_factory=Slope, compare=False)
+    latest: dict[Any, list[Orbit]] = field(default_factory=dict, compare=False)
 
     @property
     def shortest(self) -> float:
@@ -114,14 +120,23 @@ class Sines(Experiment):
         return self.decibels(self.solved(parameters, self.orbits))
 
     def solved(self, parameters: dict[str, float], near: dict[int, Orbit]) -> list[Orbit]:
-        """The periodic answer of each row."""
+        """The periodic answer of each row; the latest ones are kept, for a fit asks for them twice."""
         assert self.answers is not None
-        return self.answers.solve(parameters, self.frequency, self.amplitude, near)
+        key = tuple(sorted(parameters.items()))
+        found = self.latest.get(key)
+        if found is None:
+            found = self.answers.solve(parameters, self.frequency, self.amplitude, near)
+            while len(self.latest) >= LATEST:
+                self.latest.pop(next(iter(self.latest)), None)
+            self.latest[key] = found
+        return found
 
     def decibels(self, orbits: Sequence[Orbit]) -> Array:
         """Amplitudes in dB re the input's; an answer of zero is far below every reading."""
-        found = np.array([o.amplitudes for o in orbits]) / self.amplitude[:, None]
-        return DECIBEL * np.log(np.maximum(found, 1e-30))
+        return self._decibels(np.array([o.amplitudes for o in orbits]))
+
+    def _decibels(self, amplitudes: Array) -> Array:
+        return np.asarray(DECIBEL * np.log(np.maximum(amplitudes / self.amplitude[:, None], 1e-30)))
 
     def linearised(
         self, model: Model, free: Sequence[Free], x: Array, starts: dict[str, float], longest: float | None
@@ -143,14 +158,19 @@ class Sines(Experiment):
         if J is not None:
             return np.clip(r, -HUGE, HUGE), J
         J = np.zeros((len(r), len(free)))
+        moves = []
         for i in range(len(free)):
             for h in (STEP, -STEP):
                 there = np.array(x, dtype=float)
                 there[i] += h
                 # At a bound the parameter does not move: look the other way.
                 if free[i].value(there[i]) != free[i].value(x[i]):
-                    J[:, i] = (self.residual(self.decibels(self.solved(at(there), near))).ravel() - r) / h
+                    moves.append((i, h, at(there)))
                     break
+        assert self.answers is not None
+        found = self.answers.near([values for _, _, values in moves], base, self.frequency, self.amplitude)
+        for (i, h, _), amplitudes in zip(moves, found, strict=True):
+            J[:, i] = (self.residual(self._decibels(amplitudes)).ravel() - r) / h
         if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > HUGE**2:
             raise SimulationError("the sensitivities grow without bound")
         self.slope.fresh(x, r, J)
@@ -159,7 +179,7 @@ class Sines(Experiment):
     def sizes(self, scenario: Scenario, names: Sequence[str]) -> dict[str, tuple[float, float]]:
         """Range and root mean square of signals in the nominal model's answers, as a mean over the rows' logarithms."""
         answers = _answers(scenario, self.input, self.unit, list(names), None)
-        found = replace(self, answers=answers, orbits={}).solved({}, {})
+        found = replace(self, answers=answers, orbits={}, latest={}).solved({}, {})
         ranges = np.array([2 * o.amplitudes for o in found])
         rms = np.array([o.rms for o in found])
         tops = [np.exp(np.mean(np.log(np.maximum(values, 1e-30)), axis=0)) for values in (ranges, rms)]
@@ -243,6 +263,7 @@ def _part(whole: Sines, keep: NDArray[np.int64], name: str, role: str, note: str
         relative=whole.relative[keep],
         orbits={},
         slope=Slope(),
+        latest={},
     )
 
 

@@ -150,6 +150,7 @@ def _rows(e: Sines, frequency: Array, amplitude: Array) -> Sines:
         relative=np.ones(shape),
         orbits={},
         slope=Slope(),
+        latest={},
     )
 
 

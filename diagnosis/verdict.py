@@ -181,9 +181,9 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
 
 
 def _spoilt(study: Study, found: Sequence[Remark]) -> bool:
-    """Whether a recording looks so wrong that no name is to be trusted: a shift in time only while it is left over."""
+    """Whether a recording looks so wrong that no name is to be trusted, and the amended model does not refute that."""
     refuted = reached(study.refit, study.chosen)
-    return any(r.grave and not (r.shift and refuted) for r in found)
+    return any(r.grave and not (r.refutable and refuted) for r in found)
 
 
 def _finding(

@@ -277,7 +277,16 @@ class Block:
 
 
 def _unit_given(value: Any) -> str:
-    """Coherent SI unit of a text such as ``5 mV``; ``*`` for a bare number or what `Parameter.check` will refuse."""
+    """Coherent SI unit of a text such as ``5 mV``; ``*`` for a bare number or what `Parameter.check` will refuse.
+
+    Raises:
+        ParameterError: the texts of a list have different units.
+    """
+    if isinstance(value, list | tuple):
+        found = list(dict.fromkeys(unit for unit in map(_unit_given, value) if unit != "*"))
+        if len(found) > 1:
+            raise ParameterError(f"values in {' and in '.join(found)} stand in one list", remedy="give all in one unit")
+        return found[0] if found else "*"
     if not isinstance(value, str):
         return "*"
     try:

@@ -1,16 +1,22 @@
 """The reference pages of the documentation, written from what the code declares; called while the docs are built.
 
-`pages` gives Markdown by path: the blocks of each family, the command line, the Python API and the scenario file.
+`pages` gives Markdown by path: the blocks of each family, the command line, the Python API, the scenario file and the
+numbers in the rules of the diagnosis.
 """
 
 from __future__ import annotations
 
+import ast
 import inspect
+import itertools
 import re
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 from engine.block import Block
+
+ROOT = Path(__file__).resolve().parent.parent
 
 FAMILIES = {
     "sources": "Sources: what drives a model",
@@ -34,6 +40,7 @@ def pages() -> dict[str, str]:
     made["reference/cli.md"] = cli_page()
     made["reference/api.md"] = api_page()
     made["reference/scenario.md"] = scenario_page()
+    made["reference/diagnosis-rules.md"] = rules_page()
     return made
 
 
@@ -330,3 +337,44 @@ def _kind(described: dict[str, Any]) -> str:
     if kind == "string" and "pattern" in described and "0-9_" in described["pattern"]:
         return "quantity"
     return {"string": "text", "integer": "whole number", "boolean": "true or false"}.get(kind, kind or "any")
+
+
+# -- rules of the diagnosis --------------------------------------------------------------------------------------------
+
+RULES = {
+    "choice": "When an effect pays, and which of several",
+    "trial": "How a model is scored",
+    "verdict": "What the verdict needs",
+    "screening": "What is odd about a recording",
+}
+"""Module of the diagnosis whose constants are rules: its title."""
+
+
+def rules_page() -> str:
+    """The constants of the diagnosis' rules, with their values of today and their own sentences."""
+    parts = [
+        "# Numbers in the rules of the diagnosis",
+        "",
+        "Read from the constants in the code; [how diagnosis decides](../explanation/diagnosis.md) says what they are for.",
+    ]
+    for name, title in RULES.items():
+        rows = [[code(", ".join(names)), value, prose(doc)] for names, value, doc in _constants(name)]
+        if rows:
+            parts += ["", f"## {title}", "", f"`diagnosis/{name}.py`", "", table(["constant", "value", "meaning"], rows)]
+    return "\n".join(parts) + "\n"
+
+
+def _constants(module: str) -> Iterable[tuple[list[str], str, str]]:
+    """Numbers assigned at the top of a module that have a sentence under them: names, value and sentence."""
+    body = ast.parse((ROOT / "diagnosis" / f"{module}.py").read_text(encoding="utf-8")).body
+    for statement, after in itertools.pairwise(body):
+        if not (isinstance(statement, ast.Assign) and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)):
+            continue
+        names = [node.id for node in ast.walk(statement.targets[0]) if isinstance(node, ast.Name)]
+        try:
+            value = ast.literal_eval(statement.value)
+        except ValueError:
+            continue
+        values = value if isinstance(value, tuple) else (value,)
+        if all(isinstance(number, int | float) for number in values):
+            yield names, ", ".join(f"{number:g}" for number in values), str(after.value.value)

@@ -110,6 +110,9 @@ def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float
             shafts.append(c)
     input_chain.forward *= 1 + truth.nuisance.gain
     input_chain.backward *= 1 + truth.nuisance.gain
+    # The limits are those of the command: a gain error behind them does not hide what goes beyond.
+    input_chain.low *= 1 + truth.nuisance.gain
+    input_chain.high *= 1 + truth.nuisance.gain
     body = truth.plant.assemble(truth.parameters, laws, link, inductance)
     for c in shafts:
         if c.place not in body.ports:

@@ -1,14 +1,20 @@
-"""Command line: ``python -m benchmarks.proof run | show``."""
+"""Command line: ``python -m benchmarks.proof run | show | page | one | freeze | settle``."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+import tempfile
 from pathlib import Path
 
-from benchmarks.proof.run import run
-from benchmarks.proof.score import scores
-from benchmarks.proof.suites import SUITES, Spec
+from benchmarks.concealed.drawing import Options
+from benchmarks.concealed.plants import PLANTS
+from benchmarks.proof import data, frozen, page, settle
+from benchmarks.proof.run import one, plan, run
+from benchmarks.proof.score import Score, scores
+from benchmarks.proof.suites import SUITES, Spec, from_json
+from engine.errors import FlexarmError
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -16,42 +22,147 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.proof", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     running = commands.add_parser("run", help="draw and diagnose the cases of suites; goes on where it was stopped")
-    running.add_argument("suite", nargs="+", choices=sorted(SUITES))
-    running.add_argument("--seeds", type=int, nargs="+", default=[1])
-    running.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
-    running.add_argument("--workers", type=int, default=2, help="processes at a time")
+    running.add_argument("suite", nargs="+", choices=[*sorted(SUITES), "all"])
+    seeds = running.add_mutually_exclusive_group()
+    seeds.add_argument("--seeds", type=int, nargs="+", default=[1])
+    seeds.add_argument("--frozen", action="store_true", help="seeds from the frozen commit; refuses if rules changed")
+    running.add_argument("--count", type=int, default=5, help="seeds of each suite, with --frozen")
+    _folder(running)
+    _workers(running)
     running.add_argument("--plant", help="only cases of this plant")
     running.add_argument("--effect", action="append", help="only cases with this effect; repeatable")
     running.set_defaults(act=_run)
     showing = commands.add_parser("show", help="open the answers and print a line per case")
-    showing.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    _folder(showing)
     showing.set_defaults(act=_show)
+    paging = commands.add_parser("page", help="score, and write the page and its data file")
+    paging.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder of the results; absent: the data file")
+    paging.add_argument("--page", type=Path, default=frozen.ROOT / "docs" / "proof.md")
+    paging.add_argument("--data", type=Path, default=data.DATA)
+    paging.set_defaults(act=_page)
+    single = commands.add_parser("one", help="diagnose one case before your eyes, then open its answer")
+    single.add_argument("name", nargs="?", help="such as core-15e1e2a691, of the page or of the folder given by -o")
+    single.add_argument("--plant", choices=sorted(PLANTS))
+    single.add_argument("--effect", action="append", default=[], metavar="EFFECT[@PLACE]", help="repeat for a pair")
+    single.add_argument("--size", type=float, default=3.0, help="in detection thresholds")
+    single.add_argument("--seed", type=int, default=1)
+    single.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="keep the case, its answer and the result here"
+    )
+    single.set_defaults(act=_one)
+    freezing = commands.add_parser("freeze", help="write down the present commit: from it the seeds that count follow")
+    freezing.set_defaults(act=_freeze)
+    settling = commands.add_parser("settle", help="carry out the experiments proposed for ties, and diagnose again")
+    _folder(settling)
+    _workers(settling)
+    settling.set_defaults(act=_settle)
     given = parser.parse_args(arguments)
-    return int(given.act(given))
+    try:
+        return int(given.act(given))
+    except FlexarmError as error:
+        print(error, file=sys.stderr)
+        return 1
+
+
+def _folder(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+
+
+def _workers(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--workers", type=int, default=2, help="processes at a time")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a dask cluster that sees the same folder")
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)
 
 
 def _run(given: argparse.Namespace) -> int:
-    specs: list[Spec] = [spec for suite in given.suite for spec in SUITES[suite](given.seeds)]
+    commit = frozen.insist().commit if given.frozen else ""
+    names = [name for name in SUITES if name != "quick"] if "all" in given.suite else given.suite
+    specs: list[Spec] = []
+    for name in names:
+        specs += SUITES[name](frozen.seeds(commit, name, given.count) if commit else given.seeds)
     if given.plant:
         specs = [s for s in specs if s.plant == given.plant]
     if given.effect:
         specs = [s for s in specs if set(s.effects) & set(given.effect)]
-    run(specs, given.output, given.workers)
+    run(specs, given.output, given.workers, _say, given.scheduler, commit)
+    return 0
+
+
+def _settle(given: argparse.Namespace) -> int:
+    settle.run(given.output, given.workers, _say, given.scheduler)
     return 0
 
 
 def _show(given: argparse.Namespace) -> int:
     rows = scores(given.output)
     for row in sorted(rows, key=lambda r: (r.suite, r.plant, r.truth)):
+        refit, amended = row.errors[1:] if row.errors else (float("nan"), float("nan"))
         print(
             f"{row.outcome:12s} {'+'.join(row.truth) or 'none':48s} {row.plant:16s} {row.seconds:5.0f} s  "
-            f"{row.hold_out[0]:9.3g} {row.hold_out[1]:9.3g}  {row.verdict}  [{row.name}]"
+            f"{refit:9.3g} {amended:9.3g}  {row.verdict}  [{row.name}]"
         )
     for suite in sorted({r.suite for r in rows}):
         mine = [r for r in rows if r.suite == suite]
-        good = sum(r.outcome in ("named", "tie", "none") for r in mine)
         placed = [r.placed for r in mine if r.placed is not None]
-        print(f"{suite}: {good} of {len(mine)} right, {sum(placed)} of {len(placed)} placed")
+        print(f"{suite}: {sum(r.right for r in mine)} of {len(mine)} right, {sum(placed)} of {len(placed)} placed")
+    return 0
+
+
+def _page(given: argparse.Namespace) -> int:
+    if given.output:
+        data.save(data.gather(given.output), given.data)
+    proof = data.load(given.data)
+    page.write(proof, given.page, data.causes())
+    print(f"{given.page}: {len(proof.rows)} cases, {sum(r.right for r in proof.rows)} right; data in {given.data}")
+    return 0
+
+
+def _one(given: argparse.Namespace) -> int:
+    spec = _spec(given)
+    with tempfile.TemporaryDirectory(prefix="proof-") as place:
+        folder = given.output or Path(place)
+        _say(f"{spec.name}: drawing, then diagnosing; the tool sees a scenario and six recordings ...")
+        line = one(spec, folder)
+        row = next(r for r in scores(folder) if r.name == spec.name)
+        _say(f"{row.seconds:.0f} s, verdict {line}")
+        result = folder / "results" / spec.name / "diagnosis.json"
+        if result.exists():
+            for finding in json.loads(result.read_text(encoding="utf-8"))["findings"]:
+                _say(f"  {finding['sentence']}")
+        _tell(row)
+        return 0 if row.outcome != "failed" else 1
+
+
+def _tell(row: Score) -> None:
+    _say(f"reported:  {row.verdict}" + (f"  ({row.failure})" if row.failure else ""))
+    _say(f"concealed: {' + '.join(row.truth) or 'nothing'}")
+    if row.errors:
+        _say("held-out error, in noise floors: nominal {:.3g}, refit {:.3g}, amended {:.3g}".format(*row.errors))
+    _say(f"that is: {row.outcome}")
+
+
+def _spec(given: argparse.Namespace) -> Spec:
+    if not given.name:
+        if not given.plant:
+            raise FlexarmError("no case is given", remedy="give a name of the page, or --plant, --effect and --seed")
+        sizes = (given.size,) * len(given.effect)
+        return Spec("one", given.plant, tuple(given.effect), sizes, given.seed, Options())
+    known = plan(given.output) if given.output else {}
+    if given.name not in known and data.DATA.exists():
+        known |= {row.name: row.spec for row in data.load().rows}
+    if given.name not in known:
+        raise FlexarmError(
+            f"no case is called '{given.name}'", remedy="see docs/proof.md, or draw one by --plant, --effect and --seed"
+        )
+    return from_json(known[given.name])
+
+
+def _freeze(_: argparse.Namespace) -> int:
+    made = frozen.freeze()
+    print(f"{frozen.RECORD}: commit {made.commit}, {', '.join(f'{k} {v[:12]}' for k, v in made.trees.items())}")
     return 0
 
 

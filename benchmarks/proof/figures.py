@@ -63,7 +63,8 @@ def matrix(rows: Sequence[Score], path: Path) -> None:
     figure = Figure(figsize=(1.5 + 0.27 * len(columns), 1.5 + 0.25 * len(truths)), dpi=80, layout="constrained")
     axes = figure.subplots()
     totals = np.maximum(shares.sum(axis=1, keepdims=True), 1)
-    axes.imshow(shares / totals, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    if shares.size:
+        axes.imshow(shares / totals, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for i, row in enumerate(shares):
         for j, count in enumerate(row):
             if count:

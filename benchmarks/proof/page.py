@@ -22,28 +22,8 @@ from benchmarks.proof.summary import (
     rate,
     suites,
 )
+from benchmarks.proof.words import CONFUSION, GOALS, HEAD, HELD_OUT, INTERVALS, LEGEND, POWER, SINDY, TIME
 from engine.files import writing
-
-HEAD = """# The proof
-
-Effects are concealed in recordings by code that shares nothing with flexarm (`benchmarks/concealed`), and
-`flexarm diagnose` is asked what the nominal model leaves out. Each diagnosis runs in a folder that holds the scenario and
-six recordings, nothing else; the answers lie elsewhere and only the scorer opens them. Written by
-`python -m benchmarks.proof page`; the cases stand in `benchmarks/results/proof.json`, one line each.
-
-**Rerun one case** and watch the name appear (a few minutes at most; nothing but this repository is needed):
-
-    make setup
-    .venv/bin/python -m benchmarks.proof one {example}
-
-{say}. The name of a case says nothing about what is concealed; any case of the tables below will do, and so will one that
-nobody has drawn yet:
-
-    .venv/bin/python -m benchmarks.proof one --plant harmonic-arm --effect backlash --size 3 --seed 12345
-
-`make proof` runs eight cases in a few minutes, `make proof FULL=1` all suites; both go on where they were stopped, and
-`--scheduler ADDRESS` spreads them over a dask cluster that sees the same folder.
-"""
 
 
 def write(proof: Proof, page: Path, causes: Mapping[str, str]) -> None:
@@ -86,7 +66,7 @@ def _head(rows: Sequence[Score]) -> str:
     if not named:
         return HEAD.format(example="--plant pendulum --effect offset --seed 1", say="It says what it finds")
     best = min(named, key=lambda r: r.seconds)
-    say = f"It took {best.seconds:.0f} s here, and ends with what was reported and what had been concealed"
+    say = f"It took {best.seconds:.0f} s here, and ends with what was reported and what had\nbeen concealed"
     return HEAD.format(example=best.name, say=say)
 
 
@@ -131,10 +111,7 @@ def _frozen(about: Mapping[str, Any], rows: Sequence[Score]) -> str:
 def _goals(rows: Sequence[Score]) -> str:
     met = {True: "met", False: "**not met**", None: "-"}
     listed = [[g.suite, g.goal, g.measured, met[g.met]] for g in goals(rows)]
-    return (
-        "## What must be shown\n\nRates with 95 % bounds (Wilson). Cases that could not be drawn, failed, were stopped"
-        " after half an hour or were not\nrun count as failures.\n\n" + table(["suite", "goal", "measured", ""], listed)
-    )
+    return GOALS + table(["suite", "goal", "measured", ""], listed)
 
 
 def _suites(rows: Sequence[Score]) -> str:
@@ -162,13 +139,6 @@ ORDER = (
     "failed",
     "not run",
 )
-LEGEND = """
-*named*: the right name at the right place, and nothing else. *tie*: the truth is among what is reported, and the truth
-generator confirms that the recordings cannot tell the rest from it. *none*: rightly nothing. *half*: one of two.
-*loose tie*: the truth is in the tie, and so is something that the recordings do exclude. *unknown*: a place and no name.
-*missed*: nothing reported. *wrong*, *wrong tie*: a name that is not the truth. In the suite *withheld* the true effect
-may not be named, so that *unknown* is what is wanted.
-"""
 
 
 def _power(rows: Sequence[Score]) -> str:
@@ -184,11 +154,7 @@ def _power(rows: Sequence[Score]) -> str:
     every = [[r for of_size in found.values() for r in of_size.get(size, [])] for size in sizes]
     listed.append(["all", *(rate(sum(r.right for r in cases), len(cases)) for cases in every)])
     head = ["effect", *(f"{size:g} x threshold" for size in sizes)]
-    return (
-        "Right name, or a correct tie, against the size of the effect. One detection threshold is the size at which what a"
-        " refit\nof the nominal parameters leaves of the effect is as large as the noise floor.\n\n"
-        + table(head, listed)
-    )
+    return POWER + table(head, listed)
 
 
 def _confusion(rows: Sequence[Score]) -> str:
@@ -196,11 +162,7 @@ def _confusion(rows: Sequence[Score]) -> str:
     for truth, counts in sorted(confusion(rows).items()):
         others = ", ".join(f"{name} {n}" for name, n in counts.most_common() if name != truth)
         listed.append([truth, str(counts.total()), str(counts[truth]), others or "-"])
-    return (
-        "## Concealed against reported\n\nAll cases that conceal one thing or nothing, whatever their sensors and sizes."
-        " A tie is counted as *tie*, also where it is right;\n*several*: more than one finding.\n\n"
-        + table(["concealed", "cases", "so reported", "reported as something else"], listed)
-    )
+    return CONFUSION + table(["concealed", "cases", "so reported", "reported as something else"], listed)
 
 
 def _held_out(rows: Sequence[Score]) -> str:
@@ -213,11 +175,7 @@ def _held_out(rows: Sequence[Score]) -> str:
             medians = [f"{median([e[k] for e in errors]):.3g}" for k in range(3)]
             listed.append([name, *medians, rate(below, len(errors)), str(worse)])
     head = ["suite", "nominal", "refit alone", "amended", f"amended <= {FLOOR_BOUND} x floor", "worse than the refit"]
-    return (
-        "## Held-out error before and after\n\nMedians of the mean square over the noise floor on three recordings of"
-        " kinds that nothing was fitted to; 1 is the sensors'\nnoise. The refit alone, parameters without diagnosis, is the"
-        " first peer. The floor is the true one where the scenario\nstates another.\n\n" + table(head, listed)
-    )
+    return HELD_OUT + table(head, listed)
 
 
 def _intervals(rows: Sequence[Score]) -> str:
@@ -228,11 +186,7 @@ def _intervals(rows: Sequence[Score]) -> str:
     every = [hit for hits in counts.values() for hit in hits]
     listed = [[name, rate(sum(hits), len(hits))] for name, hits in sorted(counts.items())]
     listed.append(["all", rate(sum(every), len(every))])
-    return (
-        "## Intervals\n\nHow many of the 95 % intervals hold the true value, where the tool reports the quantity that the"
-        " truth has. Levels behind\nthe amplifier are compared at the command (its gain is off by up to 5 %).\n\n"
-        + table(["parameter", "inside"], listed)
-    )
+    return INTERVALS + table(["parameter", "inside"], listed)
 
 
 def _peers(proof: Proof) -> str:
@@ -258,15 +212,6 @@ def _peers(proof: Proof) -> str:
     return text + SINDY + table(head, listed)
 
 
-SINDY = """The discrepancy approach (Kaheman et al. 2019): angles and speeds from the sensors by smoothed differentiation, the
-acceleration that the linear nominal model does not explain, and a sparse regression on a library (1, q, v, sign v,
-v|v|, q^3, sin q, cos q, sin and cos n q, sign u, joint twist cubed). It needs no simulation and takes a second. It gives a
-term and no place; where the effect is a hidden state or memory (delay, lag, play, a further mode or joint) the library has no term
-for it. With nothing concealed, *selected* counts the cases in which it selects no nonlinear term.
-
-"""
-
-
 def _time(rows: Sequence[Score]) -> str:
     listed = []
     for name, _ in suites(rows):
@@ -277,10 +222,7 @@ def _time(rows: Sequence[Score]) -> str:
         middle = f"{median(cpu):.0f} s" if cpu else "not measured"
         seconds = [r.seconds for r in ran]
         listed.append([name, f"{median(seconds):.0f} s", middle, f"{max(seconds):.0f} s"])
-    return (
-        "## Time per diagnosis\n\nSix recordings of 4 s at 1 kHz, three to train; one thread, compiling included; the"
-        " machine did other work beside it.\n\n" + table(["suite", "median", "median CPU", "slowest"], listed)
-    )
+    return TIME + table(["suite", "median", "median CPU", "slowest"], listed)
 
 
 def _failures(rows: Sequence[Score], causes: Mapping[str, str]) -> str:

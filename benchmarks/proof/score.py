@@ -134,7 +134,19 @@ def _score(folder: Path, result: Path) -> Score:
         errors=(_pooled(held["nominal"]) * floor, _pooled(held["refit"]) * floor, _pooled(held["amended"]) * floor),
         covered=tuple(covered(found, answer)),
         proposal=(found["next_experiment"] or {}).get("kind", ""),
+        settled=_settled(folder, result, targets),
     )
+
+
+def _settled(folder: Path, result: Path, targets: list[tuple[str, set[str]]]) -> bool | None:
+    """Whether the diagnosis after the proposed experiment names the truth; None if it was not carried out."""
+    again = folder / "settled" / result.name
+    if not (again / "run.json").exists():
+        return None
+    if not (again / "diagnosis.json").exists():
+        return False
+    found = json.loads((again / "diagnosis.json").read_text(encoding="utf-8"))
+    return all(_hits(found, targets)) and not any(f["status"] == "tie" for f in found["findings"])
 
 
 def _is_claim(status: str, effect: str, place: str) -> bool:

@@ -113,7 +113,7 @@ def goals(rows: Sequence[Score]) -> list[Goal]:
         _share("true effect withheld", "confident wrong name <= 5 %", withheld, lambda r: r.claimed, high=0.05),
         _share("one parameter wrong, no effect", "found as such", of(rows, "wrong"), _right),
         _share("designed ties", "tie reported, 9 of 10", ties, lambda r: r.outcome == "tie", low=0.9),
-        _share("designed ties", "the proposed experiment settles 9 of 10", ties, lambda r: bool(r.settled), low=0.9),
+        _settled(ties),
         _held(f"held-out error <= {FLOOR_BOUND} x floor in 90 %", below, len(hard), errors),
         Goal(
             "held-out error",
@@ -147,6 +147,12 @@ def _share(
     share = hits / len(rows)
     met = share <= high if high is not None else share >= (low or 0.0)
     return Goal(suite, goal, rate(hits, len(rows)), met)
+
+
+def _settled(ties: Sequence[Score]) -> Goal:
+    if all(r.settled is None for r in ties):
+        return Goal("designed ties", "the proposed experiment settles 9 of 10", "not carried out", None)
+    return _share("designed ties", "the proposed experiment settles 9 of 10", ties, lambda r: bool(r.settled), low=0.9)
 
 
 def _held(goal: str, below: int, total: int, errors: Sequence[tuple[float, float, float]]) -> Goal:

@@ -28,8 +28,12 @@ class Curve(SignalBlock):
     out = signal_out("*", "the signal and what the characteristic adds")
 
     def check(self) -> None:
-        """The abscissas must rise."""
+        """The abscissas must rise, and all be in the unit of the signal."""
         super().check()
+        given = {name: self.unit_of(name) for name in ("lower", "upper", "heights")}
+        if len({unit for unit in given.values() if unit != "*"}) > 1:
+            stated = ", ".join(f"{name} in {unit}" for name, unit in given.items() if unit != "*")
+            raise ParameterError(f"{stated}: all are values of one signal", remedy="give them in its unit")
         if self.lower >= self.upper:
             raise ParameterError(f"lower = {self.lower:g} is not below upper = {self.upper:g}")
 

@@ -1,0 +1,1 @@
+"""Blocks of our own for flexarm."""

@@ -1,0 +1,71 @@
+"""The package of the page "Write your own block": built, installed, used by the command line, and its own tests run."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "examples" / "flexarm-own-block"
+PAGE = ROOT / "docs" / "how-to" / "write-your-own-block.md"
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """A copy of the package, and the environment in which its wheel is installed; nothing is downloaded."""
+    folder = tmp_path_factory.mktemp("own-block")
+    copy = shutil.copytree(PACKAGE, folder / "package", ignore=shutil.ignore_patterns("__pycache__", "dist", "build"))
+    target = folder / "site"
+    command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
+    done = subprocess.run([*command, "--target", str(target), str(copy)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return copy, os.environ | {"PYTHONPATH": str(target), "MPLBACKEND": "Agg"}
+
+
+def call(arguments, folder, environment):
+    return subprocess.run(
+        [sys.executable, "-m", *arguments], cwd=folder, env=environment, capture_output=True, text=True, timeout=240
+    )
+
+
+def test_the_command_line_knows_and_runs_the_block(installed):
+    copy, environment = installed
+    shown = call(["flexarm", "blocks", "EddyBrake"], copy, environment)
+    assert shown.returncode == 0, shown.stderr
+    assert "greatest_torque  N.m" in shown.stdout
+    done = call(["flexarm", "run", "run-down.yaml", "-o", "run-down.csv"], copy, environment)
+    assert done.returncode == 0, done.stderr
+    assert (copy / "run-down.csv").exists()
+
+
+def test_without_the_package_the_block_is_unknown(tmp_path):
+    shown = call(["flexarm", "blocks", "EddyBrake"], tmp_path, dict(os.environ))
+    assert shown.returncode == 1
+    assert "there is no block type 'EddyBrake'" in shown.stderr
+
+
+def test_its_own_tests_pass(installed):
+    copy, environment = installed
+    done = call(["pytest", "-q", "-p", "no:cacheprovider", "tests"], copy, environment)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "4 passed" in done.stdout
+
+
+def test_the_page_shows_the_files_as_they_are():
+    """What stands indented under a file's name is in that file, line by line."""
+    text = PAGE.read_text(encoding="utf-8")
+    blocks = re.findall(r'```\w+ title="([^"]+)"\n(.*?)```', text, re.DOTALL)
+    assert {name for name, _ in blocks} >= {"pyproject.toml", "src/flexarm_own_block/eddy_brake.py", "run-down.yaml"}
+    for name, shown in blocks:
+        assert shown in (PACKAGE / name).read_text(encoding="utf-8"), name
+
+
+def test_the_block_takes_about_forty_lines():
+    lines = (PACKAGE / "src" / "flexarm_own_block" / "eddy_brake.py").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 40

@@ -1,0 +1,80 @@
+"""Cases made up for the scorer: an answer, and a diagnosis that says what a test wants it to say."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+
+from benchmarks.concealed.drawing import Options
+from benchmarks.proof.suites import Spec
+
+TRUTH = {
+    "dead_zone": ("source.out -> motor.voltage", [], {"lower": -0.1, "upper": 0.2}),
+    "coulomb_friction": ("motor.shaft", ["gear.input", "gear.output"], {"coulomb_friction": 2e-4}),
+}
+INPUT = TRUTH["dead_zone"][0]
+
+
+def finding(effect, place, status="named", others=(), **parameters):
+    """One finding; parameters are (low, high)."""
+    intervals = {k: {"value": sum(v) / 2, "low": v[0], "high": v[1], "unit": "1"} for k, v in parameters.items()}
+    return {
+        "status": status,
+        "effect": effect,
+        "place": place,
+        "block": place.partition(".")[0],
+        "indistinguishable_from": list(others),
+        "sentence": f"{effect} at {place}",
+        "parameters": intervals,
+    }
+
+
+def put(
+    folder,
+    effects=("dead_zone",),
+    findings=(),
+    failure="",
+    errors=(100.0, 10.0, 1.0),
+    suite="core",
+    seed=1,
+    ties=None,
+    answered=True,
+    **more,
+):
+    """Write a finished case into a folder; returns its name."""
+    options = Options(**more)
+    spec = Spec(suite, "geared-two-mass", tuple(effects), (3.0,) * len(effects), seed, options)
+    result = folder / "results" / spec.name
+    result.mkdir(parents=True)
+    (folder / "answers").mkdir(exist_ok=True)
+    run = {"spec": asdict(spec), "verdict": "x", "seconds": 12.0, "cpu": 11.0, "failure": failure, "code": "abc"}
+    (result / "run.json").write_text(json.dumps(run))
+    concealed = [
+        {
+            "effect": effect,
+            "place": TRUTH[effect][0],
+            "same_place": TRUTH[effect][1],
+            "parameters": TRUTH[effect][2],
+            "excess_in_floors": 3.0,
+            "size_asked": 3.0,
+        }
+        for effect in effects
+    ]
+    answer = {
+        "plant": "geared-two-mass",
+        "seed": seed,
+        "options": asdict(options),
+        "concealed": concealed,
+        "nuisance": {"gain": 0.0},
+        "true_parameters": {"load.inertia": 0.02},
+    }
+    if answered:
+        (folder / "answers" / f"{spec.name}.json").write_text(json.dumps(answer))
+    held = {name: {"y": {"chi2": e}} for name, e in zip(("nominal", "refit", "amended"), errors, strict=True)}
+    diagnosis = {"verdict": "x", "findings": list(findings), "fit": {"hold_out": held}, "next_experiment": None}
+    if not failure:
+        (result / "diagnosis.json").write_text(json.dumps(diagnosis))
+    if ties is not None:
+        (folder / "ties").mkdir(exist_ok=True)
+        (folder / "ties" / f"{spec.name}.json").write_text(json.dumps(ties))
+    return spec.name

@@ -1,0 +1,82 @@
+"""The page of a small made-up proof."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.proof import data, page
+from benchmarks.proof.__main__ import main
+from tests.proof.made import INPUT, finding, put
+
+
+@pytest.fixture
+def folder(tmp_path):
+    put(tmp_path, findings=[finding("dead_zone", INPUT, lower=(-0.11, -0.09), upper=(0.21, 0.25))])
+    put(tmp_path, findings=[finding("lag", INPUT)], seed=2, errors=(90.0, 9.0, 9.5))
+    put(tmp_path, failure="Traceback\nValueError: a | b", seed=3)
+    put(tmp_path, [], [], suite="none")
+    put(tmp_path, ["dead_zone", "coulomb_friction"], [finding("dead_zone", INPUT)], suite="pairs")
+    return tmp_path
+
+
+def written(folder, tmp_path, causes=None):
+    proof = data.gather(folder)
+    data.save(proof, tmp_path / "proof.json")
+    again = data.load(tmp_path / "proof.json")
+    assert again.rows == proof.rows
+    page.write(again, tmp_path / "proof.md", causes or {})
+    return (tmp_path / "proof.md").read_text(encoding="utf-8")
+
+
+def row(text, start):
+    return next(line for line in text.splitlines() if line.startswith(start))
+
+
+def test_every_case_is_counted_and_every_failure_shown(folder, tmp_path):
+    text = written(folder, tmp_path)
+    assert "| right name, or a tie that the truth generator confirms, >= 90 % | 1 of 3, 33 %" in text
+    assert row(text, "| nothing concealed").split("|")[3].strip().startswith("0 of 1, 0 %")
+    assert "| never worse than the refit | worse in 1 of 3 | **not met** |" in text
+    assert "| cover 88 to 98 % | 1 of 2, 50 % (9 to 91 %) | **not met** |" in text
+    assert "3 of 5 cases." in text
+    assert r"ValueError: a \| b" in text
+    assert row(text, "| dead_zone | 3 | 1 |").endswith("| failed 1, lag 1 |")
+    assert row(text, "| core | 3 ").count("|") == row(text, "| suite | cases").count("|")
+
+
+def test_figures_are_small(folder, tmp_path):
+    written(folder, tmp_path)
+    for name in ("proof-power.svg", "proof-confusion.png"):
+        assert 1000 < (tmp_path / name).stat().st_size < 60_000
+
+
+def test_causes_by_name_and_by_pattern(folder, tmp_path):
+    failed = next(r for r in data.gather(folder).rows if r.outcome == "failed")
+    text = written(folder, tmp_path, {failed.name: "a bug", "pairs * dead_zone@*": "friction below the floor"})
+    assert row(text, f"| `{failed.name}`").endswith("| a bug |")
+    assert text.count("| friction below the floor |") == 1
+
+
+def test_the_command_shows_and_writes(folder, tmp_path, capsys):
+    assert main(["show", "-o", str(folder)]) == 0
+    assert "core: 1 of 3 right" in capsys.readouterr().out
+    files = ["--page", str(tmp_path / "p.md"), "--data", str(tmp_path / "p.json")]
+    assert main(["page", "-o", str(folder), *files]) == 0
+    first = (tmp_path / "p.md").read_text()
+    assert main(["page", *files]) == 0
+    assert (tmp_path / "p.md").read_text() == first
+    assert main(["page", "-o", str(tmp_path / "nowhere"), *files]) == 1
+
+
+def test_an_empty_proof_is_a_page_too(tmp_path):
+    (tmp_path / "results").mkdir()
+    assert "| nothing concealed | false alarms <= 5 % | not run | - |" in written(tmp_path, tmp_path)
+
+
+def test_a_case_is_rerun_by_one_command_and_the_name_appears(tmp_path, capsys):
+    case = ["--plant", "pendulum", "--effect", "coulomb_friction", "--seed", "101"]
+    assert main(["one", *case, "-o", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "reported:  named: coulomb_friction at " in out
+    assert "concealed: coulomb_friction@arm.shaft" in out
+    assert out.rstrip().endswith("that is: named")

@@ -1,0 +1,73 @@
+"""What mkdocs calls while it builds: adds the reference, the gallery's figures and the executed notebooks to the pages.
+
+Nothing of it is kept in the repository. Figures and notebooks take some seconds, and so they are kept in ``.docs-cache``
+until a file that they depend on changes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+from engine.files import writing
+from tools import gallery, notebooks, reference
+
+ROOT = Path(__file__).resolve().parent.parent
+CACHE = ROOT / ".docs-cache"
+SOURCES = ("engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the generated files; notebooks themselves are copied like any other file in ``docs``."""
+    made: dict[str, str | bytes] = dict(reference.pages())
+    stamp = _stamp()
+    for name, draw in gallery.FIGURES.items():
+        made[f"figures/gallery/{name}"] = _kept(f"{stamp}-{name}", draw)
+    for path in sorted(notebooks.FOLDER.glob("*.ipynb")):
+        made |= _notebook(path, stamp)
+    for name, content in made.items():
+        files.append(File.generated(config, name, content=content))
+    for old in CACHE.iterdir():
+        if not old.name.startswith((stamp, ".")):
+            old.unlink(missing_ok=True)
+    return files
+
+
+def _notebook(path: Path, stamp: str) -> Iterator[tuple[str, str | bytes]]:
+    """Page and figures of a notebook."""
+
+    def run() -> bytes:
+        text, figures = notebooks.page(notebooks.execute(path), path.stem)
+        return json.dumps({"text": text, "figures": {name: data.hex() for name, data in figures.items()}}).encode()
+
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()[:12]
+    found = json.loads(_kept(f"{stamp}-{digest}-{path.stem}.json", run))
+    link = f"\n[This page as a notebook]({path.name})\n"
+    yield f"notebooks/{path.stem}.md", found["text"] + link
+    for name, data in found["figures"].items():
+        yield f"notebooks/{name}", bytes.fromhex(data)
+
+
+def _kept(name: str, make: Callable[[], bytes]) -> bytes:
+    """A file of the cache; made if it is not there."""
+    path = CACHE / name
+    if not path.exists():
+        CACHE.mkdir(exist_ok=True)
+        content = make()
+        with writing(path, (path.suffix,)) as temporary:
+            temporary.write_bytes(content)
+    return path.read_bytes()
+
+
+def _stamp() -> str:
+    """Digest of everything that a figure can depend on."""
+    digest = hashlib.sha256()
+    folders = [ROOT / name for name in (*SOURCES, "tools", "docs/gallery", "docs/tutorial/data")]
+    for path in sorted(p for folder in folders for p in folder.rglob("*") if p.suffix in (".py", ".c", ".h", ".yaml", ".csv")):
+        digest.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:12]
