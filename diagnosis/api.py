@@ -16,7 +16,7 @@ from diagnosis.recording import Recorded
 from diagnosis.select import Progress, study
 from diagnosis.verdict import Diagnosis, judge
 from engine.errors import FlexarmError
-from engine.spread import JsonStore
+from engine.spread import JsonStore, cores
 from scenarios.load import Scenario, load
 
 BLAS_THREADS = 1
@@ -47,7 +47,7 @@ def fit(
     *,
     hold_out: Sequence[str | Path | Recorded] = (),
     overrides: Sequence[str] = (),
-    workers: int = 2,
+    workers: int | None = None,
     seed: int = 0,
 ) -> tuple[Fit, dict[str, float]]:
     """Fit a scenario's parameters, within their tolerances, to recordings.
@@ -57,7 +57,7 @@ def fit(
         recordings: to fit to; all that the scenario describes by default.
         hold_out: to judge on.
         overrides: ``key=value`` texts.
-        workers: threads.
+        workers: threads; as many as cores if None. The result does not depend on them.
         seed: of the random starts.
 
     Returns:
@@ -69,7 +69,7 @@ def fit(
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
     recorded = gather(scenario, recordings, hold_out)
     with threadpool_limits(BLAS_THREADS):
-        made = fit_problem(problem(scenario, recorded), random_starts=2, seed=seed, workers=workers)
+        made = fit_problem(problem(scenario, recorded), random_starts=2, seed=seed, workers=workers or cores())
     scores = {"fitted": made.chi2}
     held = made.problem.chosen("hold_out")
     if held:
@@ -83,7 +83,7 @@ def diagnose(
     *,
     hold_out: Sequence[str | Path | Recorded] = (),
     overrides: Sequence[str] = (),
-    workers: int = 2,
+    workers: int | None = None,
     seed: int = 0,
     without: Sequence[str] = (),
     progress: Progress | None = None,
@@ -96,7 +96,7 @@ def diagnose(
         recordings: to fit to, and to judge on where their role says so; all that the scenario describes by default.
         hold_out: further recordings to judge on.
         overrides: ``key=value`` texts.
-        workers: threads.
+        workers: threads; as many as cores if None. The result does not depend on them.
         seed: of everything random.
         without: effects of the catalogue that are not to be tried.
         progress: told what is done.
@@ -109,5 +109,7 @@ def diagnose(
     recorded = gather(scenario, recordings, hold_out)
     store = JsonStore(keep) if keep is not None else None
     with threadpool_limits(BLAS_THREADS):
-        made = study(scenario, recorded, workers=workers, seed=seed, without=without, progress=progress, store=store)
+        made = study(
+            scenario, recorded, workers=workers or cores(), seed=seed, without=without, progress=progress, store=store
+        )
         return judge(made, seed)

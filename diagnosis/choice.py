@@ -47,6 +47,7 @@ def floor(trial: Trial) -> float:
     """Mean squared residual that is noise, in units of the stated variance: that stated, or more where it shows more.
 
     White noise is what second differences leave of a residual: a model's errors are smooth at the rate of the samples.
+    What a signal did not record counts for nothing.
     """
     problem = trial.fit.problem
     held = problem.chosen("hold_out") or problem.chosen("train", "repeat")
@@ -54,9 +55,12 @@ def floor(trial: Trial) -> float:
     for e in held:
         if isinstance(e, Sines) or len(e.time) < 64:
             return 1.0
-        bend = np.diff(problem.residual(trial.fit.x, e), 2, axis=0)
-        levels.append(np.mean(bend**2, axis=0) / 6)
-    return max(1.0, float(np.mean(levels)))
+        for r, y in zip(problem.residual(trial.fit.x, e).T, e.measured.T, strict=True):
+            there = np.flatnonzero(np.isfinite(y))
+            bend = np.diff(r[there], 2)[np.diff(there, 2) == 0]
+            if len(bend):
+                levels.append(np.mean(bend**2) / 6)
+    return max(1.0, float(np.mean(levels))) if levels else 1.0
 
 
 def unexplained(trial: Trial, ground: float) -> bool:

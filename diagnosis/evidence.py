@@ -251,7 +251,7 @@ def _one(e: Experiment, r: Array, slopes: Array, answer: Array) -> _Recovered:
 def _curves(
     study: Study, flange: str, unit: str, parameters: dict[str, float], found: Sequence[_Recovered]
 ) -> list[Curve]:
-    """The force against what it may depend on, over all held-out recordings, or all if none are held out."""
+    """The force against what it may depend on, over all recordings."""
     problem = study.refit.fit.problem
     system, inputs = problem.scenario.system, [v.name for v in problem.model.inputs]
     names = [] if flange in inputs else [f"{flange}.{q}" for q in ("speed", "angle")]

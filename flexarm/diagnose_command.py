@@ -25,7 +25,7 @@ HoldOutOption = Annotated[
     list[str] | None,
     typer.Option("--hold-out", metavar="RECORDING", help="A recording to judge on, not to fit; repeatable."),
 ]
-WorkersOption = Annotated[int, typer.Option(min=1, help="Threads.")]
+WorkersOption = Annotated[int | None, typer.Option(min=1, help="Threads; as many as cores if not given.")]
 SeedOption = Annotated[int, typer.Option(help="Of everything random.")]
 
 PROGRESS = ".progress"
@@ -46,7 +46,7 @@ def fit(
     recordings: RecordingsArgument = None,
     hold_out: HoldOutOption = None,
     overrides: SetOption = None,
-    workers: WorkersOption = 2,
+    workers: WorkersOption = None,
     seed: SeedOption = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
 ) -> None:
@@ -102,7 +102,7 @@ def diagnose(
         typer.Option("--without", metavar="EFFECT", help="An effect that is not to be tried; repeatable."),
     ] = None,
     overrides: SetOption = None,
-    workers: WorkersOption = 2,
+    workers: WorkersOption = None,
     seed: SeedOption = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the verdict as JSON alone.")] = False,
 ) -> None:

@@ -21,15 +21,23 @@ def execute(path: Path, timeout: int = 300) -> Any:
         nbclient.exceptions.CellExecutionError: a cell failed; the message holds cell and traceback.
     """
     import nbformat
-    from jupyter_client.manager import AsyncKernelManager
     from nbclient import NotebookClient
+    from traitlets.config import Config
 
     notebook = nbformat.read(path, as_version=4)
     with tempfile.TemporaryDirectory() as folder:
-        # Where it can, the kernel listens on files of this user, not on ports of the machine.
-        way = {} if os.name == "nt" else {"transport": "ipc", "ip": f"{folder}/kernel"}
-        kernel = AsyncKernelManager(kernel_name="python3", **way)
-        client = NotebookClient(notebook, km=kernel, timeout=timeout, resources={"metadata": {"path": str(path.parent)}})
+        settings = Config()
+        if os.name != "nt":
+            # Where it can, the kernel listens on files of this user, not on ports of the machine.
+            settings.KernelManager.transport = "ipc"
+            settings.KernelManager.ip = f"{folder}/kernel"
+        client = NotebookClient(
+            notebook,
+            config=settings,
+            kernel_name="python3",
+            timeout=timeout,
+            resources={"metadata": {"path": str(path.parent)}},
+        )
         return client.execute()
 
 

@@ -1,7 +1,7 @@
 """Measures flexarm beside other tools and writes the page: ``python -m benchmarks.peers [--page-only]``.
 
-Needs the extra ``peers`` for pathsim and bdsim; without them their rows are missing and the page says so. Takes about two
-minutes. What is compared runs in turns in one process, and medians count.
+Needs the extra ``peers`` for pathsim and bdsim; without them their rows are missing and the page says so. Takes about
+two minutes. What is compared runs in turns in one process, and medians count.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ DATA = ROOT / "benchmarks" / "results" / "peers.json"
 FMU = ROOT / "benchmarks" / "results" / "fmu.json"
 PAGE = ROOT / "docs" / "benchmarks" / "peers.md"
 PACKAGES = ("numpy", "scipy", "control", "pathsim", "bdsim", "casadi")
-ROUNDS, FEW = 15, 3
+ROUNDS, FEW = 41, 3
 """Rounds, and of how many of them a slow tool takes part."""
 
 
 def compare(chosen: list[tools.Tool], exact: tools.Array) -> list[dict[str, Any]]:
-    """Median seconds and relative rms error of each tool."""
+    """Median seconds of processor time and relative rms error of each tool."""
     spent: list[list[float]] = [[] for _ in chosen]
     outputs: list[tools.Array] = []
     for tool in chosen:  # once beforehand: what is compiled or cached is so afterwards
@@ -43,9 +43,9 @@ def compare(chosen: list[tools.Tool], exact: tools.Array) -> list[dict[str, Any]
     for k in range(ROUNDS):
         for tool, seconds in zip(chosen, spent, strict=True):
             if k < FEW or not tool.slow:
-                begin = time.perf_counter()
+                begin = time.process_time()
                 _quiet(tool)
-                seconds.append(time.perf_counter() - begin)
+                seconds.append(time.process_time() - begin)
     size = float(np.sqrt(np.mean(exact**2)))
     return [
         {
@@ -68,6 +68,8 @@ def measure() -> dict[str, Any]:
     """Every figure."""
     state_space = problems.state_space()
     found: dict[str, Any] = {
+        "load": os.getloadavg()[1],
+        "cores": os.cpu_count(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()},"
         f" {compiler().splitlines()[0]}",
         "versions": {name: version(name) for name in PACKAGES if tools.installed(name)},
@@ -82,11 +84,12 @@ def measure() -> dict[str, Any]:
 
 HEAD = """# Beside other tools
 
-Written by `python -m benchmarks.peers` (with `pip install 'flexarm[peers]'`) from `benchmarks/results/peers.json`. What is
-compared ran in turns in one process, one thread, and medians of repeats count; the machine was shared, so that ratios
-mean more than seconds. Each tool solves the same 10 s and gives 10 001 rows; what it can prepare beforehand it may
-(flexarm compiles the model once, which takes about a second the first time and is cached).
-Errors are relative, root mean square over all rows.
+Written by `python -m benchmarks.peers` (with `pip install 'flexarm[peers]'`) from `benchmarks/results/peers.json`. What
+is compared ran in turns in one process on one thread. Times are processor time, medians of repeats; the machine was
+shared (load {load:.1f} on {cores} cores), so that ratios mean more than seconds. Each tool solves the same 10 s and gives
+10 001 rows; what it can prepare beforehand it may (flexarm compiles the model once, which takes about a second the first
+time and is cached; pathsim and bdsim put their few blocks together within the run, which is not what takes them
+long). Errors are relative, root mean square over all rows.
 
 {machine}; {versions}.
 {missing}"""
@@ -94,17 +97,17 @@ Errors are relative, root mean square over all rows.
 LINEAR = """
 ## A linear model
 
-A DC motor with gear turns a flexible link of two modes ({states} states); 1 V comes at 0.5 s and goes at 5.5 s; output is the
-speed of the hub. Compared with the matrix exponential, which is exact here because the steps fall on rows.
+A DC motor with gear turns a flexible link of two modes ({states} states); 1 V comes at 0.5 s and goes at 5.5 s; output
+is the speed of the hub. Compared with the matrix exponential, which is exact here because the steps fall on rows.
 
 """
 
 SLIDING = """
 ## A joint that sticks and slips
 
-An inertia on a spring, driven by a slow sine torque, with dry friction: it sticks at every reversal. Compared with DOP853 at a
-relative tolerance of 1e-12, restarted at every switch. Where a tool was not given events, friction is smoothed by
-tanh(v / {smooth:g} rad/s); that error does not fall with the tolerance.
+An inertia on a spring, driven by a slow sine torque, with dry friction: it sticks at every reversal. Compared with
+DOP853 at a relative tolerance of 1e-12, restarted at every switch. Where a tool was not given events, friction is
+smoothed by tanh(v / {smooth:g} rad/s); that error does not fall with the tolerance.
 
 """
 
@@ -118,7 +121,8 @@ From `python -m benchmarks.bench_fmu`: one `fmi2DoStep` of 1 ms of an arm with 8
 SCALING = """
 ## How costs grow
 
-Cost ~ size^exponent, fitted over the sizes from the one named on. An exponent of -1 for cores would be perfect.
+Cost ~ size^exponent, fitted over the sizes from the one named on. An exponent of -1 for cores would be perfect, on
+cores that nobody else uses; theirs is elapsed time, the others' is processor time.
 
 """
 
@@ -127,7 +131,7 @@ def page(found: dict[str, Any]) -> str:
     """The page, in Markdown."""
     versions = ", ".join(f"{name} {number}" for name, number in found["versions"].items())
     missing = f"Not installed, and so not measured: {', '.join(found['missing'])}.\n" if found["missing"] else ""
-    parts = [HEAD.format(machine=found["machine"], versions=versions, missing=missing)]
+    parts = [HEAD.format(versions=versions, missing=missing, **{k: found[k] for k in ("machine", "load", "cores")})]
     parts += [LINEAR.format(states=found["states"]), _table(found["linear"])]
     parts += [SLIDING.format(smooth=tools.SMOOTH), _table(found["sliding"])]
     if FMU.exists():

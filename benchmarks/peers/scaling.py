@@ -23,7 +23,7 @@ from engine.spread import cores
 from scenarios.load import load
 
 Growth = dict[str, Any]
-"""``what``, ``unit``, ``sizes``, ``costs``, ``exponent`` (of cost against size, fitted) and ``over`` (from which size)."""
+"""``what``, ``unit``, ``sizes``, ``costs``, ``exponent`` (of cost against size, fitted), ``over`` (from which size)."""
 
 
 def exponent(sizes: Sequence[float], costs: Sequence[float]) -> float:
@@ -44,7 +44,7 @@ def _growth(what: str, unit: str, sizes: Sequence[int], costs: Sequence[float], 
 
 
 def in_turns(repeats: int, *actions: Callable[[], float]) -> list[float]:
-    """Median seconds of each action, run in turns so that what else the machine does meets all alike."""
+    """Median of what each action returns, run in turns so that what else the machine does meets all alike."""
     found: list[list[float]] = [[] for _ in actions]
     for _ in range(repeats):
         for spent, action in zip(found, actions, strict=True):
@@ -84,9 +84,9 @@ def recordings() -> Growth:
         copies = [[replace(given, name=f"copy{k}", role="train") for k in range(n)] for n in sizes]
 
         def timed(chosen: list[Any]) -> float:
-            begin = time.perf_counter()
+            begin = time.process_time()
             fit(scenario, chosen, workers=1)
-            return time.perf_counter() - begin
+            return time.process_time() - begin
 
         timed(copies[0])  # compiles
         costs = in_turns(3, *(lambda chosen=chosen: timed(chosen) for chosen in copies))

@@ -82,7 +82,7 @@ def linear() -> list[Tool]:
         Tool("hand-written C", "RK4, 1 ms", by_hand),
         Tool("flexarm", "RK4, 1 ms", by_flexarm),
         Tool("scipy solve_ivp", "RK45, rtol 1e-6, restarted at both steps", by_scipy),
-        _control_linear(s),
+        *_control_linear(s),
     ]
     if installed("pathsim"):
         tools.append(_pathsim_linear(s))
@@ -91,31 +91,36 @@ def linear() -> list[Tool]:
     return tools
 
 
-def _control_linear(s: p.StateSpace) -> Tool:
+def _control_linear(s: p.StateSpace) -> list[Tool]:
     import control
 
     plant = control.ss(s.A, s.b[:, None], s.c[None], 0)
+    sampled = control.sample_system(plant, p.STEP, "zoh")
     instants = p.STEP * np.arange(p.ROWS + 1)
     u = np.array([float(p.ON <= k < p.OFF) for k in range(p.ROWS + 1)])
-    how = "forced_response, matrix exponential, input linear between rows"
-    return Tool("python-control", how, lambda: np.asarray(control.forced_response(plant, instants, u).outputs))
+    first = "forced_response, input linear between rows, so that a step becomes a ramp of 1 ms"
+    second = "sample_system with the input held, then forced_response: exact for this input"
+    return [
+        Tool("python-control", how, lambda plant=x: np.asarray(control.forced_response(plant, instants, u).outputs))
+        for how, x in ((first, plant), (second, sampled))
+    ]
 
 
 def _pathsim_linear(s: p.StateSpace) -> Tool:
     from pathsim import Connection, Simulation
-    from pathsim.blocks import Scope, Source, StateSpace
+    from pathsim.blocks import Scope, StateSpace, StepSource
     from pathsim.solvers import RK4
 
     def run() -> Array:
         plant = StateSpace(s.A, s.b[:, None], s.c[None], np.zeros((1, 1)))
-        # Half a rounding unit beside the row, so that the step begins with it.
-        source, scope = Source(lambda t: p.voltage(t + 1e-9)), Scope(sampling_period=p.STEP)
+        source = StepSource([1.0, 0.0], [p.ON * p.STEP, p.OFF * p.STEP])
+        scope = Scope(sampling_period=p.STEP)
         lines = [Connection(source, plant), Connection(plant, scope)]
         Simulation([plant, source, scope], lines, dt=p.STEP, Solver=RK4, log=False).run(p.STOP, adaptive=False)
         time, y = scope.read()
         return np.interp(p.STEP * np.arange(p.ROWS + 1), time, y[0])
 
-    return Tool("pathsim", "RK4, 1 ms", run, slow=True)
+    return Tool("pathsim", "RK4, 1 ms, steps as scheduled events", run, slow=True)
 
 
 def _bdsim() -> Any:

@@ -45,6 +45,7 @@ def test_the_files_hold_together(sticky, tmp_path):
         "held-out.png",
         "places.png",
         "before-after.png",
+        "recovered-force.png",
     }
     verdict = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert verdict["verdict"] == "named"

@@ -1,0 +1,317 @@
+"""The rules of the choice on made-up residuals: what is noise, what pays, which of equals is taken, what rivals it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from diagnosis import choice
+from diagnosis.candidate import Candidate, Knob
+from diagnosis.fit import Fit
+from diagnosis.problem import Experiment, Free
+from diagnosis.recording import Channel, Recording
+from diagnosis.trial import CHANCE, STRAIN, Trial, by_chance, gain_band, strained
+
+N = 20_000
+"""Rows of a long residual: its mean square is known to about one per cent."""
+
+
+@dataclass(frozen=True)
+class Still:
+    """A problem whose residuals are given, whatever the parameters."""
+
+    rows: dict[str, np.ndarray]
+    experiments: tuple[Experiment, ...]
+    free: tuple[Free, ...] = ()
+
+    def chosen(self, *roles):
+        return [e for e in self.experiments if e.role in roles]
+
+    def residual(self, x, e):
+        return self.rows[e.name]
+
+
+def still(free: int = 0, **rows) -> Still:
+    """Residuals by name; those whose name begins with ``train`` are fitted, the others held out."""
+    made, experiments = {}, []
+    for name, r in rows.items():
+        r = np.atleast_2d(np.asarray(r, dtype=float).T).T
+        made[name] = np.nan_to_num(r)
+        role = "train" if name.startswith("train") else "hold_out"
+        sigma = np.ones(r.shape[1])
+        time = 1e-3 * np.arange(len(r))
+        experiments.append(Experiment(name, role, time, 1e-3, 1, None, r, sigma, (False,) * r.shape[1]))
+    names = tuple(Free(f"p{k}", 1.0, 0.1, True) for k in range(free))
+    return Still(made, tuple(experiments), names)
+
+
+def effect(name: str, place: str = "a.shaft", knobs: int = 1) -> Candidate:
+    rows = tuple(Knob(f"k{k}", 1.0) for k in range(knobs))
+    return Candidate(name, place, "a", f"found_{name}", lambda values: [], rows)
+
+
+def trial(
+    hold_out: float, *effects: Candidate, fitted: float | None = None, x: tuple[float, ...] = (), **more
+) -> Trial:
+    """A trial with the same held-out error everywhere, over a residual that is white and of the stated size."""
+    problem = more.pop("problem", None) or still(len(x), held=np.random.default_rng(1).normal(size=64))
+    samples = more.pop("samples", 10_000)
+    chi2 = hold_out if fitted is None else fitted
+    fit = Fit(problem, np.array(x), more.pop("cost", chi2 * samples), chi2, True, np.zeros((len(x), len(x))))
+    errors = more.pop("errors", np.full(50, hold_out * samples / 50))
+    return Trial(effects, fit, ({},) * len(effects), hold_out, errors, samples)
+
+
+@pytest.fixture
+def white():
+    return np.random.default_rng(7).normal(size=(N, 2))
+
+
+@pytest.fixture
+def silent(monkeypatch):
+    """The floor is exactly 1, so that shares are exact."""
+    monkeypatch.setattr(choice, "floor", lambda t: 1.0)
+
+
+# -- the floor
+
+
+@pytest.mark.parametrize("scale", [1.3, 2.0])
+def test_the_floor_of_white_noise_is_its_variance(white, scale):
+    made = trial(1.0, problem=still(held=scale * white))
+    assert choice.floor(made) == pytest.approx(scale**2, rel=0.03)
+
+
+def test_the_floor_is_not_below_what_was_stated(white):
+    assert choice.floor(trial(1.0, problem=still(held=0.6 * white))) == 1.0
+
+
+def test_what_a_model_leaves_out_is_not_noise(white):
+    """A slow error of twenty standard deviations, and one that ends in a jump."""
+    t = 1e-3 * np.arange(N)
+    slow = 20 * np.sin(2 * np.pi * 3.0 * t)[:, None]
+    assert choice.floor(trial(400.0, problem=still(held=1.3 * white + slow))) == pytest.approx(1.69, rel=0.03)
+    jump = 10.0 * (t > t[-1] / 2)[:, None]
+    assert choice.floor(trial(50.0, problem=still(held=1.3 * white + jump))) == pytest.approx(1.69, rel=0.03)
+
+
+def test_the_floor_is_that_of_held_out_data_where_there_are_some(white):
+    both = still(train=3.0 * white, held=1.3 * white)
+    assert choice.floor(trial(1.0, problem=both)) == pytest.approx(1.69, rel=0.03)
+    assert choice.floor(trial(1.0, problem=still(train=3.0 * white))) == pytest.approx(9.0, rel=0.03)
+
+
+def test_the_floor_averages_over_recordings_and_signals(white):
+    made = still(one=white * [1.2, 2.0], other=white[::-1] * 1.6)
+    assert choice.floor(trial(1.0, problem=made)) == pytest.approx((1.44 + 4.0 + 2 * 2.56) / 4, rel=0.03)
+
+
+def test_the_floor_counts_only_what_was_recorded(white):
+    """A signal that is read in every fourth row, one with gaps, and a model's error beside them."""
+    rows = 2.0 * white + 20 * np.sin(2 * np.pi * 3e-3 * np.arange(N))[:, None]
+    rows[np.arange(N) % 4 != 0, 0] = np.nan
+    rows[5_000:9_000, 1] = np.nan
+    assert choice.floor(trial(1.0, problem=still(held=rows))) == pytest.approx(4.0, rel=0.06)
+    assert choice.floor(trial(1.0, problem=still(held=np.full((N, 1), np.nan)))) == 1.0
+
+
+def test_a_few_rows_have_no_floor_of_their_own(white):
+    assert choice.floor(trial(1.0, problem=still(held=5.0 * white[:63]))) == 1.0
+
+
+# -- chance
+
+
+def test_the_band_of_a_gain_is_that_of_a_sum():
+    """Blocks that differ by chance: mean +- 1.96 sqrt(n) s, by the central limit theorem."""
+    random = np.random.default_rng(3)
+    blocks, samples = 300, 30_000
+    worse = random.gamma(20.0, 6.0, blocks)
+    gain = random.normal(2.0, 15.0, blocks)
+    better = trial(1.0, errors=worse - gain, samples=samples)
+    low, high = gain_band(better, trial(1.0, errors=worse, samples=samples), draws=4000)
+    half = 1.96 * math.sqrt(blocks) * gain.std() / samples
+    assert (low + high) / 2 == pytest.approx(gain.sum() / samples, abs=0.1 * half)
+    assert (high - low) / 2 == pytest.approx(half, rel=0.05)
+
+
+def test_the_band_of_a_gain_that_is_the_same_everywhere_has_no_width():
+    found = gain_band(trial(1.0), trial(1.5))
+    assert found == pytest.approx((0.5, 0.5))
+    assert gain_band(trial(1.5), trial(1.0)) == pytest.approx((-0.5, -0.5))
+
+
+@pytest.mark.parametrize("samples", [20, 200, 2000])
+def test_noise_alone_exceeds_chance_once_in_twenty_times(samples):
+    """Against chi-squared itself; a normal curve stands in for it, so a few rows exceed it a little more often."""
+    draws = np.random.default_rng(samples).chisquare(samples, 40_000) / samples
+    over = np.mean(draws > 1 + by_chance(trial(1.0, samples=samples)))
+    assert 0.04 < over < 0.075
+    assert by_chance(trial(1.0, samples=0)) == pytest.approx(CHANCE * math.sqrt(2))
+
+
+def test_parameters_far_outside_their_tolerances_are_told():
+    assert strained(trial(1.0, x=(STRAIN + 0.1, 0.3, -STRAIN - 0.1))) == ["p0", "p2"]
+
+
+# -- whether something is left, and whether it is worth it
+
+
+def test_what_lies_near_the_floor_needs_no_explanation(silent):
+    assert not choice.unexplained(trial(1 + 0.9 * choice.LEAST), 1.0)
+    assert choice.unexplained(trial(1 + 1.1 * choice.LEAST), 1.0)
+    assert not choice.unexplained(trial(3.0), 3.0)
+    assert choice.unexplained(trial(3.0), 1.5)
+
+
+def test_few_rows_need_more_to_be_unexplained(silent):
+    few = trial(1 + 1.1 * choice.LEAST, samples=20)
+    assert by_chance(few) > 1.1 * choice.LEAST
+    assert not choice.unexplained(few, 1.0)
+
+
+def test_where_the_fitted_data_are_at_the_floor_nothing_is_unexplained(silent):
+    assert not choice.unexplained(trial(2.0, fitted=1 + 0.9 * choice.FITTED), 1.0)
+    assert choice.unexplained(trial(2.0, fitted=1 + 1.1 * choice.FITTED), 1.0)
+
+
+@pytest.mark.parametrize(("count", "share"), [(1, choice.PAYS), (2, choice.PAYS_AGAIN)])
+def test_an_effect_must_take_its_share_of_the_excess(silent, count, share):
+    effects = [effect(f"e{k}") for k in range(count)]
+    worse = trial(11.0)
+    assert choice.pays(trial(11 - 10 * (share + 0.02), *effects), worse)
+    assert not choice.pays(trial(11 - 10 * (share - 0.02), *effects), worse)
+
+
+def test_a_gain_that_comes_from_few_blocks_does_not_pay(silent):
+    """Half the excess, all in one block of fifty, with losses elsewhere: the bootstrap often misses that block."""
+    worse = trial(11.0)
+    errors = worse.errors + 100.0
+    errors[7] = worse.errors[7] - 5.0 * worse.samples - 4900.0
+    better = trial(6.0, effect("e"), errors=errors)
+    assert worse.errors.sum() - errors.sum() == pytest.approx(5.0 * worse.samples)
+    assert gain_band(better, worse)[0] <= 0
+    assert not choice.pays(better, worse)
+
+
+def test_the_share_explained_is_that_of_the_excess(silent):
+    assert choice.explained(trial(21.0), trial(6.0, effect("e"))) == pytest.approx(0.75)
+    assert choice.explained(trial(21.0), trial(0.9, effect("e"))) == 1.0
+    assert choice.explained(trial(21.0), trial(22.0, effect("e"))) == 0.0
+    # Nothing held out is unexplained: then it is the strain on the tolerances that went.
+    freed = trial(1.0, effect("wrong_parameter"), x=(0.0, 2.0))
+    assert choice.explained(trial(1.0, x=(4.0, 0.0)), freed) == pytest.approx(1 - 4 / 16)
+
+
+def test_a_right_law_reaches_the_floor(silent):
+    refit = trial(101.0)
+    small = 1 + 0.9 * choice.REACHED
+    assert choice.reached(refit, trial(small, effect("e")))
+    assert choice.reached(refit, trial(1 + 90 * choice.LEFT_OVER, effect("e")))
+    assert not choice.reached(refit, trial(1 + 110 * choice.LEFT_OVER, effect("e")))
+    # Or the fitted data are there, and a tenth at most is left of the others.
+    at_floor = 1 + 0.5 * choice.FITTED
+    assert choice.reached(refit, trial(10.0, effect("e"), fitted=at_floor))
+    assert not choice.reached(refit, trial(12.0, effect("e"), fitted=at_floor))
+
+
+def test_a_name_must_reach_the_floor_where_the_noise_was_stated(silent):
+    values = np.zeros(4)
+    stated = Recording("r", "r.csv", values, (), (Channel("y", "rad", values, noise=0.1),))
+    unstated = replace(stated, measurements=(Channel("y", "rad", values),))
+    refit, halfway = trial(101.0), trial(21.0, effect("e"))
+    assert choice.explained(refit, halfway) == pytest.approx(0.8)
+    assert choice.EXPLAINS < 0.8
+    assert not choice.accounted([stated], refit, halfway)
+    assert not choice.accounted([stated, unstated], refit, trial(1 + 99 * choice.EXPLAINS, effect("e")))
+    assert choice.accounted([unstated], refit, halfway)
+    assert choice.accounted([stated, unstated], refit, halfway)
+    assert choice.accounted([stated], refit, trial(1.1, effect("e")))
+    assert not choice.accounted([unstated], refit, refit)
+
+
+# -- which one
+
+
+def test_the_price_counts_parameters_and_strain():
+    made = trial(1.0, effect("e", knobs=2), effect("wrong_parameter", knobs=0), x=(1.0, -3.0), samples=1000)
+    assert made.strain == pytest.approx(10.0)
+    assert choice.price(made) == pytest.approx(10.0 + 3 * math.log(1000))
+    assert made.merit == pytest.approx(1.0 + 10.0 / 1000)
+
+
+def test_models_that_do_equally_well_are_near():
+    best = trial(2.0, effect("best"))
+    close = trial(2.0 * (1 + 0.9 * choice.NEAR), effect("close"))
+    far = trial(2.0 * (1 + 1.1 * choice.NEAR), effect("far"))
+    noisy = replace(far, errors=far.errors + 3000 * np.where(np.arange(50) % 2, 1.0, -1.0))
+    assert choice.near(best, [best, close, far, noisy]) == [best, close, noisy]
+    few = [replace(t, samples=40) for t in (best, far)]
+    assert choice.near(few[0], few) == few
+
+
+def test_of_equals_the_one_with_fewest_parameters_is_taken(silent):
+    parent = trial(50.0)
+    rich, plain = trial(1.00, effect("rich", knobs=3)), trial(1.02, effect("plain"))
+    assert choice.choose(parent, [rich, plain]) is plain
+    assert choice.choose(parent, [rich, trial(9.0, effect("plain"))]) is rich
+
+
+def test_strain_speaks_against_a_model(silent):
+    parent = trial(50.0)
+    bent = trial(1.0, effect("bent"), x=(0.0, 6.0))
+    straight = trial(1.0, effect("straight", knobs=2), x=(0.0, 0.1))
+    assert choice.choose(parent, [bent, straight]) is straight
+
+
+def test_nothing_is_chosen_where_nothing_pays(silent):
+    parent = trial(50.0)
+    assert choice.choose(parent, []) is parent
+    assert choice.choose(parent, [trial(45.0, effect("e"))]) is parent
+    assert choice.choose(trial(1.05), [trial(1.0, effect("e"))]).effects == ()
+
+
+def test_a_parameter_is_freed_where_the_refit_had_to_bend_it(silent):
+    bent = trial(1.0, x=(STRAIN + 2.0,), cost=500.0)
+    payload, wrong = (trial(1.0, effect(n), cost=480.0) for n in ("payload", "wrong_parameter"))
+    assert choice.choose(bent, [payload, wrong]) is wrong
+    assert choice.choose(bent, [trial(1.0, effect("e"), cost=500.0 - 0.5 * choice.DECISIVE)]) is bent
+    assert choice.choose(bent, [trial(1.5, effect("e"), cost=100.0)]) is bent
+
+
+# -- what rivals it
+
+
+def test_equals_elsewhere_are_rivals_and_others_are_not(silent):
+    refit, chosen = trial(50.0), trial(1.0, effect("chosen"))
+    equal, worse = trial(1.01, effect("equal", "b.shaft")), trial(3.0, effect("worse"))
+    costly = trial(1.0, effect("costly", knobs=9))
+    assert choice.price(costly) - choice.price(chosen) > 3 * choice.DECISIVE
+    assert choice.rivals(chosen, refit, [chosen, equal, worse, costly]) == (equal,)
+
+
+def test_a_richer_law_is_a_rival_only_if_it_does_better(silent):
+    refit, chosen = trial(50.0), trial(2.0, effect("coulomb_friction"))
+    same = trial(2.0 * (1 - 0.5 * choice.RICHER), effect("stribeck_friction", knobs=3))
+    better = trial(2.0 * (1 - 1.5 * choice.RICHER), effect("stribeck_friction", knobs=3))
+    assert choice.rivals(chosen, refit, [same]) == ()
+    assert choice.rivals(chosen, refit, [better]) == (better,)
+    elsewhere = replace(same, effects=(effect("stribeck_friction", "b.shaft"),))
+    assert choice.rivals(chosen, refit, [elsewhere]) == (elsewhere,)
+
+
+def test_a_pair_with_an_offset_rivals_a_single_effect(silent):
+    refit, chosen = trial(50.0), trial(1.0, effect("direction_dependent_friction", knobs=2))
+    pair = trial(1.0, effect("coulomb_friction"), effect("offset", "u -> a"))
+    other = trial(1.0, effect("coulomb_friction"), effect("lag", "u -> a"))
+    assert choice.rivals(chosen, refit, [pair, other]) == (pair,)
+
+
+def test_where_only_tolerances_are_strained_rivals_cost_as_little(silent):
+    refit, chosen = trial(1.0, x=(9.0,)), trial(1.0, effect("wrong_parameter", "a.inertia"), cost=100.0)
+    close = trial(1.0, effect("payload"), cost=100.0 + 0.5 * choice.DECISIVE)
+    dear = trial(1.0, effect("spring"), cost=100.0 + 1.5 * choice.DECISIVE)
+    assert choice.rivals(chosen, refit, [close, dear]) == (close,)
