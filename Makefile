@@ -5,7 +5,6 @@ WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
-DOCS_READY := $(VENV)/.ready-docs
 
 # Threads of numerical libraries would compete with the test workers. Figures go to files, not to a screen.
 export OMP_NUM_THREADS ?= 1
@@ -33,11 +32,7 @@ setup: $(READY)
 	@echo "$(VENV) is ready"
 
 $(READY): pyproject.toml requirements.lock tools/install.py
-	@$(PYTHON) tools/install.py $(VENV) -c requirements.lock -e ".[dev]"
-	@touch $@
-
-$(DOCS_READY): $(READY)
-	@$(PYTHON) tools/install.py $(VENV) -c requirements.lock -e ".[docs]"
+	@$(PYTHON) tools/install.py $(VENV) -c requirements.lock -e ".[dev,docs]"
 	@touch $@
 
 demo: $(READY)
@@ -78,12 +73,12 @@ else
 		--data proof-results/quick/proof.json
 endif
 
-docs: $(DOCS_READY)
+docs: $(READY)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo "documentation: site/index.html"
 
 lock:
 	@$(PYTHON) tools/lock.py
 
 clean:
-	@rm -rf build dist site demo-results proof-results/quick .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@rm -rf build dist site .docs-cache demo-results proof-results/quick .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	@find . -path ./$(VENV) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -50,4 +50,12 @@ def _parameters(around: Surroundings) -> Iterator[Candidate]:
             continue
         block = f.name.rpartition(".")[0]
         free = replace(f, prior=False)
-        yield Candidate("wrong_parameter", f.name, block or f.name, block or f.name, lambda values: [], loosened=free)
+        yield Candidate(
+            "wrong_parameter",
+            f.name,
+            block or f.name,
+            block or f.name,
+            lambda values: [],
+            starts=({}, *({f.name.rpartition(".")[2]: factor * f.start} for factor in around.factors)),
+            loosened=free,
+        )

@@ -75,7 +75,7 @@ def unexplained(trial: Trial, ground: float) -> bool:
 def pays(better: Trial, worse: Trial) -> bool:
     """Whether what a model adds takes enough away of what another leaves over, beyond the bootstrap band."""
     ground = floor(better)
-    share = PAYS if len(better.effects) == 1 else PAYS_AGAIN
+    share = PAYS if len(better.effects) == 1 or not worse.effects else PAYS_AGAIN
     gain = worse.hold_out - better.hold_out
     return gain > share * (worse.hold_out - ground) and gain_band(better, worse)[0] > 0 and unexplained(worse, ground)
 
@@ -136,6 +136,21 @@ def choose(parent: Trial, trials: Sequence[Trial]) -> Trial:
         return _freed(parent, trials) if strained(parent) else parent
     best = min(near(trials[0], trials), key=lambda t: (price(t), t.merit))
     return best if pays(best, parent) else parent
+
+
+def relieved(chosen: Trial, pairs: Sequence[Trial]) -> Trial:
+    """The pair with a wrong parameter that lets all others stay within their tolerances, where the best model strains.
+
+    Args:
+        chosen: the best model found.
+        pairs: of a parameter let go of and an effect.
+    """
+    if not strained(chosen) or len(chosen.effects) > 1:
+        return chosen
+    mine = {c.key for c in chosen.effects}
+    able = [t for t in pairs if mine <= {c.key for c in t.effects} and t.hold_out < 1.1 * chosen.hold_out]
+    best = min(able, key=lambda t: t.fit.cost, default=chosen)
+    return best if chosen.fit.cost - best.fit.cost > DECISIVE * max(best.fit.chi2, 1.0) else chosen
 
 
 def _freed(refit: Trial, trials: Sequence[Trial]) -> Trial:

@@ -52,6 +52,7 @@ class Curve:
         x: centres of the bins, shape (bins,).
         y, low, high: mean of the force in each bin and its 95 % band, shape (bins,).
         share: of the force's variance that the curve explains.
+        reach: the least and the greatest x that was met; the outermost bins' centres lie within.
     """
 
     title: str
@@ -64,6 +65,7 @@ class Curve:
     low: Array
     high: Array
     share: float
+    reach: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -306,4 +308,4 @@ def _binned(of: tuple[str, str], force: tuple[str, str], x: Array, w: Array) -> 
     share = 1 - spread / total if total > 0 else 0.0
     title = f"{force[0]} against {of[0]}"
     middle = np.array([x[p].mean() for p in parts])
-    return Curve(title, *of, *force, middle, y, y - half, y + half, share)
+    return Curve(title, *of, *force, middle, y, y - half, y + half, share, (float(x.min()), float(x.max())))

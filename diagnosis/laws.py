@@ -18,8 +18,8 @@ from scenarios.amend import AtFlange, Edit, InSignal
 if TYPE_CHECKING:
     from diagnosis.select import Study
 
-POINTS = 9
-"""Heights of a curve."""
+POINTS = 21
+"""Heights of a curve: enough that a jump, such as dry friction's, is not smeared over the whole range."""
 
 PLACES, CURVES = 3, 2
 """How many places are tried, and how many quantities at each."""
@@ -45,7 +45,7 @@ def laws(study: Study) -> Iterator[Candidate]:
 
 
 def _law(study: Study, place: str, unit: str, curve: Curve) -> Candidate:
-    lower, upper = float(curve.x[0]), float(curve.x[-1])
+    lower, upper = curve.reach  # held beyond its ends, a curve that is too short bends the model's own parameters
     abscissas = np.linspace(lower, upper, POINTS)
     heights = np.interp(abscissas, curve.x, curve.y)
     size = float(np.abs(heights).max()) or 1.0

@@ -118,20 +118,21 @@ def at_turns(around: Surroundings, flange: str) -> Iterator[Candidate]:
         tried.append(ratio)
         torque = around.torque[flange] / ratio
         made = _maker(member, around.problem.scenario.system.split(member)[0])
-        yield made(
-            "gravity",
-            "GravityTorque",
-            {"mass": "kg", "hanging_angle": "rad"},
-            grid(mass=shares(torque / 9.81, 1e-3, 0.02, 0.15), hanging_angle=PHASES),
-            Knob("mass", torque / 9.81),
-            Knob("hanging_angle", 1.0, signed=True),
-            radius="1 m",
-        )
+        if not around.spins(flange):
+            yield made(
+                "gravity",
+                "GravityTorque",
+                {"mass": "kg", "hanging_angle": "rad"},
+                grid(mass=shares(torque / 9.81, 1e-3, 0.02, 0.15), hanging_angle=PHASES),
+                Knob("mass", torque / 9.81),
+                Knob("hanging_angle", 1.0, signed=True),
+                radius="1 m",
+            )
         yield made(
             "torque_ripple",
             "TorqueRipple",
             {"amplitude": "N.m", "phase": "rad", "order": "1"},
-            grid(order=ORDERS, amplitude=shares(torque, 1e-3, 0.05), phase=PHASES),
+            grid(order=ORDERS, amplitude=shares(torque, 2e-4, 2e-3, 0.05), phase=PHASES),
             Knob("order", 1.0, fixed=True),
             Knob("amplitude", torque),
             Knob("phase", 1.0, signed=True),
@@ -191,7 +192,10 @@ def at_joints(around: Surroundings) -> Iterator[Candidate]:
                 for share in (0.1, 10.0)
             )
             law = (stiff, Knob("cubic_stiffness", stiff.reference**3 / torque**2), loss)
-            yield _joint("hardening_spring", "HardeningSpring", block, place, cut, cubic, law)
+            # Soft ones move the user's own parameters far, and are no worse for that.
+            soft = tuple({"cubic_stiffness": s["stiffness"] ** 3 / torque**2, **s} for s in springs[4:6])
+            hard = _joint("hardening_spring", "HardeningSpring", block, place, cut, cubic, law)
+            yield replace(hard, bold=soft)
             loops = tuple(
                 {"yield_twist": share * torque / s["stiffness"], "residual_share": 0.5, **s}
                 for s in springs[:-1]

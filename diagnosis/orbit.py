@@ -272,23 +272,26 @@ class Orbits:
         p, m, n = self.plain.parameter_vector(parameters), self._modes, len(self.plain.states)
         matrix = np.array(slopes(m, p).full())
         constant = np.array(rest(m, p).full()).ravel()
-        if not np.isfinite(matrix).all() or (self.sharp and np.abs(constant).max(initial=0.0) > 0):
+        if not np.isfinite(matrix).all():
             return nothing
         A, B, C, D = matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:]
+        rest_at = np.linalg.lstsq(A, -constant, rcond=1e-12)[0] if n else np.zeros(0)
+        if self.sharp and np.abs(A @ rest_at + constant).max(initial=0.0) > 1e-9 * np.abs(constant).max(initial=0.0):
+            return nothing
         values = np.linalg.eigvals(A) if n else np.zeros(1)
         if values.real.max() > 1e-7 * max(np.abs(values).max(), 1.0):
             raise SimulationError("the model is unstable: its answer to a sine never repeats")
         below = 1j * frequency[:, None, None] * np.eye(n) - A
         x = np.linalg.solve(below, B[None].astype(complex))[:, :, 0] * amplitude[:, None]
         y = np.abs(x @ C.T + amplitude[:, None] * D[:, 0])
-        meets = self._switches(p, m, x, amplitude) if self.sharp else np.zeros(len(y), dtype=bool)
+        meets = self._switches(p, m, x, rest_at, amplitude) if self.sharp else np.zeros(len(y), dtype=bool)
         return [None if bad else Orbit(row, row / math.sqrt(2)) for row, bad in zip(y, meets, strict=True)]
 
-    def _switches(self, p: Vector, m: Vector, x: Array, amplitude: Vector) -> Array:
-        """For each row, whether some guard is violated along the closed form."""
+    def _switches(self, p: Vector, m: Vector, x: Array, rest: Vector, amplitude: Vector) -> Array:
+        """For each row, whether some guard is violated along the closed form about ``rest``."""
         guards, memory = self.plain.functions["guards"], np.zeros(self.plain.equations.d.numel())
         turn = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)
-        states = (x.T[:, :, None] * turn).real.reshape(len(x.T), -1)
+        states = (x.T[:, :, None] * turn).real.reshape(len(x.T), -1) + rest[:, None]
         inputs = (amplitude[:, None] * turn.real).reshape(1, -1)
         found = np.array(guards(0, states, inputs, memory, m, p).full())
         return np.asarray(found.reshape(len(found), len(x), PHASES).max(axis=(0, 2)) > 0)

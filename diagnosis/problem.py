@@ -179,6 +179,10 @@ class Experiment:
         rows = rows - np.where(self.from_first, rows[0], 0.0)
         return np.nan_to_num((self.measured - rows) / self.sigma, nan=0.0)
 
+    def squares(self, r: Array) -> Array:
+        """What residuals count when a model is judged on data it has not seen, shape as ``r``."""
+        return np.asarray(r**2)
+
     def slopes(self, values: Array) -> Array:
         """Derivative of the residual, shape (samples, signals, directions), from that of the outputs."""
         rows = self.sampled(values)

@@ -10,14 +10,15 @@ import numpy as np
 
 from diagnosis.candidate import Candidate
 from diagnosis.catalogue import candidates
-from diagnosis.choice import FITTED, accounted, choose, floor, pays, unexplained
+from diagnosis.choice import FITTED, accounted, choose, floor, pays, relieved, unexplained
 from diagnosis.fit import Fit
 from diagnosis.laws import laws
 from diagnosis.recording import Recorded
 from diagnosis.surroundings import Surroundings, surroundings
+from diagnosis.suspects import pairs, suspects
 from diagnosis.ties import lookalike
 from diagnosis.trial import Trial
-from diagnosis.workshop import MOST, Draft, Workshop
+from diagnosis.workshop import MOST, Draft, Workshop, ended
 from engine.errors import FlexarmError
 from engine.spread import Spread, Store
 from scenarios.load import Scenario
@@ -27,6 +28,9 @@ FINISHED, PROMISING = 15, 0.2
 
 SECONDS, LEADERS = 12, 2
 """A second effect is sought among so many singles, beside each of so many that do best."""
+
+SECONDS_AT_TABLES = 6
+"""The same for tables."""
 
 UNSEEN = 0.5
 """Held-out excess, in floors, that calls for another recording to be fitted where the fitted ones are at the floor."""
@@ -105,9 +109,16 @@ def study(
     trials, failures = _try_all(shop, [(c,) for c in listed], refit.fit, progress)
     trials.sort(key=lambda t: (t.merit, t.size))
     chosen = choose(refit, trials)
-    if most > 1 and chosen.effects and unexplained(chosen, floor(chosen)):
-        chosen, pairs = _second(shop, chosen, trials, progress)
-        trials += pairs
+    if most > 1 and unexplained(chosen, floor(chosen)):
+        found: list[Trial] = []
+        for start, beside in pairs(shop, suspects(shop, listed, refit), trials):
+            found += _try_all(shop, beside, replace(start, cost=refit.fit.cost), progress)[0]
+        found.sort(key=lambda t: (t.merit, t.size))
+        chosen = relieved(choose(chosen, found), found)
+        trials += found
+    if most > 1 and len(chosen.effects) == 1 and unexplained(chosen, floor(chosen)):
+        chosen, tried = _second(shop, chosen, [t for t in trials if len(t.effects) == 1], progress)
+        trials += tried
     chosen = shop.polish(chosen)
     pair = lookalike(chosen, trials)
     if pair:
@@ -194,8 +205,12 @@ def _beside(
 ) -> list[Trial]:
     """One effect kept, every promising other one beside it."""
     known = {frozenset(c.key for c in t.effects) for t in done}
-    others = [t.effects[0] for t in singles if t.effects[0].effect != kept.effect and len(t.effects) == 1][:SECONDS]
-    wanted = [(kept, other) for other in others if frozenset((kept.key, other.key)) not in known]
+    others = [t for t in singles if t.effects[0].effect != kept.effect and len(t.effects) == 1][:SECONDS]
+    wanted = [(kept, t.effects[0]) for t in others if frozenset((kept.key, t.effects[0].key)) not in known]
+    if shop.tables:
+        # A table is dear to simulate for the few numbers it gives: each effect goes on from where it ended alone.
+        begun = ended(start, kept) if kept in start.effects else kept
+        wanted = [(begun, ended(t, t.effects[0])) for t in others[:SECONDS_AT_TABLES] if (kept, t.effects[0]) in wanted]
     return _try_all(shop, wanted, start.fit, progress)[0]
 
 

@@ -31,13 +31,19 @@ STEP = 0.02
 KEPT, NEAR = 2, 0.6
 """A Jacobian serves so many further steps, each shorter than so many tolerances."""
 
-LATEST = 4
+CREDIBLE = 3.0
+"""Sigma within which a reading is off by chance; a few of a table may be misread or misprinted."""
+
+LATEST = 16
 """So many evaluations are kept."""
 
 DECIBEL = 20 / math.log(10)
 
-UNSEEN = ("delay", "sensor_bias", "torque_ripple", "outside_vibration")
-"""Effects that amplitudes of periodic answers do not show: they shift the answer, or it does not repeat with them."""
+UNSEEN = ("delay", "sensor_bias", "torque_ripple", "outside_vibration", "direction_dependent_friction")
+"""Effects that amplitudes of periodic answers do not show: they shift the answer, or it does not repeat with them.
+
+Of friction that differs between the directions they show the mean, which is Coulomb friction.
+"""
 
 FEWEST = 4
 """Rows that a table needs at least to be fitted to."""
@@ -104,6 +110,15 @@ class Sines(Experiment):
     def cut(self, until: float) -> Sines:
         """The same: there is no horizon to grow."""
         return self
+
+    def squares(self, r: Array) -> Array:
+        """The squares, growing only in proportion beyond a few sigma: one misread row does not decide (Huber)."""
+        size = np.abs(r)
+        return np.where(size < CREDIBLE, size**2, 2 * CREDIBLE * size - CREDIBLE**2)
+
+    def rows(self, keep: NDArray[np.int64]) -> Sines:
+        """Some of the rows."""
+        return _part(self, keep, self.name, self.role, self.note)
 
     def residual(self, simulated: Array) -> Array:
         """(measured - simulated) / noise, shape (rows, signals); ``simulated`` in dB."""

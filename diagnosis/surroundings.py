@@ -6,6 +6,7 @@ mass.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -20,6 +21,9 @@ from engine.block import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.linearise import linearise
 from engine.simulate import simulate
 from engine.system import Connection, System
+
+FACTORS = (0.3, 0.5, 2.0, 3.0)
+"""What a parameter of a table's model may be multiplied by."""
 
 
 @dataclass
@@ -58,6 +62,16 @@ class Surroundings:
     def unseen(self) -> tuple[str, ...]:
         """Effects that recordings of this kind do not show."""
         return UNSEEN if any(isinstance(e, Sines) for e in self.problem.experiments) else ()
+
+    @property
+    def factors(self) -> tuple[float, ...]:
+        """Factors by which a parameter may be wrong, to start from: a few rows leave a fit in local optima."""
+        return FACTORS if self.unseen else ()
+
+    def spins(self, flange: str) -> bool:
+        """Whether a flange turns over by whole turns at a table's lowest frequency: gravity then averages out there."""
+        lowest = [float(e.frequency.min()) for e in self.problem.experiments if isinstance(e, Sines)]
+        return bool(lowest) and self.speed[flange] / min(lowest) > math.pi
 
     def ratio(self, one: str, other: str) -> float:
         """How far ``other`` moves while ``one`` moves by one; 1 where one of them is held or moved from outside."""

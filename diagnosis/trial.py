@@ -85,7 +85,7 @@ def scored(made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, flo
     held = made.problem.chosen("hold_out") or made.problem.chosen("train", "repeat")
     sums, total, count = [], 0.0, 0
     for e in held:
-        squares = np.sum(made.problem.residual(made.x, e) ** 2, axis=1)
+        squares = np.sum(e.squares(made.problem.residual(made.x, e)), axis=1)
         length = max(1, round(BLOCK / (e.step * e.every)))
         edges = np.arange(0, len(squares), length)
         sums.append(np.add.reduceat(squares, edges))

@@ -15,7 +15,7 @@ from diagnosis.fit import Fit, descend, fit, prior
 from diagnosis.prepare import problem, resolved
 from diagnosis.problem import Array, Problem
 from diagnosis.recording import FrequencyTable, Recorded
-from diagnosis.sines import renamed
+from diagnosis.sines import Sines, renamed
 from diagnosis.trial import Trial, scored
 from engine.errors import FlexarmError
 from engine.spread import Store
@@ -24,6 +24,9 @@ from scenarios.load import Scenario, load
 
 STARTS, APART = 3, 3.0
 """How many starting sizes of an effect are fitted, and how far apart they lie in the search variables."""
+
+STRUCTURES = 10
+"""Of sizes that are only chosen, such as the order of a ripple, so many are fitted."""
 
 GLANCE = 0.4
 """Share of the training recordings on which starting sizes are compared."""
@@ -65,6 +68,7 @@ class Workshop:
         self.text = without(scenario.path.read_text(encoding="utf-8"), "recordings", "analyses")
         self.base = problem(scenario, self.recordings)
         self.sigma = np.array([e.sigma for e in self.base.experiments])
+        self.tables = any(isinstance(e, Sines) for e in self.base.experiments)
         self.digest = _digest(self.base, seed)
 
     def refit(self) -> Trial:
@@ -135,20 +139,30 @@ class Workshop:
     def _drafted(self, effects: tuple[Candidate, ...], start: Fit) -> Draft:
         parent, entries = start.parameters(), []
         for chosen in itertools.product(*(c.structures() for c in effects)):
-            entries += self._entries(effects, chosen, parent)
+            entries += self.entries(effects, chosen, parent)
         if not entries:
             raise FlexarmError("at every size it would move faster than these recordings can show")
         entries.sort(key=lambda entry: entry.cost)
-        bold = self._entries(effects, [effects[0].bold], parent) if len(effects) == 1 and effects[0].bold else []
+        bold = self.entries(effects, [effects[0].bold], parent) if len(effects) == 1 and effects[0].bold else []
         tried = []
         with ThreadPoolExecutor(1) as pool:
-            for entry in [*_spread(entries), *bold]:
+            for entry in [*self._begun(effects, entries), *bold]:
                 training = entry.problem.chosen("train", "repeat")
                 x, cost, converged = descend(entry.problem, entry.x, training, pool, iterations=FIRST, least=HARDLY)
                 tried.append(Draft(effects, replace(entry, x=x, cost=cost), converged))
         return min(tried, key=lambda draft: draft.entry.cost)
 
-    def _entries(
+    def _begun(self, effects: tuple[Candidate, ...], entries: Sequence[Entry]) -> list[Entry]:
+        """The entries to fit; ``entries`` begin from the parent's parameters, best first."""
+        if not self.tables or len(effects) > 1:
+            return _spread(entries)
+        # A few rows let the refit bend parameters that the effect would leave as they were given: begin there too.
+        given: list[Entry] = []
+        for chosen in itertools.product(*(c.structures() for c in effects)):
+            given += self.entries(effects, chosen, {})
+        return [entries[0], min(given, key=lambda entry: entry.cost)]
+
+    def entries(
         self, effects: tuple[Candidate, ...], groups: Sequence[Sequence[Sizes]], parent: dict[str, float]
     ) -> list[Entry]:
         """Starting sizes that share one model, each with its cost."""
@@ -167,10 +181,7 @@ class Workshop:
         Raises:
             FlexarmError: the amended model has no meaning.
         """
-        values = trial.fit.parameters()
-        sizes = trial.sizes[trial.effects.index(kept)]
-        there = {key: values.get(f"{kept.name}.{key}", value) for key, value in sizes.items()}
-        alone = replace(kept, starts=(there,), finer=None, bold=())
+        alone = ended(trial, kept)
         made = self.finish(self.draft((alone,), trial.fit))
         return replace(made, effects=(kept,))
 
@@ -242,6 +253,13 @@ class Draft:
     converged: bool
 
 
+def ended(trial: Trial, effect: Candidate) -> Candidate:
+    """An effect of a trial, to start only from where the trial ended."""
+    values, sizes = trial.fit.parameters(), trial.sizes[trial.effects.index(effect)]
+    there = {key: values.get(f"{effect.name}.{key}", value) for key, value in sizes.items()}
+    return replace(effect, starts=(there,), finer=None, bold=())
+
+
 def _hash(x: Array) -> str:
     return hashlib.sha256(np.ascontiguousarray(x).tobytes()).hexdigest()[:16]
 
@@ -263,13 +281,16 @@ def _glance(made: Problem, x: Array) -> float:
 
 
 def _spread(entries: Sequence[Entry]) -> list[Entry]:
-    """The best entries that do not lie next to each other; those that share no model differ in a fixed size."""
-    chosen: list[Entry] = []
+    """The best entries that do not lie next to each other; of sizes that are only chosen, the best of the best few."""
+    models: dict[int, Entry] = {}
     for entry in entries:
+        models.setdefault(id(entry.problem.model), entry)
+    chosen = list(models.values())[:STRUCTURES] if len(models) > 1 else []
+    for entry in entries:
+        if len(chosen) >= STARTS:
+            break
         if all(_apart(entry, other) for other in chosen):
             chosen.append(entry)
-        if len(chosen) == STARTS:
-            break
     return chosen
 
 

@@ -134,17 +134,17 @@ def diagnose(
                 progress=progress,
                 keep=keep,
             )
+        if output is not None:
+            from flexarm.report import write_diagnosis
+            from flexarm.report.origin import command_line
+
+            write(found, output)
+            write_diagnosis(found, output / "report.html", seed=seed, command=command_line())
+            shutil.rmtree(output / PROGRESS, ignore_errors=True)
     except KeyboardInterrupt:
         hint = "the same command goes on where it stopped" if keep else "with --output DIR it could be resumed"
         typer.echo(f"interrupted; {hint}", err=True)
         raise typer.Exit(INTERRUPTED) from None
-    if output is not None:
-        from flexarm.report import write_diagnosis
-        from flexarm.report.origin import command_line
-
-        write(found, output)
-        write_diagnosis(found, output / "report.html", seed=seed, command=command_line())
-        shutil.rmtree(output / PROGRESS, ignore_errors=True)
     if as_json:
         typer.echo(json.dumps(found.numbers(), indent=2))
         return

@@ -1,8 +1,8 @@
 """The commands that a page of the documentation shows: run them, compare what they print, or write it into the page.
 
 A fenced block of kind ``console`` holds commands after ``$`` and what they print; ``...`` stands for lines left out. A
-fenced block with a title is a file. ``python -m tools.console docs/tutorial/*.md`` runs the pages in a temporary folder and
-puts the real output into them.
+fenced block with a title is a file. ``python -m tools.console docs/tutorial/*.md`` runs the pages in a temporary folder
+and puts the real output into them.
 """
 
 from __future__ import annotations
@@ -75,7 +75,13 @@ def run(command: Command, folder: Path, timeout: float = 300.0) -> list[str]:
     }
     line = command.line.replace("make demo", f"{sys.executable} -m flexarm.demo")
     done = subprocess.run(
-        ["/bin/sh", "-c", line], cwd=folder, env=environment, capture_output=True, text=True, timeout=timeout, check=False
+        ["/bin/sh", "-c", line],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
     )
     if bool(done.returncode) != command.fails:
         raise RuntimeError(f"{line}\nended with {done.returncode}\n{done.stdout}{done.stderr}")

@@ -1,7 +1,7 @@
-"""What mkdocs calls while it builds: adds the reference, the gallery's figures and the executed notebooks to the pages.
+"""What mkdocs calls while it builds: adds the reference, the gallery's figures and the executed notebooks.
 
-Nothing of it is kept in the repository. Figures and notebooks take some seconds, and so they are kept in ``.docs-cache``
-until a file that they depend on changes.
+Nothing of it is kept in the repository. Figures and notebooks take some seconds, and so they are kept in
+``.docs-cache`` until a file that they depend on changes.
 """
 
 from __future__ import annotations
@@ -10,21 +10,42 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 from engine.files import writing
-from tools import gallery, notebooks, reference
+from tools import gallery, notebooks, reference, rules
 
 ROOT = Path(__file__).resolve().parent.parent
 CACHE = ROOT / ".docs-cache"
 SOURCES = ("engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm")
 
 
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Put the pages that there are in the place of patterns in the navigation, such as ``adr/*.md``."""
+    config.nav = _expanded(config.nav, Path(config.docs_dir))
+    return config
+
+
+def _expanded(entry: Any, docs: Path) -> Any:
+    if isinstance(entry, dict):
+        return {title: _expanded(below, docs) for title, below in entry.items()}
+    if not isinstance(entry, list):
+        return entry
+    made: list[Any] = []
+    for item in entry:
+        if isinstance(item, str) and "*" in item:
+            made += [path.relative_to(docs).as_posix() for path in sorted(docs.glob(item))]
+        else:
+            made.append(_expanded(item, docs))
+    return made
+
+
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated files; notebooks themselves are copied like any other file in ``docs``."""
-    made: dict[str, str | bytes] = dict(reference.pages())
+    made: dict[str, str | bytes] = {**reference.pages(), "reference/diagnosis-rules.md": rules.page()}
     stamp = _stamp()
     for name, draw in gallery.FIGURES.items():
         made[f"figures/gallery/{name}"] = _kept(f"{stamp}-{name}", draw)
@@ -68,6 +89,8 @@ def _stamp() -> str:
     """Digest of everything that a figure can depend on."""
     digest = hashlib.sha256()
     folders = [ROOT / name for name in (*SOURCES, "tools", "docs/gallery", "docs/tutorial/data")]
-    for path in sorted(p for folder in folders for p in folder.rglob("*") if p.suffix in (".py", ".c", ".h", ".yaml", ".csv")):
+    for path in sorted(
+        p for folder in folders for p in folder.rglob("*") if p.suffix in (".py", ".c", ".h", ".yaml", ".csv")
+    ):
         digest.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()[:12]

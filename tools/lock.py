@@ -1,4 +1,4 @@
-"""Write requirements.lock: the versions that pip chooses today for the runtime and development dependencies.
+"""Write requirements.lock: the versions that pip chooses today to run, develop and document the project.
 
 The file holds names and versions only, no addresses and no paths. It is used as a constraint (``pip install -c``), so
 a package that a platform does not need is not installed there, and one that only another platform needs is not pinned.
@@ -17,7 +17,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-EXTRAS = ("dev",)
+EXTRAS = ("dev", "docs")
 
 
 def wanted() -> list[str]:

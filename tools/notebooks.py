@@ -24,7 +24,7 @@ def execute(path: Path, timeout: int = 300) -> Any:
     from nbclient import NotebookClient
     from traitlets.config import Config
 
-    notebook = nbformat.read(path, as_version=4)
+    notebook: Any = nbformat.reads(path.read_text(encoding="utf-8"), as_version=4)  # type: ignore[no-untyped-call]
     with tempfile.TemporaryDirectory() as folder:
         settings = Config()
         if os.name != "nt":
@@ -38,7 +38,8 @@ def execute(path: Path, timeout: int = 300) -> Any:
             timeout=timeout,
             resources={"metadata": {"path": str(path.parent)}},
         )
-        return client.execute()
+        # Figures go into the notebook, whatever the caller's backend is.
+        return client.execute(env=os.environ | {"MPLBACKEND": "module://matplotlib_inline.backend_inline"})
 
 
 def page(notebook: Any, name: str) -> tuple[str, dict[str, bytes]]:

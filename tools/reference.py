@@ -1,22 +1,16 @@
 """The reference pages of the documentation, written from what the code declares; called while the docs are built.
 
-`pages` gives Markdown by path: the blocks of each family, the command line, the Python API, the scenario file and the
-numbers in the rules of the diagnosis.
+`pages` gives Markdown by path: the blocks of each family, the command line, the Python API and the scenario file.
 """
 
 from __future__ import annotations
 
-import ast
 import inspect
-import itertools
 import re
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 from engine.block import Block
-
-ROOT = Path(__file__).resolve().parent.parent
 
 FAMILIES = {
     "sources": "Sources: what drives a model",
@@ -40,7 +34,6 @@ def pages() -> dict[str, str]:
     made["reference/cli.md"] = cli_page()
     made["reference/api.md"] = api_page()
     made["reference/scenario.md"] = scenario_page()
-    made["reference/diagnosis-rules.md"] = rules_page()
     return made
 
 
@@ -52,7 +45,7 @@ def prose(text: str) -> str:
     lines = []
     for line in text.splitlines():
         parts = PIECES.split(line)
-        parts[::2] = [re.sub(r"([*_<|\[\]])", r"\\\1", part) if part.strip() else part for part in parts[::2]]
+        parts[::2] = [re.sub(r"([*_|\[\]])", r"\\\1", part).replace("<", "&lt;") for part in parts[::2]]
         lines.append(line if line.startswith("    ") else "".join(parts))
     return "\n".join(lines)
 
@@ -116,8 +109,9 @@ def _index() -> str:
     parts = [
         "# Blocks",
         "",
-        "Written from the declarations of the blocks themselves, by the build of these pages; `flexarm blocks NAME` prints "
-        "the same. The tolerance of a parameter says how far a fit may move it, where the scenario says nothing else.",
+        "Written from the declarations of the blocks themselves, by the build of these pages; `flexarm blocks NAME` "
+        "prints the same. The tolerance of a parameter says how far a fit may move it, where the scenario says nothing "
+        "else.",
     ]
     for family, members in _families().items():
         rows = [[f"[{name}]({family}.md#{name.lower()})", prose(cls.summary())] for name, cls in members.items()]
@@ -140,7 +134,13 @@ def block(cls: type[Block]) -> str:
         rows = []
         for key, made in cls.parameters.items():
             value = made.default
-            default = "required" if made.required else f"{value:g}" if isinstance(value, int | float) else f"as `{value}`"
+            default = (
+                "required"
+                if made.required
+                else f"{value:g}"
+                if isinstance(value, int | float)
+                else f"as {code(str(value).replace(' or ', '|'))}"
+            )
             doc = prose(made.doc) + (f" (one per `{made.size}`, or one for all)" if made.size else "")
             tolerance = "" if made.tolerance is None else f"{100 * made.tolerance:g} %"
             unit = "any" if made.unit == "*" else made.unit
@@ -175,8 +175,8 @@ def cli_page() -> str:
     parts = [
         "# Command line",
         "",
-        "Written from the commands themselves; `flexarm COMMAND --help` prints the same. Exit code 0: done. 1: a problem with "
-        "what was given, explained on stderr. 2: wrong usage.",
+        "Written from the commands themselves; `flexarm COMMAND --help` prints the same. Exit code 0: done. 1: a "
+        "problem with what was given, explained on stderr. 2: wrong usage.",
     ]
     for command in app.registered_commands:
         called: Any = command.callback
@@ -219,7 +219,10 @@ def api_page() -> str:
     parts = ["# Python API", "", "Everything here is imported from `flexarm`; quantities are in SI units.", ""]
     objects = {name: getattr(flexarm, name) for name in flexarm.__all__}
     functions = {name: made for name, made in objects.items() if not inspect.isclass(made)}
-    for title, group in (("Functions", functions), ("Classes", {n: o for n, o in objects.items() if n not in functions})):
+    for title, group in (
+        ("Functions", functions),
+        ("Classes", {n: o for n, o in objects.items() if n not in functions}),
+    ):
         parts += [f"## {title}", ""]
         for name, made in group.items():
             parts += [f"### {name}", "", _signature(name, made), "", google(inspect.getdoc(made) or ""), ""]
@@ -259,7 +262,7 @@ def _members(cls: type) -> list[str]:
     """Public methods and properties of a class, with their documentation."""
     rows = []
     for name, made in vars(cls).items():
-        plain = made.__func__ if isinstance(made, classmethod | staticmethod) else made
+        plain: Any = made.__func__ if isinstance(made, classmethod | staticmethod) else made
         plain = plain.fget if isinstance(plain, property) else plain
         text = inspect.getdoc(plain) if inspect.isfunction(plain) else None
         if name.startswith("_") or not text:
@@ -274,7 +277,9 @@ def _members(cls: type) -> list[str]:
 def _short(function: Callable[..., Any]) -> str:
     """Names of the arguments, without types."""
     found = inspect.signature(function).parameters.values()
-    shown = [p.name if p.default is p.empty else f"{p.name}={p.default!r}" for p in found if p.name not in ("self", "cls")]
+    shown = [
+        p.name if p.default is p.empty else f"{p.name}={p.default!r}" for p in found if p.name not in ("self", "cls")
+    ]
     return f"({', '.join(shown)})"
 
 
@@ -289,9 +294,9 @@ def scenario_page() -> str:
     parts = [
         "# Scenario file",
         "",
-        "YAML 1.2. A value is a number in SI units, a text with a unit such as `7.68 mN.m/A`, or `$name` for one of the "
-        "scenario's parameters; `--set block.key=value` changes it. Written from the JSON Schema that `flexarm schema` "
-        "prints ([for editors](../how-to/editor.md)); blocks have [pages of their own](blocks/index.md).",
+        "YAML 1.2. A value is a number in SI units, a text with a unit such as `7.68 mN.m/A`, or `$name` for one of "
+        "the scenario's parameters; `--set block.key=value` changes it. Written from the JSON Schema that `flexarm "
+        "schema` prints ([for editors](../how-to/editor.md)); blocks have [pages of their own](blocks/index.md).",
         "",
         _keys(schema),
     ]
@@ -337,44 +342,3 @@ def _kind(described: dict[str, Any]) -> str:
     if kind == "string" and "pattern" in described and "0-9_" in described["pattern"]:
         return "quantity"
     return {"string": "text", "integer": "whole number", "boolean": "true or false"}.get(kind, kind or "any")
-
-
-# -- rules of the diagnosis --------------------------------------------------------------------------------------------
-
-RULES = {
-    "choice": "When an effect pays, and which of several",
-    "trial": "How a model is scored",
-    "verdict": "What the verdict needs",
-    "screening": "What is odd about a recording",
-}
-"""Module of the diagnosis whose constants are rules: its title."""
-
-
-def rules_page() -> str:
-    """The constants of the diagnosis' rules, with their values of today and their own sentences."""
-    parts = [
-        "# Numbers in the rules of the diagnosis",
-        "",
-        "Read from the constants in the code; [how diagnosis decides](../explanation/diagnosis.md) says what they are for.",
-    ]
-    for name, title in RULES.items():
-        rows = [[code(", ".join(names)), value, prose(doc)] for names, value, doc in _constants(name)]
-        if rows:
-            parts += ["", f"## {title}", "", f"`diagnosis/{name}.py`", "", table(["constant", "value", "meaning"], rows)]
-    return "\n".join(parts) + "\n"
-
-
-def _constants(module: str) -> Iterable[tuple[list[str], str, str]]:
-    """Numbers assigned at the top of a module that have a sentence under them: names, value and sentence."""
-    body = ast.parse((ROOT / "diagnosis" / f"{module}.py").read_text(encoding="utf-8")).body
-    for statement, after in itertools.pairwise(body):
-        if not (isinstance(statement, ast.Assign) and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)):
-            continue
-        names = [node.id for node in ast.walk(statement.targets[0]) if isinstance(node, ast.Name)]
-        try:
-            value = ast.literal_eval(statement.value)
-        except ValueError:
-            continue
-        values = value if isinstance(value, tuple) else (value,)
-        if all(isinstance(number, int | float) for number in values):
-            yield names, ", ".join(f"{number:g}" for number in values), str(after.value.value)

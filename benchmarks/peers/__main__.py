@@ -86,10 +86,10 @@ HEAD = """# Beside other tools
 
 Written by `python -m benchmarks.peers` (with `pip install 'flexarm[peers]'`) from `benchmarks/results/peers.json`. What
 is compared ran in turns in one process on one thread. Times are processor time, medians of repeats; the machine was
-shared (load {load:.1f} on {cores} cores), so that ratios mean more than seconds. Each tool solves the same 10 s and gives
-10 001 rows; what it can prepare beforehand it may (flexarm compiles the model once, which takes about a second the first
-time and is cached; pathsim and bdsim put their few blocks together within the run, which is not what takes them
-long). Errors are relative, root mean square over all rows.
+shared (load {load:.1f} on {cores} cores), so that ratios mean more than seconds. Each tool solves the same 10 s and
+gives 10 001 rows; what it can prepare beforehand it may (flexarm compiles the model once, which takes about a second
+the first time and is cached; pathsim and bdsim put their few blocks together within the run, which is not what takes
+them long). Errors are relative, root mean square over all rows.
 
 {machine}; {versions}.
 {missing}"""
@@ -98,7 +98,8 @@ LINEAR = """
 ## A linear model
 
 A DC motor with gear turns a flexible link of two modes ({states} states); 1 V comes at 0.5 s and goes at 5.5 s; output
-is the speed of the hub. Compared with the matrix exponential, which is exact here because the steps fall on rows.
+is the speed of the hub. Compared with the matrix exponential, which is exact here because the steps fall on rows (and
+which is what python-control computes).
 
 """
 

@@ -95,7 +95,7 @@ def linear_solution(s: StateSpace) -> Array:
 
 def force(t: float, q: float, v: float) -> float:
     """What moves the load of the sliding problem, without friction (N.m)."""
-    return TORQUE * np.sin(2 * np.pi * FREQUENCY * t) - SPRING * q - DAMPER * v
+    return float(TORQUE * np.sin(2 * np.pi * FREQUENCY * t) - SPRING * q - DAMPER * v)
 
 
 def by_events(method: str, rtol: float) -> Array:

@@ -118,7 +118,7 @@ def _pathsim_linear(s: p.StateSpace) -> Tool:
         lines = [Connection(source, plant), Connection(plant, scope)]
         Simulation([plant, source, scope], lines, dt=p.STEP, Solver=RK4, log=False).run(p.STOP, adaptive=False)
         time, y = scope.read()
-        return np.interp(p.STEP * np.arange(p.ROWS + 1), time, y[0])
+        return np.asarray(np.interp(p.STEP * np.arange(p.ROWS + 1), time, y[0]))
 
     return Tool("pathsim", "RK4, 1 ms, steps as scheduled events", run, slow=True)
 
@@ -132,7 +132,7 @@ def _bdsim() -> Any:
 def _bdsim_run(diagram: Any, sim: Any, watch: Any) -> Array:
     settings = {"rtol": 1e-6, "atol": 1e-9}
     out = sim.run(diagram, T=p.STOP, dt=p.STEP, watch=[watch], solver_args=settings)
-    return np.interp(p.STEP * np.arange(p.ROWS + 1), out.t, np.asarray(out.y)[:, 0])
+    return np.asarray(np.interp(p.STEP * np.arange(p.ROWS + 1), out.t, np.asarray(out.y)[:, 0]))
 
 
 def _bdsim_linear(s: p.StateSpace) -> Tool:
@@ -237,7 +237,7 @@ def _pathsim_sliding() -> Tool:
         lines = [Connection(plant, scope)]
         Simulation([plant, scope], lines, events, dt=p.STEP, Solver=RK4, log=False).run(p.STOP, adaptive=True)
         time, y = scope.read()
-        return np.interp(p.STEP * np.arange(p.ROWS + 1), time, np.atleast_2d(y)[0])
+        return np.asarray(np.interp(p.STEP * np.arange(p.ROWS + 1), time, np.atleast_2d(y)[0]))
 
     return Tool("pathsim", "RK4, 1 ms, zero crossings located to 1e-9", run, slow=True)
 
@@ -253,6 +253,6 @@ def _bdsim_sliding() -> Tool:
         d.compile(report=False)
         settings = {"rtol": 1e-6, "atol": 1e-9}
         out = sim.run(d, T=p.STOP, dt=p.STEP, solver="LSODA", watch=[angle], solver_args=settings)
-        return np.interp(p.STEP * np.arange(p.ROWS + 1), out.t, np.asarray(out.y)[:, 0])
+        return np.asarray(np.interp(p.STEP * np.arange(p.ROWS + 1), out.t, np.asarray(out.y)[:, 0]))
 
     return Tool("bdsim", f"LSODA, rtol 1e-6, rows of 1 ms, friction smoothed over {SMOOTH:g} rad/s", run, slow=True)

@@ -103,7 +103,9 @@ def load(path: Path = DATA) -> Proof:
 
 def _row(data: Mapping[str, Any]) -> Score:
     known = {f.name for f in fields(Score)}
-    values = {key: _tuples(value) if isinstance(value, list) else value for key, value in data.items() if key in known}
+    values: dict[str, Any] = {
+        key: _tuples(value) if isinstance(value, list) else value for key, value in data.items() if key in known
+    }
     return Score(**values)
 
 

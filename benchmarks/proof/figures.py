@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -14,7 +15,7 @@ from benchmarks.proof.summary import FLOOR_BOUND, amended, by_size, confusion
 from engine.files import writing
 
 BLUE, RED, GREEN, GREY = "#1b6ca8", "#d1495b", "#2e8b57", "#5c5c5c"
-STYLE = {"svg.fonttype": "none", "font.family": "sans-serif", "svg.hashsalt": "proof"}
+STYLE: dict[str, Any] = {"svg.fonttype": "none", "font.family": "sans-serif", "svg.hashsalt": "proof"}
 
 
 def power(rows: Sequence[Score], path: Path) -> None:
@@ -32,8 +33,8 @@ def power(rows: Sequence[Score], path: Path) -> None:
             counts = [[test(r) for found in table.values() for r in found.get(size, [])] for size in sizes]
             shares = np.array([np.mean(c) for c in counts])
             bounds = np.array([wilson(sum(c), len(c)) for c in counts]).reshape(-1, 2)
-            left.plot(sizes, shares, "o-", color=color, label=text)
-            left.fill_between(sizes, bounds[:, 0], bounds[:, 1], color=color, alpha=0.15, lw=0)
+            reach = np.abs(bounds.T - shares)
+            left.errorbar(sizes, shares, reach, fmt="o-", color=color, label=text, capsize=3, lw=1.5)
         left.set(xscale="log", ylim=(-0.03, 1.03), xlabel="effect size [detection thresholds]", ylabel="share of cases")
         left.set_xticks(sizes, [f"{size:g}" for size in sizes])
         left.minorticks_off()

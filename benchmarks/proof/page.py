@@ -115,11 +115,10 @@ def _goals(rows: Sequence[Score]) -> str:
 
 
 def _suites(rows: Sequence[Score]) -> str:
-    found = suites(rows)
+    found, right = suites(rows), Counter(r.suite for r in rows if r.right)
     outcomes = list(dict.fromkeys(o for o in ORDER if any(c[o] for _, c in found)))
     listed = [
-        [name, str(counts.total()), rate(sum(counts[o] for o in ("named", "tie", "none")), counts.total())]
-        + [str(counts[o] or "") for o in outcomes]
+        [name, str(counts.total()), rate(right[name], counts.total())] + [str(counts[o] or "") for o in outcomes]
         for name, counts in found
     ]
     return "## Suites\n\n" + table(["suite", "cases", "right", *outcomes], listed) + LEGEND
@@ -226,7 +225,7 @@ def _time(rows: Sequence[Score]) -> str:
 
 
 def _failures(rows: Sequence[Score], causes: Mapping[str, str]) -> str:
-    failed = [r for r in rows if not (r.right or (r.suite == "withheld" and r.outcome == "unknown"))]
+    failed = [r for r in rows if not r.right]
     listed = []
     for row in sorted(failed, key=lambda r: (r.suite, r.truth, r.plant)):
         said = row.failure.strip().splitlines()[-1] if row.failure.strip() else row.verdict

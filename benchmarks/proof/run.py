@@ -18,6 +18,7 @@ from typing import Any
 
 from benchmarks.concealed.case import draw
 from benchmarks.concealed.scenario import write
+from benchmarks.concealed.simulator import Diverged
 from benchmarks.proof.frozen import ROOT, code_state
 from benchmarks.proof.suites import Spec, from_json
 from engine.files import writing
@@ -102,7 +103,7 @@ def _draw(spec: Spec, folder: Path) -> dict[str, Any] | None:
     shutil.rmtree(case, ignore_errors=True)
     try:
         made = draw(spec.plant, spec.effects, spec.sizes, spec.seed, spec.options)
-    except (ValueError, ArithmeticError) as error:
+    except (ValueError, ArithmeticError, Diverged) as error:
         return {"verdict": "failed", "seconds": 0.0, "cpu": 0.0, "failure": f"cannot be drawn: {error}"}
     write(made, case, answers)
     return None

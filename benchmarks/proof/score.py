@@ -69,8 +69,11 @@ class Score:
 
     @property
     def right(self) -> bool:
-        """Whether the verdict is the truth, or a tie that the truth generator confirms."""
-        return self.outcome in RIGHT
+        """Whether the verdict is the truth, or a tie that the truth generator confirms.
+
+        Where the true effect was withheld, ``unknown`` is right.
+        """
+        return self.outcome == "unknown" if self.spec["withheld"] else self.outcome in RIGHT
 
 
 def wilson(hits: int, total: int) -> tuple[float, float]:

@@ -29,18 +29,19 @@ and no name. *missed*: nothing reported. *wrong*, *wrong tie*: a name that is no
 the true effect may not be named, so that *unknown* is what is wanted.
 """
 
-SINDY = """The discrepancy approach (Kaheman et al. 2019): angles and speeds from the sensors by smoothed
-differentiation, the acceleration that the nominal model does not explain, and a sparse regression on a library (1, q,
-v, sign v, v|v|, q^3, sin and cos n q, sign u, |u|, joint twist cubed). It needs no simulation and takes a second. It
-gives a term and no place; where the effect is a hidden state or memory (delay, lag, play, a further mode or joint) the
-library has no term for it. Its smoothing and thresholds were tuned in its favour on cases of development. With nothing
-concealed, *selected* counts the cases in which it selects no nonlinear term.
+SINDY = """The discrepancy approach (Kaheman et al. 2019), as we understand it: angles and speeds from the sensors by
+smoothed differentiation; the acceleration that the nominal model leaves over; what is linear in q, v and u, as errors
+of parameters are, fitted first; a sparse regression of the rest on a library (1, sign v, v|v|, q^3, sin and cos n q,
+sign u, |u|, joint twist cubed). It needs no simulation and takes a second. It gives a term and no place; where the
+effect is a hidden state or memory (delay, lag, play, a further mode or joint) the library has no term for it. A sine
+or cosine of any order counts as gravity or ripple. Its smoothing and thresholds were tuned in its favour on cases of
+development; somebody who knows it better may get more from it. With nothing concealed, *selected* counts the cases in
+which it selects no term.
 
 """
 
 POWER = """Right name, or a correct tie, against the size of the effect. One detection threshold is the size at which
-what a
-refit of the nominal parameters leaves of the effect is as large as the noise floor.
+what a refit of the nominal parameters leaves of the effect is as large as the noise floor.
 
 """
 
@@ -75,7 +76,7 @@ run count as failures.
 
 TIME = """## Time per diagnosis
 
-Six recordings of 4 s at 1 kHz, three to train; one thread, compiling included; the machine did other work beside
-it.
+Six recordings of 4 s at 1 kHz, three to train; one thread, compiling included. The machine did other work beside it, so
+that the processor time is what counts: on a core of its own a diagnosis takes as long.
 
 """

@@ -181,7 +181,7 @@ def test_where_the_fitted_data_are_at_the_floor_nothing_is_unexplained(silent):
 @pytest.mark.parametrize(("count", "share"), [(1, choice.PAYS), (2, choice.PAYS_AGAIN)])
 def test_an_effect_must_take_its_share_of_the_excess(silent, count, share):
     effects = [effect(f"e{k}") for k in range(count)]
-    worse = trial(11.0)
+    worse = trial(11.0, *effects[1:])
     assert choice.pays(trial(11 - 10 * (share + 0.02), *effects), worse)
     assert not choice.pays(trial(11 - 10 * (share - 0.02), *effects), worse)
 
@@ -280,6 +280,23 @@ def test_a_parameter_is_freed_where_the_refit_had_to_bend_it(silent):
     assert choice.choose(bent, [payload, wrong]) is wrong
     assert choice.choose(bent, [trial(1.0, effect("e"), cost=500.0 - 0.5 * choice.DECISIVE)]) is bent
     assert choice.choose(bent, [trial(1.5, effect("e"), cost=100.0)]) is bent
+
+
+def test_a_strained_model_is_relieved_by_a_wrong_parameter_beside_it(silent):
+    """If the fit gains decisively, of what is there beside the same effect, and held-out data do as well."""
+    law, wrong = effect("law"), effect("wrong_parameter", "a.inertia", 0)
+    bent = trial(1.0, law, x=(STRAIN + 2.0,), cost=500.0)
+    eased = trial(1.05, law, wrong, cost=480.0)
+    assert choice.relieved(bent, [eased]) is eased
+    assert choice.relieved(bent, []) is bent
+    for other in (
+        trial(1.05, law, wrong, cost=500.0 - 0.5 * choice.DECISIVE),
+        trial(1.2, law, wrong, cost=480.0),
+        trial(1.05, effect("other"), wrong, cost=480.0),
+    ):
+        assert choice.relieved(bent, [other]) is bent
+    straight = trial(1.0, law, x=(STRAIN - 0.5,), cost=500.0)
+    assert choice.relieved(straight, [eased]) is straight
 
 
 # -- what rivals it

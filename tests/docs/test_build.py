@@ -9,30 +9,25 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tools import gallery, notebooks
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """The built pages. ``--strict`` makes every warning an error: a link, an anchor, a page outside the navigation."""
-    folder = tmp_path_factory.mktemp("site")
+def build(folder):
+    """Build the pages. ``--strict`` makes every warning an error: a link, an anchor, a page outside the navigation."""
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
     environment = os.environ | {"NO_MKDOCS_2_WARNING": "1", "MPLBACKEND": "Agg"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=500)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "WARNING" not in done.stdout + done.stderr
-    return folder
 
 
 def page(site, name):
     return (site / name / "index.html").read_text(encoding="utf-8")
 
 
-def test_every_claim_of_the_front_page_leads_somewhere(site):
+def every_claim_of_the_front_page_leads_somewhere(site):
     rows = re.findall(r"<tr>\s*<td>(.*?)</td>\s*<td>(.*?)</td>", page(site, "."), re.DOTALL)
     assert len(rows) >= 12
     for claim, shown in rows:
@@ -42,11 +37,13 @@ def test_every_claim_of_the_front_page_leads_somewhere(site):
             assert (site / link / "index.html").exists(), (claim, link)
 
 
-def test_every_block_is_in_the_reference_with_its_units(site):
+def every_block_is_in_the_reference(site):
     from blocks.registry import registry
 
     index = page(site, "reference/blocks")
-    families = {f: page(site, f"reference/blocks/{f}") for f in ("sources", "actuators", "links", "controllers", "sensors")}
+    families = {
+        f: page(site, f"reference/blocks/{f}") for f in ("sources", "actuators", "links", "controllers", "sensors")
+    }
     for name, cls in registry().items():
         if not cls.__module__.startswith("blocks."):
             continue
@@ -58,7 +55,7 @@ def test_every_block_is_in_the_reference_with_its_units(site):
             assert f"<code>{key}</code>" in section, (name, key)
 
 
-def test_every_command_and_public_name_is_in_the_reference(site):
+def every_command_and_public_name_is_in_the_reference(site):
     import flexarm
     from flexarm.cli import app
 
@@ -71,7 +68,7 @@ def test_every_command_and_public_name_is_in_the_reference(site):
         assert f">{name}<" in names, name
 
 
-def test_every_figure_of_the_gallery_is_drawn_and_shown(site):
+def every_figure_of_the_gallery_is_drawn_and_shown(site):
     text = page(site, "gallery")
     for name in gallery.FIGURES:
         assert f"figures/gallery/{name}" in text, name
@@ -85,13 +82,23 @@ def test_every_figure_of_the_gallery_is_drawn_and_shown(site):
     assert text.count("<img") == len(gallery.FIGURES)
 
 
-def test_the_notebooks_ran_to_their_end(site):
+def the_notebooks_ran_to_their_end(site):
     """The cells of a notebook assert what matters; their outputs stand on the page."""
     arm, diagnosis = page(site, "notebooks/first-arm"), page(site, "notebooks/diagnosis")
     assert "18.849558" in arm
     assert "coulomb_friction at motor.shaft" in diagnosis
     assert diagnosis.count("<img") == 2
     assert arm.count("<img") == 1
+
+
+def test_the_documentation_builds_and_holds_what_it_promises(tmp_path):
+    """One test, so that parallel workers do not build the same pages twice."""
+    build(tmp_path)
+    every_claim_of_the_front_page_leads_somewhere(tmp_path)
+    every_block_is_in_the_reference(tmp_path)
+    every_command_and_public_name_is_in_the_reference(tmp_path)
+    every_figure_of_the_gallery_is_drawn_and_shown(tmp_path)
+    the_notebooks_ran_to_their_end(tmp_path)
 
 
 def test_notebooks_are_kept_without_outputs():

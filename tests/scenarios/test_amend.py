@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 import flexarm
 from engine.errors import FlexarmError
 from scenarios.amend import AtFlange, Between, Feed, InSignal, OnSensor, Replace, Set, amended, without
-from scenarios.document import parse
 from scenarios.load import load
 
 BENCH = """\
@@ -45,6 +46,11 @@ recordings:
 RAMP = Feed("ramp", "Sine", "motor.voltage", {"amplitude": "3 V", "frequency": "5 Hz"})
 
 
+def parse(text: str) -> dict[str, Any]:
+    found: dict[str, Any] = YAML(typ="safe").load(text)
+    return found
+
+
 def comments(text: str) -> list[str]:
     return [line.partition("#")[2].strip() for line in text.splitlines() if "#" in line]
 
@@ -76,15 +82,18 @@ def test_a_feed_leaves_the_others_of_a_node_alone(tmp_path: Path) -> None:
     np.testing.assert_allclose(result["motor.voltage"], 1.0)
 
 
-@pytest.mark.parametrize("rest", ["connect:\n  - [source.out, meter.in]\n", ""])
-def test_a_feed_drives_an_input_that_nothing_drove(rest: str, tmp_path: Path) -> None:
-    """Also where the scenario connects nothing at all."""
-    begin, _, end = BENCH.partition("connect:")
-    bare = begin + rest + end[end.index("\nsimulate") :]
-    bare = bare if rest else bare.replace(", meter.out", "")
-    cut = [line for line in bare.splitlines() if rest or not line.startswith(("  source", "  gain", "  meter"))]
-    text = amended("\n".join(cut) + "\n", [RAMP])
-    assert connections(text)[-1] == ["ramp.out", "motor.voltage"]
+def test_a_feed_drives_an_input_that_nothing_drove(tmp_path: Path) -> None:
+    text = amended(BENCH.replace("  - [gain.out, motor.voltage]\n", ""), [RAMP])
+    assert connections(text) == [["source.out", "gain.in", "meter.in"], ["ramp.out", "motor.voltage"]]
+    result = run(text, tmp_path)
+    np.testing.assert_allclose(result["motor.voltage"], 3 * np.sin(10 * np.pi * result.time), atol=1e-12)
+
+
+def test_a_feed_connects_where_nothing_is_connected(tmp_path: Path) -> None:
+    alone = without(BENCH, "connect").replace(", meter.out", "")
+    kept = [line for line in alone.splitlines() if not line.startswith(("  source", "  gain", "  meter"))]
+    text = amended("\n".join(kept) + "\n", [RAMP])
+    assert connections(text) == [["ramp.out", "motor.voltage"]]
     result = run(text, tmp_path)
     np.testing.assert_allclose(result["motor.voltage"], 3 * np.sin(10 * np.pi * result.time), atol=1e-12)
 
@@ -114,7 +123,7 @@ def test_a_name_that_is_taken_is_refused() -> None:
     for edit in (Set("gian", "gain", 2), Replace("gian", "Gain")):
         with pytest.raises(FlexarmError, match="no block 'gian' of its own"):
             amended(BENCH, [edit])
-    with pytest.raises(FlexarmError, match="nothing is connected to 'motor.shaft'"):
+    with pytest.raises(FlexarmError, match=r"nothing is connected to 'motor\.shaft'"):
         amended(BENCH, [Between("spring", "SpringDamper", "motor.shaft", "a", "b")])
 
 

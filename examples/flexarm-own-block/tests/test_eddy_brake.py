@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-import flexarm
 import numpy as np
 import pytest
+
+import flexarm
 
 TORQUE, CRITICAL, INERTIA, START = 0.5, 50.0, 0.01, 200.0
 

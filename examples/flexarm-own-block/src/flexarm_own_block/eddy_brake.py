@@ -14,7 +14,7 @@ class EddyBrake(Block):
     """Eddy-current brake: torque on the shaft = -2 Tm u / (1 + u^2), u = w / wc, w = speed of the shaft.
 
     Tm = greatest_torque, which it reaches at the critical speed wc = critical_speed. Far below it the brake is a
-    viscous damper of 2 Tm / wc; far above, the eddy currents push the field out of the disc and the torque falls as 1/w.
+    viscous damper of 2 Tm / wc; far above, the currents push the field out of the disc and the torque falls as 1/w.
     Wouterse, IEE Proceedings B 138 (1991) 153.
     """
 
