@@ -29,6 +29,9 @@ FITTED = 0.1
 REACHED, LEFT_OVER = 0.5, 0.03
 """Where the noise is known, a right law brings the held-out error so close to it, or leaves so small a share."""
 
+UNCERTAIN = 0.25
+"""Where the fitted data are at the floor, this share of the mismatch may be what the parameters are uncertain by."""
+
 EXPLAINS = 0.6
 """A name must account for at least this share of the held-out excess over the floor."""
 
@@ -84,7 +87,7 @@ def reached(refit: Trial, chosen: Trial) -> bool:
     """Whether the amended model leaves little more than noise, of the held-out data or at least of the fitted ones."""
     ground = floor(chosen)
     left, before = chosen.hold_out - ground, refit.hold_out - ground
-    fitted = chosen.fit.chi2 - ground < FITTED * ground and left < 0.1 * before
+    fitted = chosen.fit.chi2 - ground < FITTED * ground and left < UNCERTAIN * before
     return fitted or left < max(REACHED * ground, LEFT_OVER * before)
 
 
@@ -93,7 +96,14 @@ def explained(refit: Trial, chosen: Trial) -> float:
     ground = floor(chosen)
     if not unexplained(refit, ground):
         return min(max(1 - chosen.strain / max(refit.strain, 1e-9), 0.0), 1.0)
+    if _of_tables(refit):
+        # Parameters bent far out of their tolerances follow a few rows: that explains nothing.
+        return min(max((refit.merit - chosen.merit) / (refit.merit - ground), 0.0), 1.0)
     return min(max((refit.hold_out - chosen.hold_out) / (refit.hold_out - ground), 0.0), 1.0)
+
+
+def _of_tables(trial: Trial) -> bool:
+    return any(isinstance(e, Sines) for e in trial.fit.problem.experiments)
 
 
 def accounted(recordings: Sequence[Recorded], refit: Trial, chosen: Trial) -> bool:

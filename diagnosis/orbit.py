@@ -165,7 +165,8 @@ class Orbits:
         Args:
             parameters: for each neighbour, values that replace the model's (SI).
             base: the answers that they are neighbours of.
-            frequency, amplitude: as for `solve`.
+            frequency: rad/s, shape (rows,).
+            amplitude: of the sines (SI), shape (rows,).
 
         Returns:
             Shape (neighbours, rows, outputs).

@@ -29,8 +29,8 @@ FINISHED, PROMISING = 15, 0.2
 SECONDS, LEADERS = 12, 2
 """A second effect is sought among so many singles, beside each of so many that do best."""
 
-SECONDS_AT_TABLES = 6
-"""The same for tables."""
+SECONDS_AT_TABLES, LEADERS_AT_TABLES = 3, 1
+"""The same for tables, which are dear to simulate for the few numbers they give."""
 
 UNSEEN = 0.5
 """Held-out excess, in floors, that calls for another recording to be fitted where the fitted ones are at the floor."""
@@ -110,11 +110,12 @@ def study(
     trials.sort(key=lambda t: (t.merit, t.size))
     chosen = choose(refit, trials)
     if most > 1 and unexplained(chosen, floor(chosen)):
-        found: list[Trial] = []
-        for start, beside in pairs(shop, suspects(shop, listed, refit), trials):
+        suspected, found = suspects(shop, listed, refit), list[Trial]()
+        for start, beside in pairs(shop, suspected, trials):
             found += _try_all(shop, beside, replace(start, cost=refit.fit.cost), progress)[0]
         found.sort(key=lambda t: (t.merit, t.size))
         chosen = relieved(choose(chosen, found), found)
+        notes += [s.told() for s in suspected if s.candidate.key in {c.key for c in chosen.effects}]
         trials += found
     if most > 1 and len(chosen.effects) == 1 and unexplained(chosen, floor(chosen)):
         chosen, tried = _second(shop, chosen, [t for t in trials if len(t.effects) == 1], progress)
@@ -176,9 +177,9 @@ def _second(
     shop: Workshop, chosen: Trial, singles: Sequence[Trial], progress: Progress | None
 ) -> tuple[Trial, list[Trial]]:
     """The best pair if it pays, and all pairs tried: the leading effects with others, then each half exchanged."""
-    leaders = [chosen]
+    leaders, most = [chosen], LEADERS_AT_TABLES if shop.tables else LEADERS
     for t in singles:
-        if len(leaders) < LEADERS and t.effects[0].effect not in {c.effect for l in leaders for c in l.effects}:
+        if len(leaders) < most and t.effects[0].effect not in {c.effect for l in leaders for c in l.effects}:
             leaders.append(t)
     pairs: list[Trial] = []
     for leader in leaders:
@@ -208,7 +209,7 @@ def _beside(
     others = [t for t in singles if t.effects[0].effect != kept.effect and len(t.effects) == 1][:SECONDS]
     wanted = [(kept, t.effects[0]) for t in others if frozenset((kept.key, t.effects[0].key)) not in known]
     if shop.tables:
-        # A table is dear to simulate for the few numbers it gives: each effect goes on from where it ended alone.
+        # Each effect goes on from where it ended alone.
         begun = ended(start, kept) if kept in start.effects else kept
         wanted = [(begun, ended(t, t.effects[0])) for t in others[:SECONDS_AT_TABLES] if (kept, t.effects[0]) in wanted]
     return _try_all(shop, wanted, start.fit, progress)[0]

@@ -1,9 +1,9 @@
 """A parameter of a table's model that is wrong by a factor while something else is missing too.
 
-Then the refit bends every other parameter to follow the rows that the missing effect changes, and with the wrong one let
-go of it ends there as well. Springs, play and modes act at high frequencies; the lowest rows show inertia and friction
-alone. So the rows are fitted from the lowest frequency up, as far as the model with one parameter let go of still meets
-them to the floor; where that needs a factor that the tolerances do not allow, the effects are tried beside it.
+Then the refit bends every other parameter to follow the rows that the missing effect changes, and with the wrong one
+let go of it ends there as well. Springs, play and modes act at high frequencies; the lowest rows show inertia and
+friction alone. So the lowest rows are fitted, half of the table or a third, with one parameter let go of at a time;
+where one of them brings those rows to the floor and the tolerances do not, the effects are tried beside it.
 """
 
 from __future__ import annotations
@@ -40,10 +40,22 @@ class Suspect:
     Attributes:
         candidate: it starts from the factor that the lowest rows ask for.
         fit: of the model with it let go of to the lowest rows.
+        highest: frequency of those rows (rad/s).
     """
 
     candidate: Candidate
     fit: Fit
+    highest: float
+
+    def told(self) -> str:
+        """What the lowest rows say of it, as a sentence."""
+        assert self.candidate.loosened is not None
+        name, given = self.candidate.loosened.name, self.candidate.loosened.start
+        found = self.fit.parameters()[name]
+        return (
+            f"the rows up to {self.highest:.3g} rad/s alone, where springs and contacts hardly act, ask for "
+            f"{name} = {found:.3g}, {found / given:.3g} times the value given"
+        )
 
 
 def suspects(shop: Workshop, listed: Sequence[Candidate], refit: Trial) -> list[Suspect]:
@@ -83,7 +95,8 @@ def _let_go(shop: Workshop, candidate: Candidate, share: float) -> Suspect:
         starts.append(x)
     fit = _fitted(made, starts, share)
     key = candidate.loosened.name.rpartition(".")[2]
-    return Suspect(replace(candidate, starts=({key: made.free[i].value(fit.x[i])},)), fit)
+    highest = max(float(e.frequency.max()) for e in _lowest(made, share))
+    return Suspect(replace(candidate, starts=({key: made.free[i].value(fit.x[i])},)), fit, highest)
 
 
 def _fitted(made: Problem, starts: Sequence[Array], share: float) -> Fit:

@@ -264,8 +264,10 @@ def _sentence(effect: str, place: str, status: str, explained: float, study: Stu
     if effect == "unknown":
         return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
     if status == "unknown" and explained >= EXPLAINS:
-        what = f"{what.capitalize()} at {place}"
-        return f"{what} would explain {explained:.0%}, but a recording looks wrong: see the warnings."
+        what = f"{what.capitalize()} at {place} would explain {explained:.0%}"
+        if accounted(study.recordings, study.refit, study.chosen):
+            return f"{what}, but a recording looks wrong: see the warnings."
+        return f"{what}, but leaves more than noise ({after:.3g} times the floor): something like it is missing."
     if status == "unknown":
         return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."
     return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."

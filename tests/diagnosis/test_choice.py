@@ -212,10 +212,10 @@ def test_a_right_law_reaches_the_floor(silent):
     assert choice.reached(refit, trial(small, effect("e")))
     assert choice.reached(refit, trial(1 + 90 * choice.LEFT_OVER, effect("e")))
     assert not choice.reached(refit, trial(1 + 110 * choice.LEFT_OVER, effect("e")))
-    # Or the fitted data are there, and a tenth at most is left of the others.
+    # Or the fitted data are there, and no more is left of the others than the parameters may be uncertain by.
     at_floor = 1 + 0.5 * choice.FITTED
-    assert choice.reached(refit, trial(10.0, effect("e"), fitted=at_floor))
-    assert not choice.reached(refit, trial(12.0, effect("e"), fitted=at_floor))
+    assert choice.reached(refit, trial(1 + 99 * choice.UNCERTAIN, effect("e"), fitted=at_floor))
+    assert not choice.reached(refit, trial(1 + 101 * choice.UNCERTAIN, effect("e"), fitted=at_floor))
 
 
 def test_a_name_must_reach_the_floor_where_the_noise_was_stated(silent):
