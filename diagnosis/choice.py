@@ -181,6 +181,9 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
         able = [t for t in others if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
         return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)
     alike = near(chosen, others)
+    if _of_tables(chosen) and not strained(chosen):
+        # One that needs further parameters outside their tolerances is none.
+        alike = [t for t in alike if not strained(t)]
     rows = [t for t in alike if not _contains(t, chosen) and price(t) - price(chosen) < 3 * DECISIVE]
     # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.
     richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + LEAST) * chosen.merit]

@@ -82,7 +82,7 @@ class Fit:
         total, count = 0.0, 0
         for e in experiments:
             r = self.problem.residual(self.x, e)
-            total, count = total + float(np.sum(r**2)), count + int(np.isfinite(e.measured).sum())
+            total, count = total + float(np.sum(e.squares(r))), count + int(np.isfinite(e.measured).sum())
         return total / max(count, 1)
 
 

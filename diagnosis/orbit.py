@@ -12,13 +12,14 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from diagnosis.frequency import SineModel, half_range, periodic, settling_time
+from diagnosis.period import Orbit, Pass, reduced, renewed
 from engine import interpret, native
 from engine.errors import CompilerUnavailable, SimulationError
 from engine.model import FRICTION, SWITCH, Model, Vector
@@ -52,48 +53,6 @@ TURNS = 24
 
 PHASES = 96
 """Instants of a period at which the closed form is checked for switches."""
-
-
-@dataclass
-class Orbit:
-    """A periodic answer.
-
-    Attributes:
-        amplitudes: half the peak to peak of each output over a period.
-        rms: root mean square of each output about its mean.
-        x: state at the beginning of the period; None where the closed form holds.
-        inverse: of I - dP/dx, for the combinations of states that matter, in units of ``span``.
-        span: what each combination of states that matters spans over the period.
-        settled: whether the answer repeats.
-        run: what it was read from; None where the closed form holds, or where it had to settle by itself.
-    """
-
-    amplitudes: Vector
-    rms: Vector
-    x: Vector | None = None
-    inverse: Array = None
-    span: Array = None
-    settled: bool = True
-    run: Pass | None = None
-
-
-@dataclass
-class Pass:
-    """The run over a period that an answer was read from.
-
-    Attributes:
-        p, step, rows: parameters, integration step (s) and steps of the run.
-        lead: rows after which the start is forgotten; 0 where the answer repeats.
-        x1: state after it.
-        windows: for each output, where its highest and its lowest value lie: the row, and the state ``lead`` before.
-    """
-
-    p: Vector
-    step: float
-    rows: int
-    lead: int
-    x1: Vector
-    windows: tuple[tuple[tuple[int, Vector], tuple[int, Vector]], ...] = ()
 
 
 @functools.cache
@@ -310,7 +269,7 @@ class Orbits:
             size = np.linalg.norm(J, axis=1)
             rows.append(J[size > 0] / size[size > 0, None])
         _, values, right = np.linalg.svd(np.vstack([*rows, np.zeros((n, n))]))
-        return _reduced(right[: len(values)][values > 1e-9 * max(values.max(initial=0.0), 1e-300)])
+        return reduced(right[: len(values)][values > 1e-9 * max(values.max(initial=0.0), 1e-300)])
 
     def _job(self, p: Vector, x: Vector | None, step: float, rows: int) -> Job:
         job = replace(self._pattern, p=p, resolution=step, hmax=step, outputs=rows)
@@ -381,7 +340,7 @@ class Orbits:
                 previous = None
             gap = Q @ (found.x1 - x) / span
             if previous is not None:
-                inverse = _renewed(inverse, previous[0], previous[1] - gap)
+                inverse = renewed(inverse, previous[0], previous[1] - gap)
             move = inverse @ gap
             size = float(np.abs(move).max(initial=0.0))
             if size < CLOSE:
@@ -424,30 +383,3 @@ class Orbits:
             columns.append(Q @ (there - x1) / span / h)
         matrix = np.eye(len(Q)) - np.column_stack(columns) if columns else np.zeros((0, 0))
         return np.linalg.pinv(matrix, rcond=1e-9)
-
-
-def _reduced(rows: Array) -> Array:
-    """The reduced row echelon form of independent rows."""
-    rows, pivot = np.array(rows), 0
-    for column in range(rows.shape[1]):
-        if pivot == len(rows):
-            break
-        best = pivot + int(np.argmax(np.abs(rows[pivot:, column])))
-        if abs(rows[best, column]) < 1e-9:
-            continue
-        rows[[pivot, best]] = rows[[best, pivot]]
-        rows[pivot] /= rows[pivot, column]
-        others = np.arange(len(rows)) != pivot
-        rows[others] -= np.outer(rows[others, column], rows[pivot])
-        pivot += 1
-    rows[np.abs(rows) < 1e-9] = 0.0
-    return rows
-
-
-def _renewed(inverse: Array, moved: Vector, change: Vector) -> Array:
-    """Broyden's update of the inverse: a move by ``moved`` made the gap shrink by ``change``."""
-    along = moved @ inverse
-    below = float(along @ change)
-    if abs(below) < 1e-12 * float(np.linalg.norm(along) * np.linalg.norm(change) + 1e-300):
-        return inverse
-    return inverse + np.outer(moved - inverse @ change, along) / below

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from diagnosis.columns import RecordingError
 from diagnosis.frequency import sine_model
-from diagnosis.orbit import Orbit, Orbits
+from diagnosis.orbit import Orbits
+from diagnosis.period import Orbit
 from diagnosis.problem import HUGE, Array, Experiment, Free
 from diagnosis.recording import FrequencyTable
 from engine.errors import FlexarmError, ParameterError, SimulationError, nearest
@@ -112,7 +113,9 @@ class Sines(Experiment):
         return self
 
     def squares(self, r: Array) -> Array:
-        """The squares, growing only in proportion beyond a few sigma: one misread row does not decide (Huber)."""
+        """The squares; of held-out rows they grow in proportion beyond a few sigma: a misread row does not decide."""
+        if self.role != "hold_out":
+            return super().squares(r)
         size = np.abs(r)
         return np.where(size < CREDIBLE, size**2, 2 * CREDIBLE * size - CREDIBLE**2)
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 SHARES = (0.5, 0.35)
 """Shares of the rows, those of the lowest frequencies, that are fitted: the largest one that can be met counts."""
 
-SUSPECTS, BESIDE, TRIED = 3, 12, 5
+SUSPECTS, BESIDE, TRIED = 2, 12, 3
 """So many parameters, each looked at with so many of the effects that do best alone, and fitted with so many."""
 
 

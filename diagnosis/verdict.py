@@ -328,7 +328,8 @@ def _warnings(study: Study) -> tuple[str, ...]:
         rows.append("the fit of the model's own parameters did not converge")
     if not study.chosen.fit.converged:
         rows.append("the fit of the chosen model did not converge")
-    beyond = [f.name for f, x in zip(problem.free, study.chosen.fit.x[: len(problem.free)], strict=False) if abs(x) > 3]
+    pairs = zip(study.chosen.fit.problem.free, study.chosen.fit.x, strict=True)
+    beyond = [f.name for f, x in pairs if f.prior and abs(x) > 3]
     if beyond:
         rows.append(f"fitted more than three tolerances away: {', '.join(beyond)}")
     return tuple(rows)

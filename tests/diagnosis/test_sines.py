@@ -310,7 +310,7 @@ def test_table_2_2_cannot_tell_coulomb_from_viscous_friction():
     for scores in (dry, wet):
         assert scores["fitted"] < 1.0
         assert scores["held out"] < 2.5
-    assert without["held out"] > 80
+    assert without["held out"] > 30
 
 
 @pytest.mark.slow
@@ -356,8 +356,8 @@ def test_neighbours_to_first_order_are_those_that_are_solved_for():
     assert np.quantile(np.abs(20 * np.log10(found / exact)), 0.9) < 1e-3
 
 
-def test_a_spring_at_rest_under_load_is_answered_in_closed_form(tmp_path):
-    """A ground spring that pulls at rest shifts the answer only; the amplitudes are those of the linear equations."""
+def test_a_spring_at_rest_under_load_shifts_the_answer_only(tmp_path):
+    """Where a ground spring pulls at rest the amplitudes are those of the linear equations."""
     body = STUCK.replace("coulomb_friction: 2.25e-4 N.m", "viscous_friction: 0 N.m.s/rad").replace(
         "connect:", "  ground: {type: GroundSpring, stiffness: 1e-4 N.m/rad, rest_angle: 0.3 rad}\nconnect:"
     )
