@@ -12,10 +12,10 @@ from diagnosis.api import diagnose, fit, gather
 from diagnosis.catalogue import candidates
 from diagnosis.files import write
 from diagnosis.prepare import problem
-from diagnosis.select import Workshop
 from diagnosis.sines import STEP, Sines, quantum, scatter
 from diagnosis.surroundings import surroundings
 from diagnosis.suspects import suspects
+from diagnosis.workshop import Workshop
 from engine.errors import FlexarmError
 from scenarios.load import load
 

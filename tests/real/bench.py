@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from diagnosis.api import gather
 from diagnosis.candidate import Candidate
 from diagnosis.catalogue import candidates
-from diagnosis.select import Trial, Workshop
 from diagnosis.surroundings import surroundings
+from diagnosis.trial import Trial
+from diagnosis.workshop import Workshop
 from scenarios.load import load
 
 
@@ -27,7 +28,7 @@ class Bench:
 
     def put_in(self, *effects: Candidate) -> Trial:
         """The model with effects in it, fitted from the refit."""
-        return self.shop.polish(self.shop.attempt(effects, self.refit.fit))
+        return self.shop.polish(self.shop.finish(self.shop.draft(effects, self.refit.fit)))
 
 
 def bench(name: str, *overrides: str) -> Bench:

@@ -10,7 +10,7 @@ from scipy.signal import butter, filtfilt
 
 from diagnosis.api import diagnose
 from diagnosis.compare import find_recording
-from diagnosis.select import Trial, gain_band
+from diagnosis.trial import Trial, gain_band
 from scenarios.load import load
 from tests.real.bench import Bench, bench
 

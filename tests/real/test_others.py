@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from diagnosis.api import diagnose
-from diagnosis.select import Trial
+from diagnosis.trial import Trial
 from tests.real.bench import Bench, bench
 
 
@@ -84,9 +84,10 @@ def test_the_pendulum_s_joint_is_damped_viscously(pendulum: Bench) -> None:
     assert damping == pytest.approx(2.24e-4, rel=0.25)
     assert nrmse(viscous, "train") > 99.5 > nrmse(dry, "train")
     assert nrmse(viscous, "hold_out") > 97 > nrmse(dry, "hold_out")
-    both = pendulum.shop.attempt(
+    begun = pendulum.shop.draft(
         (pendulum.find("viscous_friction", "arm.shaft"), pendulum.find("coulomb_friction", "arm.shaft")), viscous.fit
     )
+    both = pendulum.shop.finish(begun)
     weight = 0.1476 * 9.81 * 0.1476
     assert both.fit.parameters()["found_coulomb_friction.coulomb_friction"] < 1e-4 * weight
 
