@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-import tempfile
 import threading
 import warnings
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ import numpy as np
 
 from engine.errors import FlexarmError
 from flexarm.sweep_plan import Plan, Run
+from scenarios.files import block_files, unpacked
 
 if TYPE_CHECKING:
     from engine.model import Model
@@ -30,7 +30,6 @@ _BUILT = 16
 """Models that a worker keeps."""
 
 _building = threading.Lock()
-_folders: dict[str, tempfile.TemporaryDirectory[str]] = {}
 
 
 @dataclass(frozen=True)
@@ -161,7 +160,7 @@ def build(plan: Plan, structure: tuple[str, ...]) -> Built:
     """
     from scenarios.load import load
 
-    path = _main(plan) if plan.files else Path(plan.scenario)
+    path = unpacked(plan.files) if plan.files else Path(plan.scenario)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         scenario = load(path if path.is_file() else plan.scenario, [*plan.overrides, *structure])
@@ -195,25 +194,3 @@ def digest(scenario: Scenario) -> str:
     for path in block_files(scenario):
         made.update(path.read_bytes())
     return made.hexdigest()[:16]
-
-
-def block_files(scenario: Scenario) -> list[Path]:
-    """Files that blocks of a scenario name."""
-    found = []
-    for block in scenario.system.blocks.values():
-        for option in getattr(type(block), "files", ()):
-            if getattr(block, option):
-                found.append(Path(getattr(block, option)))
-    return found
-
-
-def _main(plan: Plan) -> Path:
-    """The scenario's file, written with those it reads to a folder that lasts as long as this process."""
-    if plan.hash not in _folders:
-        made = tempfile.TemporaryDirectory(prefix="flexarm-sweep-")
-        for name, content in plan.files:
-            target = Path(made.name) / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(content)
-        _folders[plan.hash] = made
-    return Path(_folders[plan.hash].name) / plan.files[0][0]

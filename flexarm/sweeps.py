@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from engine.spread import Spread
 from flexarm.sweep_plan import MOST_RUNS, Plan, make_axes
 from flexarm.sweep_store import SweepStore
 from flexarm.sweep_work import build, compute, digest
+from scenarios.files import packed
 from scenarios.load import Scenario, load
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def sweep(
         # A pool costs a second or two; a few short runs are done before it has started.
         count = 1 if len(missing) <= 1 else workers
         with Spread(count, scheduler) as workforce:
-            shipped = _with_files(plan, scenario) if scheduler else plan
+            shipped = replace(plan, files=packed(scenario)) if scheduler else plan
             answers = workforce.map(functools.partial(compute, shipped), missing)
             for span, found in zip(missing, answers, strict=True):
                 store.write(span, found)
@@ -192,16 +193,6 @@ def make_plan(
         raise ParameterError(f"{plan.total:.3g} runs are too many", remedy=f"at most {MOST_RUNS:.0e} are done")
     build(plan, ())
     return plan
-
-
-def _with_files(plan: Plan, scenario: Scenario) -> Plan:
-    """The plan with the scenario's files, for workers that do not share the disk."""
-    from dataclasses import replace
-
-    from flexarm.recipe import scenario_files
-
-    main, made = scenario_files(scenario)
-    return replace(plan, files=((main, made.pop(main)), *made.items()))
 
 
 __all__: list[Any] = ["Sweep", "make_plan", "sweep"]

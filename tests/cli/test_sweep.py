@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -217,7 +218,7 @@ def test_a_cluster_that_does_not_answer(spin: Path, command, monkeypatch: pytest
 def test_workers_elsewhere_are_sent_the_files(tmp_path: Path) -> None:
     """The scenario, a sub-assembly and a table, gone from this disk before the work begins."""
     from flexarm.sweep_work import compute
-    from flexarm.sweeps import _with_files
+    from scenarios.files import packed
 
     place = tmp_path / "place"
     (place / "parts").mkdir(parents=True)
@@ -232,7 +233,7 @@ def test_workers_elsewhere_are_sent_the_files(tmp_path: Path) -> None:
         "simulate: {stop: 1 s, step: 10 ms, record: [w.rim.shaft.speed]}\n"
     )
     scenario = load(place / "main.yaml")
-    plan = _with_files(make_plan(scenario, ["w.rim.inertia=0.5,1.5"]), scenario)
+    plan = replace(make_plan(scenario, ["w.rim.inertia=0.5,1.5"]), files=packed(scenario))
     shutil.rmtree(place)
     rows = compute(plan, (0, 2)).columns
     assert rows["failure"] == [None, None]
