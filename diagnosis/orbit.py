@@ -12,19 +12,16 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from diagnosis.frequency import SineModel, half_range, periodic, settling_time
-from diagnosis.period import Orbit, Pass, reduced, renewed
-from engine import interpret, native
-from engine.errors import CompilerUnavailable, SimulationError
+from diagnosis.frequency import SineModel, periodic, settling_time
+from diagnosis.period import Orbit, Pass, Runs, quiet_row, renewed, switches
+from engine.errors import SimulationError
 from engine.model import FRICTION, SWITCH, Model, Vector
-from engine.native import Job, Outcome
-from engine.simulate import explain, prepare, simulate
+from engine.simulate import simulate
 from engine.start import start_values
 from engine.step import fastest
 
@@ -42,11 +39,17 @@ MOST_STEPS = 600_000
 PATIENCE = 100_000
 """Steps of one wait for an answer to settle by itself."""
 
-CLOSE = 3e-5
+CLOSE = 1e-5
 """Distance from the periodic state, as a share of what each state spans, at which it counts as reached."""
 
 SLOW = 6.0
 """Time constants of the slowest mode after which a start is forgotten: longer periods need no solving."""
+
+AWAY = 0.01
+"""Share of a period by which extremes may lie elsewhere in a neighbour's run; else it is not near and is run again."""
+
+FORGOTTEN = 0.05
+"""Distance of a start from the periodic state, in the same measure, of which ``SLOW`` leaves nothing to be seen."""
 
 TURNS = 24
 """Newton steps before the answer is left to settle by itself, over at most so many periods."""
@@ -72,7 +75,7 @@ class Orbits:
 
     def __init__(self, plain: Model, driven: SineModel, largest_step: float | None = None) -> None:
         self.plain, self.driven, self.largest_step = plain, driven, largest_step
-        self.model = driven.model
+        self.model, self.runs = driven.model, Runs(driven.model)
         self.sharp = self.model.count(SWITCH) > 0
 
     def solve(
@@ -119,7 +122,7 @@ class Orbits:
         frequency: Vector,
         amplitude: Vector,
     ) -> Array:
-        """Amplitudes at neighbouring parameters, to first order: one run over a period each, none solved for.
+        """Amplitudes at neighbouring parameters, to first order: a run or two over a period each, none solved for.
 
         Args:
             parameters: for each neighbour, values that replace the model's (SI).
@@ -156,39 +159,52 @@ class Orbits:
         return found
 
     def _neighbours(self, vectors: Sequence[Vector], base: Orbit, frequency: float, amplitude: float) -> Array:
-        run, x = base.run, base.x
+        run = base.run
         assert run is not None
-        assert x is not None
         driven = [self._at(p, frequency, amplitude) for p in vectors]
         if run.lead:
-            return np.array([self._forgetful(p, x, run) for p in driven])
-        Q, h = self._kept, 1e-4
-        back, spread = np.linalg.pinv(Q), base.span
+            assert base.x is not None
+            return np.array([self._forgetful(p, base.x, run) for p in driven])
+
+        def passed(p: Vector, x: Vector) -> tuple[Vector, Vector, Array, Array]:
+            """Amplitudes and state at the end; at which rows the extremes lie, and which switches there were."""
+            job = self.runs.job(p, x, run.step, run.rows, run.begin)
+            found = self.runs.run(job)
+            high, low, places = self.runs.extremes(job, found)
+            return (high - low) / 2, Q @ found.x1 / spread, places, found.log[:, 1:]
+
+        Q, h, spread = self.runs.kept, 1e-4, base.span
+        back = np.linalg.pinv(Q)
+        first, end, places, order = passed(run.p, run.x)
         gaps, pull = [], []
         for k in range(len(Q)):
-            found = self._run(self._job(run.p, x + h * spread[k] * back[:, k], run.step, run.rows))
-            gaps.append(Q @ (found.x1 - run.x1) / spread / h)
-            pull.append((half_range(found.y) - base.amplitudes) / h)
+            amplitudes, there, *_ = passed(run.p, run.x + h * spread[k] * back[:, k])
+            gaps.append((there - end) / h)
+            pull.append((amplitudes - first) / h)
         inverse = np.linalg.pinv(np.eye(len(Q)) - np.column_stack(gaps), rcond=1e-9) if len(Q) else np.zeros((0, 0))
         rows = []
         for p in driven:
-            found = self._run(self._job(p, x, run.step, run.rows))
-            move = inverse @ (Q @ (found.x1 - run.x1) / spread)
-            rows.append(half_range(found.y) + (np.array(pull).T @ move if len(Q) else 0.0))
+            amplitudes, there, tops, switched = passed(p, run.x)
+            move = inverse @ (there - end)
+            change = amplitudes - first + (np.array(pull).T @ move if len(Q) else 0.0)
+            if not np.array_equal(switched, order) or np.abs(tops - places).max(initial=0) > AWAY * run.rows:
+                change = passed(p, run.x + back @ (spread * move))[0] - first
+            rows.append(base.amplitudes + change)
         return np.array(rows)
 
     def _forgetful(self, p: Vector, x: Vector, run: Pass) -> Vector:
         """Amplitudes where the start is soon forgotten: only the ends of the range are run, from shortly before."""
         width = 16
         if 2 * len(run.windows) * (run.lead + 2 * width) >= run.rows + run.lead:
-            return half_range(self._run(self._job(p, x, run.step, run.rows + run.lead)).y[run.lead :])
+            job = self.runs.job(p, x, run.step, run.rows + run.lead)
+            return self.runs.half_range(job, self.runs.run(job), run.lead)
         rows = []
         for k, ends in enumerate(run.windows):
             values = []
-            for (row, state), top in zip(ends, (True, False), strict=True):
-                job = self._job(p, state, run.step, run.lead + width)
-                y = self._run(replace(job, t0=(row - run.lead) * run.step)).y[run.lead - width :, k]
-                values.append(float(y.max() if top else y.min()))
+            for (row, state), side in zip(ends, (0, 1), strict=True):
+                job = self.runs.job(p, state, run.step, run.lead + width, row - run.lead)
+                found = self.runs.run(job)
+                values.append(self.runs.extremes(job, found, max(run.lead - width, 0), repeats=False)[side][k])
             rows.append((values[0] - values[1]) / 2)
         return np.array(rows)
 
@@ -256,40 +272,6 @@ class Orbits:
         found = np.array(guards(0, states, inputs, memory, m, p).full())
         return np.asarray(found.reshape(len(found), len(x), PHASES).max(axis=(0, 2)) > 0)
 
-    @functools.cached_property
-    def _kept(self) -> Array:
-        """The combinations of states on which anything depends, one a row: a twist, but not how far both ends went."""
-        e = self.model.equations
-        n = len(self.model.states)
-        slope = ca.Function("slope", e.arguments, [ca.jacobian(ca.vertcat(e.derivative, e.guards, e.outputs), e.x)])
-        random, rows = np.random.default_rng(1), []
-        for _ in range(6):
-            x, m = random.normal(0, 1, n), random.choice([-1.0, 0.0, 1.0], len(self.model.modes))
-            J = slope(0.1, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), m, self.model.parameter_values).full()
-            size = np.linalg.norm(J, axis=1)
-            rows.append(J[size > 0] / size[size > 0, None])
-        _, values, right = np.linalg.svd(np.vstack([*rows, np.zeros((n, n))]))
-        return reduced(right[: len(values)][values > 1e-9 * max(values.max(initial=0.0), 1e-300)])
-
-    def _job(self, p: Vector, x: Vector | None, step: float, rows: int) -> Job:
-        job = replace(self._pattern, p=p, resolution=step, hmax=step, outputs=rows)
-        return replace(job, x0=start_values(self.model, p) if x is None else x)
-
-    @functools.cached_property
-    def _pattern(self) -> Job:
-        return replace(prepare(self.model, 1.0, 1.0, internal_step=1.0), record_states=True, output_ticks=1)
-
-    def _run(self, job: Job) -> Outcome:
-        try:
-            found = native.run(self.model, job)
-        except CompilerUnavailable:
-            found = interpret.run(self.model, job)
-        if found.status:
-            raise SimulationError(explain(self.model, found))
-        if not np.isfinite(found.y).all():
-            raise SimulationError("the simulation diverged")
-        return found
-
     def _simulated(
         self, p: Vector, rate: float, settle: float, frequency: float, amplitude: float, near: Orbit | None
     ) -> Orbit:
@@ -311,16 +293,20 @@ class Orbits:
 
     def _slow(self, p: Vector, x: Vector | None, step: float, rows: int, lead: int) -> Orbit:
         """A period longer than anything the model remembers: run it, and read it after the start is forgotten."""
+        Q = self.runs.kept
         for _ in range(6):
-            found = self._run(self._job(p, x, step, rows + lead))
+            job = self.runs.job(p, x, step, rows + lead)
+            found = self.runs.run(job)
             assert found.states is not None
             x = found.states[rows]
-            first, last = half_range(found.y[: rows + 1]), half_range(found.y[lead:])
+            away = float((np.abs(Q @ (x - found.states[0])) / self.runs.spans(found)).max(initial=0.0))
+            first = self.runs.half_range(job, found, 0, rows)
+            high, low, ends = self.runs.extremes(job, found, lead)
+            last = (high - low) / 2
             made = Orbit(last, found.y[lead + 1 :].std(axis=0), x)
-            ends = [(lead + int(np.argmax(y)), lead + int(np.argmin(y))) for y in found.y[lead:].T]
-            places = tuple(((a, found.states[a - lead]), (b, found.states[b - lead])) for a, b in ends)
-            made.run = Pass(p, step, rows, lead, found.x1, places)
-            if np.all(np.abs(last - first) <= 0.02 * last):
+            places = tuple(((lead + a, found.states[a]), (lead + b, found.states[b])) for a, b in ends.T.tolist())
+            made.run = Pass(p, step, rows, 0, x, lead, places)
+            if away < FORGOTTEN and np.all(np.abs(last - first) <= 0.02 * last):
                 return made
         made.settled = False
         return made
@@ -328,15 +314,16 @@ class Orbits:
     def _newton(self, p: Vector, x: Vector | None, step: float, rows: int, settle: float, near: Orbit | None) -> Orbit:
         inverse, span = (near.inverse, near.span) if near is not None and x is not None else (None, None)
         if x is None:
-            x = self._run(self._job(p, None, step, rows)).x1
-        Q, last = self._kept, math.inf
+            x = self.runs.run(self.runs.job(p, None, step, rows)).x1
+        Q, last = self.runs.kept, math.inf
         back = np.linalg.pinv(Q)
         previous: tuple[Vector, Vector] | None = None
         for _ in range(TURNS):
-            found = self._run(self._job(p, x, step, rows))
+            job = self.runs.job(p, x, step, rows)
+            found = self.runs.run(job)
             if inverse is None or span is None:
-                span = self._spans(found)
-                inverse = self._inverse(p, x, step, rows, found.x1, span)
+                span = self.runs.spans(found)
+                inverse = self.runs.inverse(p, x, step, rows, found.x1, span)
                 previous = None
             gap = Q @ (found.x1 - x) / span
             if previous is not None:
@@ -344,8 +331,10 @@ class Orbits:
             move = inverse @ gap
             size = float(np.abs(move).max(initial=0.0))
             if size < CLOSE:
-                run = Pass(p, step, rows, 0, found.x1)
-                return Orbit(half_range(found.y), found.y[1:].std(axis=0), x, inverse, span, run=run)
+                assert found.states is not None
+                begin = quiet_row(found.y, switches(job, found))
+                run = Pass(p, step, rows, begin, found.states[begin])
+                return Orbit(self.runs.half_range(job, found), found.y[1:].std(axis=0), x, inverse, span, run=run)
             if size > 4 * last:
                 break
             if size > 1.0:
@@ -359,27 +348,12 @@ class Orbits:
         cycles = max(2, min(math.ceil(settle / (step * rows)), PATIENCE // rows))
         before: Vector | None = None
         for _ in range(4):
-            found = self._run(self._job(p, x, step, cycles * rows))
+            job = self.runs.job(p, x, step, cycles * rows)
+            found = self.runs.run(job)
             x = found.x1
-            y = found.y[-rows - 1 :]
-            made = Orbit(half_range(y), y[1:].std(axis=0), x)
+            made = Orbit(self.runs.half_range(job, found, (cycles - 1) * rows), found.y[-rows:].std(axis=0), x)
             if before is not None and np.all(np.abs(made.amplitudes - before) <= 2e-4 * made.amplitudes):
                 return made
             before = made.amplitudes
         made.settled = False
         return made
-
-    def _spans(self, found: Outcome) -> Vector:
-        assert found.states is not None
-        span = np.ptp(found.states @ self._kept.T, axis=0)
-        return np.where(span > 0, span, max(float(span.max(initial=0.0)), 1e-12) * 1e-3)
-
-    def _inverse(self, p: Vector, x: Vector, step: float, rows: int, x1: Vector, span: Vector) -> Array:
-        """Inverse of I - dP/dx along the states that matter, by differences."""
-        Q, h = self._kept, 1e-4
-        back, columns = np.linalg.pinv(Q), []
-        for k in range(len(Q)):
-            there = self._run(self._job(p, x + h * span[k] * back[:, k], step, rows)).x1
-            columns.append(Q @ (there - x1) / span / h)
-        matrix = np.eye(len(Q)) - np.column_stack(columns) if columns else np.zeros((0, 0))
-        return np.linalg.pinv(matrix, rcond=1e-9)

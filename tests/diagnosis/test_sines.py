@@ -339,23 +339,6 @@ def test_table_2_2_shows_nothing_if_the_data_sheet_is_free_to_move():
     assert diagnose("srv02-bare", overrides=["friction.coulomb_friction=0"]).verdict == "none"
 
 
-def test_neighbours_to_first_order_are_those_that_are_solved_for():
-    """One run over a period each, against the periodic answer of every neighbour; contacts and friction act.
-
-    Where contacts graze near the resonance neither is smooth: that row may differ.
-    """
-    s = load("srv02-2mass-b3", ["contact.law=push_only", "contact.half_gap=0.02", "friction.coulomb_friction=1e-4"])
-    made = problem(s, gather(s, (), ()))
-    e = made.chosen("train")[0]
-    base = e.answers.solve({}, e.frequency, e.amplitude, {})
-    values = [{f.name: f.value(STEP)} for f in made.free if f.name in ("load.inertia", "contact.stiffness")]
-    found = e.answers.near(values, base, e.frequency, e.amplitude)
-    solved = [e.answers.solve(v, e.frequency, e.amplitude, dict(enumerate(base))) for v in values]
-    exact = np.array([[o.amplitudes for o in row] for row in solved])
-    assert np.abs(20 * np.log10(exact / [o.amplitudes for o in base])).max() > 0.03
-    assert np.quantile(np.abs(20 * np.log10(found / exact)), 0.9) < 1e-3
-
-
 def test_a_spring_at_rest_under_load_shifts_the_answer_only(tmp_path):
     """Where a ground spring pulls at rest the amplitudes are those of the linear equations."""
     body = STUCK.replace("coulomb_friction: 2.25e-4 N.m", "viscous_friction: 0 N.m.s/rad").replace(
