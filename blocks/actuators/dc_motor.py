@@ -18,14 +18,14 @@ class DCMotor(Block):
     B = viscous_friction. A positive current accelerates the shaft in the positive sense; a positive torque at the shaft
     accelerates the rotor.
 
-    With L = 0 the current is i = (V - km w) / R at once and is not a state; L therefore fixes the equations' shape.
+    With L = 0 the current is i = (V - km w) / R at once and is not a state; such an L cannot be tuned later.
     In SI units kt = km by energy conservation; where a data sheet differs, or eta < 1, the difference
     (km - eta kt) i w counts as lost. A constant eta gains that power when the motor brakes, a weakness of the law.
     Papers 000 (below (11)) and 002 (2.1)-(2.10).
     """
 
     resistance = parameter("ohm", ..., "winding resistance R", gt=0, tolerance=0.15)
-    inductance = parameter("H", 0.0, "winding inductance L; 0 eliminates the current", ge=0, structural=True)
+    inductance = parameter("H", 0.0, "winding inductance L; 0 eliminates the current", ge=0)
     torque_constant = parameter("N.m/A", ..., "torque per current kt", gt=0, tolerance=0.15)
     back_emf_constant = parameter(
         "V.s/rad",
@@ -45,7 +45,7 @@ class DCMotor(Block):
 
     def stamp(self, net: Net) -> None:
         speed, resistance, km = self.shaft.speed, self.resistance, self.back_emf_constant
-        if self.inductance == 0:
+        if self.values["inductance"] == 0:
             current = (self.voltage - km * speed) / resistance
         else:
             current = net.state("winding.current", "A", doc="current in the winding")
