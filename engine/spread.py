@@ -117,6 +117,23 @@ class Spread:
                 ) from error
             raise
 
+    def call(self, function: Callable[[Task], Answer], task: Task) -> Answer:
+        """``function(task)``, done by a worker; threads of this process may call it at the same time.
+
+        Raises:
+            FlexarmError: a worker died. What the function raises is raised here.
+        """
+        if self._pool is None and self._client is None:
+            return function(task)
+        return self._result(self._submit(function, task))
+
+    def shared(self, value: Task) -> Task:
+        """What many tasks have in common, sent to each worker of a cluster once; to be put into a task as it is."""
+        if self._client is None:
+            return value
+        shipped: Task = self._client.scatter(value, broadcast=True, hash=False)
+        return shipped
+
     def kept(
         self, function: Callable[[Task], Any], tasks: Iterable[tuple[str, Task]], store: Store
     ) -> Iterator[tuple[str, Any]]:

@@ -1,0 +1,57 @@
+"""A diagnosis whose fits are done by a cluster: the same verdict, and errors that say what is wrong."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from diagnosis.api import diagnose, gather
+from diagnosis.remote import Order, Task, perform
+from diagnosis.workshop import Workshop
+from engine.errors import FlexarmError
+from scenarios.files import packed
+from scenarios.load import load
+from tests.diagnosis.plants import case
+from tests.diagnosis.test_resume import LEFT_OUT
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return case(tmp_path_factory.mktemp("bench"), coulomb=4.0e-4, seed=3)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """The address of a dask cluster of two processes on this machine."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as made:
+        yield made.scheduler_address
+
+
+@pytest.mark.slow
+def test_a_cluster_comes_to_the_same_verdict(path, cluster, tmp_path):
+    """Number for number; and what it keeps is taken up by a study on this machine."""
+    alone = json.dumps(diagnose(path, workers=1, without=LEFT_OUT).numbers())
+    told = []
+    found = diagnose(
+        path, scheduler=cluster, without=LEFT_OUT, keep=tmp_path / "kept", progress=lambda *now: told.append(now)
+    )
+    assert json.dumps(found.numbers()) == alone
+    assert {what for what, _, _ in told} >= {"trying effects", "fitting the promising ones"}
+    assert json.dumps(diagnose(path, workers=1, without=LEFT_OUT, keep=tmp_path / "kept").numbers()) == alone
+
+
+def test_an_address_where_nobody_answers(path, monkeypatch):
+    monkeypatch.setattr("engine.spread.CONNECT", "0.5s")
+    with pytest.raises(FlexarmError, match="no dask scheduler answers"):
+        diagnose(path, scheduler="tcp://127.0.0.1:9")
+
+
+def test_a_worker_that_builds_another_model_says_so(path):
+    scenario = load(path)
+    shop = Workshop(scenario, gather(scenario, [], []))
+    order = Order(packed(scenario), tuple(scenario.overrides), shop.recordings, 0, shop.digest)
+    with pytest.raises(FlexarmError, match="another model"):
+        perform((replace(order, digest="0" * 64), Task((), {})))
