@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from diagnosis.problem import Array, Experiment, Problem
+from diagnosis.problem import Array, Experiment, Free, Problem, prior
+from diagnosis.uncertainty import Flat, uncertainty
 from engine.errors import SimulationError
 
 Progress = Callable[[str], None]
 SETTLED = 1e-4
 """Where no step gains anything, a fit has converged if less than this share of the cost was promised."""
 
-ROBUST_BLOCK = 0.25
-"""Length (s) of the blocks within which residuals are taken to be correlated."""
-
 
 @dataclass(frozen=True)
 class Interval:
-    """A fitted parameter with its 95 % interval."""
+    """A fitted parameter with its 95 % interval, whose ends are infinite where the recordings set no bound."""
 
     name: str
     value: float
@@ -31,6 +29,19 @@ class Interval:
     high: float
     unit: str
     start: float
+
+    def numbers(self) -> dict[str, Any]:
+        """As it stands in JSON: an end without bound is None."""
+        low, high = (end if math.isfinite(end) else None for end in (self.low, self.high))
+        return {"value": self.value, "low": low, "high": high, "unit": self.unit}
+
+
+def span(row: Mapping[str, Any], digits: int = 4) -> str:
+    """An interval as `Interval.numbers` gives it, in words: ``1 to 2``, or ``at least 1``."""
+    low, high = ("" if row[key] is None else f"{row[key]:.{digits}g}" for key in ("low", "high"))
+    if low and high:
+        return f"{low} to {high}"
+    return f"at least {low}" if low else f"at most {high}" if high else "without bound"
 
 
 @dataclass(frozen=True)
@@ -43,8 +54,9 @@ class Fit:
         cost: sum of squared residuals over the training recordings, plus the prior.
         chi2: mean squared residual over the training recordings; 1 is the noise floor.
         converged: whether the last step was small.
-        covariance: of the search vector, robust against correlated residuals.
+        covariance: of the search vector; see `diagnosis.uncertainty`.
         weak: combinations of parameters that the data do not tell apart, in words.
+        flat: parameters that the data only bound.
     """
 
     problem: Problem
@@ -54,27 +66,22 @@ class Fit:
     converged: bool
     covariance: Array
     weak: tuple[str, ...] = ()
+    flat: Flat = ()
 
     def parameters(self) -> dict[str, float]:
         """Fitted values, SI units."""
         return self.problem.values(self.x)[0]
 
     def intervals(self) -> list[Interval]:
-        """95 % intervals, robust against correlated residuals."""
+        """95 % intervals of all free parameters."""
         units = {p.name: p.unit for p in self.problem.model.parameters}
+        bounded = {i: ends for i, *ends in self.flat}
         rows = []
         for i, f in enumerate(self.problem.free):
             half = 1.96 * math.sqrt(max(self.covariance[i, i], 0.0))
-            rows.append(
-                Interval(
-                    f.name,
-                    f.value(self.x[i]),
-                    f.value(self.x[i] - half),
-                    f.value(self.x[i] + half),
-                    units.get(f.name, ""),
-                    f.start,
-                )
-            )
+            ends = bounded.get(i, [self.x[i] - half, self.x[i] + half])
+            low, high = sorted(_reached(f, end) for end in ends)
+            rows.append(Interval(f.name, f.value(self.x[i]), low, high, units.get(f.name, ""), f.start))
         return rows
 
     def score(self, experiments: Sequence[Experiment]) -> float:
@@ -86,10 +93,13 @@ class Fit:
         return total / max(count, 1)
 
 
-def prior(problem: Problem, x: Array) -> tuple[Array, Array]:
-    """Residual and Jacobian of the prior."""
-    weights = np.array([1.0 if f.prior else 0.0 for f in problem.free])
-    return weights * x, np.diag(weights)
+def _reached(f: Free, end: float) -> float:
+    """The parameter at the end of its interval, infinite where there is none; one that keeps its sign stops at zero."""
+    if math.isfinite(end):
+        return f.value(end)
+    if f.logarithmic:
+        return math.copysign(math.inf, f.start) if end * f.scale > 0 else 0.0
+    return math.copysign(math.inf, end)
 
 
 def _linearised(
@@ -231,49 +241,19 @@ def fit(
                 best = (cost, x, converged)
         assert best is not None
         cost, x, converged = best
-        covariance, weak = _uncertainty(problem, x, training)
     count = sum(int(np.isfinite(e.measured).sum()) for e in training)
     chi2 = (cost - float(np.sum(prior(problem, x)[0] ** 2))) / max(count, 1)
-    return Fit(problem, x, cost, chi2, converged, covariance, weak)
+    made = Fit(problem, x, cost, chi2, converged, np.zeros((n, n)))
+    held = problem.chosen("hold_out")
+    return known(made, (made.score(held) if held else chi2) - 1)
 
 
-def uncertainty(made: Fit) -> dict[str, Any]:
-    """Covariance and weak combinations of a fit, as the fields of `Fit`."""
-    covariance, weak = _uncertainty(made.problem, made.x, made.problem.chosen("train", "repeat"))
-    return {"covariance": covariance, "weak": weak}
+def known(made: Fit, left: float) -> Fit:
+    """A fit with how well it knows its parameters.
 
-
-def _uncertainty(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> tuple[Array, tuple[str, ...]]:
-    """Sandwich covariance with residuals summed over blocks, and the directions that the data do not settle."""
-    J0 = prior(problem, x)[1]
-    H, meat = J0.T @ J0, J0.T @ J0
-    data = np.zeros_like(H)
-    for e in experiments:
-        try:
-            r, J = problem.linearised(x, e)
-        except SimulationError:
-            continue
-        signals = e.measured.shape[1]
-        data += J.T @ J
-        length = max(1, round(ROBUST_BLOCK / (e.step * e.every))) * signals
-        for begin in range(0, len(r), length):
-            g = J[begin : begin + length].T @ r[begin : begin + length]
-            meat = meat + np.outer(g, g)
-    inverse = np.linalg.pinv(H + data)
-    robust = inverse @ meat @ inverse
-    diagonal = np.maximum(np.diag(robust), np.diag(inverse))
-    return robust - np.diag(np.diag(robust)) + np.diag(diagonal), _weak(problem, data)
-
-
-def _weak(problem: Problem, data: Array) -> tuple[str, ...]:
-    """Combinations along which the data say less than the tolerances do."""
-    if not len(data):
-        return ()
-    values, vectors = np.linalg.eigh(data)
-    rows = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value < 1.0:
-            order = np.argsort(-np.abs(vector))
-            parts = [f"{problem.free[i].name} ({vector[i]:+.2f})" for i in order if abs(vector[i]) > 0.3]
-            rows.append(" with ".join(parts) or problem.free[int(order[0])].name)
-    return tuple(rows)
+    Args:
+        made: where it ended.
+        left: mean squared error on data that were not fitted, beyond the noise, in units of the noise.
+    """
+    covariance, weak, flat = uncertainty(made.problem, made.x, left)
+    return replace(made, covariance=covariance, weak=weak, flat=flat)

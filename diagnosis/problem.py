@@ -246,3 +246,9 @@ class Problem:
             SimulationError: the run diverged.
         """
         return experiment.linearised(self.model, self.free, x, self.values(x, experiment)[1], self.internal_step)
+
+
+def prior(problem: Problem, x: Array) -> tuple[Array, Array]:
+    """Residual and Jacobian of the prior."""
+    weights = np.array([1.0 if f.prior else 0.0 for f in problem.free])
+    return weights * x, np.diag(weights)

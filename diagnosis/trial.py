@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.candidate import Candidate
-from diagnosis.fit import Fit, prior
-from diagnosis.problem import Array
+from diagnosis.fit import Fit
+from diagnosis.problem import Array, prior
 from diagnosis.starts import settled
 
 BLOCK = 0.2
