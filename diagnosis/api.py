@@ -13,10 +13,12 @@ from diagnosis.fit import Fit
 from diagnosis.fit import fit as fit_problem
 from diagnosis.prepare import problem
 from diagnosis.recording import Recorded
+from diagnosis.remote import RemoteWorkshop
 from diagnosis.select import Progress, study
 from diagnosis.verdict import Diagnosis, judge
+from diagnosis.workshop import Workshop
 from engine.errors import FlexarmError
-from engine.spread import JsonStore, cores
+from engine.spread import JsonStore, Spread, cores
 from scenarios.load import Scenario, load
 
 BLAS_THREADS = 1
@@ -88,6 +90,7 @@ def diagnose(
     without: Sequence[str] = (),
     progress: Progress | None = None,
     keep: Path | None = None,
+    scheduler: str | None = None,
 ) -> Diagnosis:
     """Say what a model leaves out of what was recorded; see `diagnosis.verdict.Diagnosis`.
 
@@ -101,15 +104,17 @@ def diagnose(
         without: effects of the catalogue that are not to be tried.
         progress: told what is done.
         keep: folder where every fit is kept, so that a call that was interrupted goes on where it was.
+        scheduler: address of a dask scheduler whose workers do the fits.
 
     Raises:
-        FlexarmError: scenario or recordings that do not fit.
+        FlexarmError: scenario or recordings that do not fit, or no cluster at that address.
     """
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
     recorded = gather(scenario, recordings, hold_out)
     store = JsonStore(keep) if keep is not None else None
-    with threadpool_limits(BLAS_THREADS):
-        made = study(
-            scenario, recorded, workers=workers or cores(), seed=seed, without=without, progress=progress, store=store
-        )
-        return judge(made, seed)
+    with threadpool_limits(BLAS_THREADS), Spread(workers, scheduler, threads=True) as spread:
+        if scheduler:
+            shop: Workshop = RemoteWorkshop(scenario, recorded, spread, seed, store)
+        else:
+            shop = Workshop(scenario, recorded, spread.workers, seed, store)
+        return judge(study(shop, without=without, progress=progress), seed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -24,12 +25,16 @@ class Knob:
         reference: a size that matters (SI).
         signed: whether it may change its sign; else it keeps that of its start and moves on a logarithmic scale.
         fixed: whether it is only chosen among its starting sizes: the model has no derivative with respect to it.
+        unit: of one that is only chosen.
+        most: multiple of its start, and of ``reference``, that it cannot exceed: beyond it is another effect.
     """
 
     parameter: str
     reference: float
     signed: bool = False
     fixed: bool = False
+    unit: str = "1"
+    most: float = 1e6
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,7 @@ class Candidate:
         loosened: for ``wrong_parameter``, the parameter that may leave its tolerance.
         finer: for sizes that are only chosen, further ones at a distance from the best, halved from time to time.
         bold: starts that are fitted however bad they look: the model's own parameters have to make room for them.
+        held: further parameters of the block, which are given and not fitted.
     """
 
     effect: str
@@ -59,6 +65,7 @@ class Candidate:
     loosened: Free | None = None
     finer: Callable[[Sizes, float], Sequence[Sizes]] | None = None
     bold: tuple[Sizes, ...] = ()
+    held: tuple[str, ...] = ()
 
     @property
     def key(self) -> str:
@@ -83,7 +90,8 @@ class Candidate:
             if knob.signed:
                 rows.append(Free(name, value, max(0.2 * abs(value), 0.02 * knob.reference), False, prior=False))
             else:
-                low, high = sorted((0.0, 1e6 * value))
+                largest = 1e6 * value if knob.most == 1e6 else math.copysign(knob.most * knob.reference, value)
+                low, high = sorted((0.0, largest))
                 rows.append(Free(name, value, 0.3, True, low, high, prior=False))
         return rows
 

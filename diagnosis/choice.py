@@ -9,7 +9,7 @@ import numpy as np
 
 from diagnosis.recording import Recorded, Recording
 from diagnosis.sines import Sines
-from diagnosis.trial import Trial, by_chance, gain_band, strained
+from diagnosis.trial import STRAIN, Trial, by_chance, gain_band, strained
 
 DECISIVE = 10.0
 """Difference in cost, twice the log likelihood ratio, beyond which one change is preferred to another."""
@@ -23,14 +23,19 @@ RICHER = 0.02
 LEAST = 0.25
 """Excess over the floor, as a share of it, that is worth explaining."""
 
+FAR = 1.5
+"""The same where the fitted data are at the floor."""
+
 FITTED = 0.1
 """The same for the data that are fitted, which more samples and free parameters bring closer to the floor."""
 
-REACHED, LEFT_OVER = 0.5, 0.03
-"""Where the noise is known, a right law brings the held-out error so close to it, or leaves so small a share."""
+REACHED, LEFT_OVER, AT_MOST = 0.5, 0.015, 2.0
+"""Where the noise is known, a right law brings the held-out error so close to it, or leaves so small a share, which
+is at most so many floors."""
 
-UNCERTAIN = 0.25
-"""Where the fitted data are at the floor, this share of the mismatch may be what the parameters are uncertain by."""
+UNCERTAIN, AT_MOST_THEN = 0.25, 5.0
+"""Where the fitted data are at the floor, this share of the mismatch may be what the parameters are uncertain by, and
+at most so many floors."""
 
 EXPLAINS = 0.6
 """A name must account for at least this share of the held-out excess over the floor."""
@@ -38,9 +43,16 @@ EXPLAINS = 0.6
 PAYS, PAYS_AGAIN = 0.3, 0.5
 """Share of the held-out excess that a first and a second effect must take away."""
 
+RELIEVES = 0.6
+"""A single change relieves the strain on the tolerances if it leaves at most this share of it."""
+
 NESTED = {
     "coulomb_friction": ("stribeck_friction", "direction_dependent_friction"),
     "joint_flexibility": ("hardening_spring", "backlash", "hysteresis"),
+    # A further body that is heavy, stiffly held or both is no further body.
+    "viscous_friction": ("extra_mode",),
+    "stray_spring": ("extra_mode",),
+    "payload": ("extra_mode",),
     "lag": (),
 }
 """Effect: those that contain it, so that equal merit speaks for it."""
@@ -69,10 +81,12 @@ def floor(trial: Trial) -> float:
 def unexplained(trial: Trial, ground: float) -> bool:
     """Whether more than noise is left over, of the held-out data and of those that were fitted.
 
-    Where the fitted data are at the floor, what is left of the others is what the parameters are uncertain by.
+    Where the fitted data are at the floor, what is left of the others is what the parameters are uncertain by, unless
+    it is much.
     """
+    left = trial.hold_out - ground
     fitted = trial.fit.chi2 - ground > FITTED * ground
-    return fitted and trial.hold_out - ground > max(LEAST * ground, by_chance(trial))
+    return (fitted or left > FAR * ground) and left > max(LEAST * ground, by_chance(trial))
 
 
 def pays(better: Trial, worse: Trial) -> bool:
@@ -87,8 +101,9 @@ def reached(refit: Trial, chosen: Trial) -> bool:
     """Whether the amended model leaves little more than noise, of the held-out data or at least of the fitted ones."""
     ground = floor(chosen)
     left, before = chosen.hold_out - ground, refit.hold_out - ground
-    fitted = chosen.fit.chi2 - ground < FITTED * ground and left < UNCERTAIN * before
-    return fitted or left < max(REACHED * ground, LEFT_OVER * before)
+    uncertain = min(UNCERTAIN * before, AT_MOST_THEN * ground)
+    fitted = chosen.fit.chi2 - ground < FITTED * ground and left < uncertain
+    return fitted or left < max(REACHED * ground, min(LEFT_OVER * before, AT_MOST * ground))
 
 
 def explained(refit: Trial, chosen: Trial) -> float:
@@ -123,14 +138,26 @@ def price(trial: Trial) -> float:
     return trial.strain + trial.size * math.log(max(trial.samples, 2))
 
 
-def near(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
-    """The trials that do as well as the best one on held-out data, as far as the data can tell."""
+def near(best: Trial, trials: Sequence[Trial], before: Trial) -> list[Trial]:
+    """The trials that do as well as the best one on held-out data, as far as the data can tell.
+
+    One that misses the fitted recordings by far is none: what is missing may hardly show in those held out.
+
+    Args:
+        best: one of them, or the one that was chosen.
+        trials: models.
+        before: the model without what they add.
+    """
     rows = []
     for t in trials:
         apart = (t.merit - best.merit) * best.samples / max(best.hold_out, 1.0)
         if t.merit - best.merit < NEAR * best.merit or gain_band(best, t)[0] <= 0 or apart < DECISIVE:
             rows.append(t)
-    return rows
+    if _of_tables(best):
+        return rows
+    least = min([best.fit.chi2, *(t.fit.chi2 for t in rows)])
+    slack = max(LEAST * max(least, 1.0), LEFT_OVER * (before.fit.chi2 - least))
+    return [t for t in rows if t.fit.chi2 - least < slack]
 
 
 def choose(parent: Trial, trials: Sequence[Trial]) -> Trial:
@@ -144,7 +171,7 @@ def choose(parent: Trial, trials: Sequence[Trial]) -> Trial:
         return parent
     if not parent.effects and not unexplained(parent, floor(trials[0])):
         return _freed(parent, trials) if strained(parent) else parent
-    best = min(near(trials[0], trials), key=lambda t: (price(t), t.merit))
+    best = min(near(trials[0], trials, parent), key=lambda t: (price(t), t.merit))
     return best if pays(best, parent) else parent
 
 
@@ -165,9 +192,15 @@ def relieved(chosen: Trial, pairs: Sequence[Trial]) -> Trial:
 
 def _freed(refit: Trial, trials: Sequence[Trial]) -> Trial:
     """The single change that lets all other parameters stay within their tolerances, if one does."""
-    able = [t for t in trials if t.size == 1 and t.hold_out < 1.1 * refit.hold_out]
+    able = _relieving(refit, refit, trials)
     best = min(able, key=lambda t: (t.fit.cost, t.effects[0].effect != "wrong_parameter"), default=refit)
-    return best if refit.fit.cost - best.fit.cost > DECISIVE else refit
+    return best if refit.fit.cost - best.fit.cost > STRAIN**2 else refit
+
+
+def _relieving(refit: Trial, chosen: Trial, trials: Sequence[Trial]) -> list[Trial]:
+    """Single changes that take most of the strain away; what only follows the noise closer does not."""
+    able = [t for t in trials if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
+    return [t for t in able if t.strain < RELIEVES * refit.strain]
 
 
 def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial, ...]:
@@ -178,9 +211,9 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
     others = [t for t in trials if len(t.effects) == len(chosen.effects) and not _same(t, chosen)]
     others += [t for t in trials if len(t.effects) > len(chosen.effects) and t.effects[-1].effect == "offset"]
     if not unexplained(refit, floor(chosen)):
-        able = [t for t in others if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
+        able = _relieving(refit, chosen, others)
         return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)
-    alike = near(chosen, others)
+    alike = near(chosen, others, refit)
     if _of_tables(chosen) and not strained(chosen):
         # One that needs further parameters outside their tolerances is none.
         alike = [t for t in alike if not strained(t)]

@@ -28,6 +28,16 @@ class RecordingError(FlexarmError):
     """A recording cannot be used."""
 
 
+def _remedy(text: str, first: bool) -> str:
+    """What to do about a text where a number should be."""
+    if any(c.isdigit() for c in text):
+        dated = text.count("-") > 1 or ":" in text
+        return "give the time as a number of seconds" if dated else "numbers are written with a decimal point"
+    if first:
+        return "if this row holds units, put '#' before it"
+    return "leave it empty, or write 'nan', where nothing was recorded"
+
+
 @dataclass
 class Columns:
     """The columns of a file.
@@ -83,7 +93,7 @@ class Columns:
             raise RecordingError(
                 f"column '{name}' holds '{text.strip()[:40]}' in {self.row} {self.rows[i]}, which is not a number",
                 Where(self.file, int(self.rows[i])),
-                "numbers are written with a decimal point",
+                _remedy(text, first=i == 0),
             ) from None
 
 
@@ -147,7 +157,7 @@ def _csv(path: Path) -> Columns:
             raise RecordingError(
                 f"{len(record)} values where the header names {len(names)} columns",
                 Where(str(path), number),
-                "numbers are written with a decimal point, and every row has every column",
+                "numbers are written with a decimal point; put '#' before lines that describe the file",
             )
     turned = zip(*records, strict=True) if records else ([] for _ in names)
     columns = {name: list(values) for name, values in zip(names, turned, strict=True)}

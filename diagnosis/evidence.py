@@ -19,7 +19,7 @@ from blocks.registry import registry
 from diagnosis.candidate import Candidate
 from diagnosis.problem import Array, Experiment
 from engine.assemble import build
-from engine.errors import FlexarmError
+from engine.errors import FlexarmError, SimulationError
 from engine.linearise import linearise
 from engine.simulate import simulate
 from engine.system import Connection, System
@@ -143,8 +143,13 @@ def recover(study: Study, flange: str, unit: str = "N.m") -> Evidence | None:
         return None
     found = []
     for e in experiments:
-        r, J = problem.linearised(x, e)
+        try:
+            r, J = problem.linearised(x, e)
+        except SimulationError:
+            continue  # where the model runs away from the recording there is nothing to compare
         found.append(_one(e, r.reshape(len(e.time), -1), loose * J.reshape(len(e.time), -1, J.shape[1]), answer))
+    if not found:
+        return None
     curves = _curves(study, flange, unit, parameters, found)
     held = [f for f in found if f.experiment.role == "hold_out"] or found
     shown = max(held, key=lambda f: float(np.ptp(f.force)))

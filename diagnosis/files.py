@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.experiment import Proposal
+from diagnosis.fit import span
 from diagnosis.verdict import Diagnosis
 from engine.errors import FlexarmError
 from engine.files import writing
@@ -39,8 +40,7 @@ def amended_text(found: Diagnosis) -> str:
             i = intervals.get(f"{effect.name}.{knob.parameter}")
             if i is None:
                 continue
-            low, high = sorted((i.low, i.high))
-            evidence.append(f"{knob.parameter}: 95 % interval {low:.4g} to {high:.4g} {i.unit}")
+            evidence.append(f"{knob.parameter}: 95 % interval {span(i.numbers())} {i.unit}")
         notes[effect.name] = "\n".join(evidence)
     given = {p.name: p for p in study.refit.fit.problem.model.parameters}
     for name, value in values.items():

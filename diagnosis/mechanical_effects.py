@@ -44,6 +44,7 @@ def at_shaft(around: Surroundings, flange: str) -> Iterator[Candidate]:
         dry,
         Knob("static_friction", torque),
         Knob("stribeck_velocity", speed),
+        tidy=lambda v: v | {"static_friction": max(v["static_friction"], v["coulomb_friction"])},
     )
     yield made(
         "direction_dependent_friction",
@@ -101,7 +102,8 @@ def at_shaft(around: Surroundings, flange: str) -> Iterator[Candidate]:
         "Resonator",
         {"inertia": "kg.m2", "frequency": "rad/s", "damping_ratio": "1"},
         grid(inertia=shares(inertia, 1e-3, 0.03), frequency=swings, damping_ratio=[0.02]),
-        Knob("inertia", inertia),
+        # A heavier body hardly moves: a spring and a damper to the ground, which are other effects.
+        Knob("inertia", inertia, most=2.0),
         Knob("frequency", 100.0),
         Knob("damping_ratio", 0.02),
     )
@@ -143,15 +145,22 @@ def _maker(flange: str, block: str) -> Callable[..., Candidate]:
     """What makes a candidate at a flange, from its effect, type, units, starts and knobs."""
 
     def made(
-        effect: str, kind: str, units: dict[str, str], starts: tuple[Sizes, ...], *knobs: Knob, **fixed: Any
+        effect: str,
+        kind: str,
+        units: dict[str, str],
+        starts: tuple[Sizes, ...],
+        *knobs: Knob,
+        tidy: Callable[[Sizes], Sizes] = dict,
+        **fixed: Any,
     ) -> Candidate:
         name = f"{NAME}_{effect}"
 
         def edits(values: Sizes) -> list[Edit]:
+            values = tidy(values)  # a fit does not mind where a block does
             given = {key: with_unit(values[key], unit) for key, unit in units.items() if key in values}
             return [AtFlange(name, kind, flange, "shaft", {**fixed, **given})]
 
-        return Candidate(effect, flange, block, name, edits, knobs, starts)
+        return Candidate(effect, flange, block, name, edits, knobs, starts, held=tuple(fixed))
 
     return made
 
@@ -329,6 +338,8 @@ def _spring(around: Surroundings, name: str, block: Any) -> Iterator[Candidate]:
         Knob("residual_share", 0.5),
     )
     centre = math.sqrt(stiffness / min(around.inertia.values(), default=1.0))
+    # What is faster than the recordings show need not be simulated.
+    fastest = max(min(30 * centre, 5 / around.sample), 3 * centre)
     yield replaced(
         "structural_damping",
         "StructuralSpring",
@@ -336,5 +347,5 @@ def _spring(around: Surroundings, name: str, block: Any) -> Iterator[Candidate]:
         grid(loss_factor=sorted({0.01, 0.05, min(max(damping * centre / stiffness, 1e-3), 0.3)})),
         Knob("loss_factor", 0.05),
         lowest_frequency=with_unit(centre / 300, "rad/s"),
-        highest_frequency=with_unit(centre * 30, "rad/s"),
+        highest_frequency=with_unit(fastest, "rad/s"),
     )

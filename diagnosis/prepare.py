@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -121,7 +121,11 @@ def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[Free]
 
 
 def problem(
-    scenario: Scenario, recordings: Sequence[Recorded], extra: Sequence[Free] = (), sigma: Array | None = None
+    scenario: Scenario,
+    recordings: Sequence[Recorded],
+    extra: Sequence[Free] = (),
+    sigma: Array | None = None,
+    held: Collection[str] = (),
 ) -> Problem:
     """The problem of fitting a scenario to recordings.
 
@@ -130,6 +134,7 @@ def problem(
         recordings: all over time, or all tables, with the same drives and measurements.
         extra: parameters to free besides those with a tolerance, or in their place where a name is the same.
         sigma: noise of each signal, in place of what the recordings say.
+        held: parameters that stay as they are, whatever tolerance is declared.
 
     Raises:
         FlexarmError: recordings that do not fit the scenario, or each other.
@@ -152,7 +157,7 @@ def problem(
     free = [
         replace(f, low=max(f.low, bounds[f.name][0]), high=min(f.high, bounds[f.name][1]))
         for f in named.values()
-        if f.name in bounds
+        if f.name in bounds and f.name not in held
     ]
     starts = [start for e in experiments for start in free_starts(e)]
     whole = Problem(scenario, model, tuple(experiments), (*free, *starts))

@@ -187,6 +187,12 @@ def _time(reader: Reader, name: str, made: TimeRecording, scenario: Scenario) ->
         values = reader.column(meant.column, *keys)
         if meant.counts_per_rev is not None:
             scale, si_unit = 2 * math.pi / reader.convert(meant.counts_per_rev, "1", *keys, "counts_per_rev"), "rad"
+        elif meant.unit == "count" and not isinstance(meant.scale, str):
+            raise RecordingError(
+                f"column '{meant.column}' is in counts, and how many make a revolution is not said",
+                reader.where(*keys, "unit"),
+                "add for example 'counts_per_rev: 4096', or a scale with a unit, such as '0.1 mm'",
+            )
         else:
             scale, si_unit = reader.factor(meant.unit, meant.scale, *keys, "unit")
         values = values * (scale * meant.sign)

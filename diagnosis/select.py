@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,27 +14,31 @@ from diagnosis.catalogue import candidates
 from diagnosis.choice import FITTED, accounted, choose, floor, pays, relieved, unexplained
 from diagnosis.fit import Fit
 from diagnosis.laws import laws
-from diagnosis.recording import Recorded
+from diagnosis.problem import Array
+from diagnosis.recording import Channel, Recorded, Recording
 from diagnosis.surroundings import Surroundings, surroundings
 from diagnosis.suspects import pairs, suspects
-from diagnosis.ties import lookalike
+from diagnosis.ties import lookalike, same_laws
 from diagnosis.trial import Trial
 from diagnosis.workshop import MOST, Draft, Workshop, ended
 from engine.errors import FlexarmError
-from engine.spread import Spread, Store
+from engine.spread import Spread
 from scenarios.load import Scenario
 
 FINISHED, PROMISING = 15, 0.2
 """At most so many effects are fitted to the end, of those that gained this share of what the best gained."""
 
 SECONDS, LEADERS = 12, 2
-"""A second effect is sought among so many singles, beside each of so many that do best."""
+"""A second effect is sought among so many singles and the best of every other effect, beside so many that do best."""
 
 SECONDS_AT_TABLES, LEADERS_AT_TABLES = 3, 1
 """The same for tables, which are dear to simulate for the few numbers they give."""
 
 UNSEEN = 0.5
 """Held-out excess, in floors, that calls for another recording to be fitted where the fitted ones are at the floor."""
+
+PART = 0.5
+"""Length (s) of the parts into which a recording is cut that alone shows a mismatch."""
 
 LINES = 3
 """How many frequencies of what is left over are tried as a vibration from outside."""
@@ -68,36 +73,21 @@ class Study:
     notes: tuple[str, ...] = ()
 
 
-def study(
-    scenario: Scenario,
-    recordings: Sequence[Recorded],
-    *,
-    workers: int = 2,
-    seed: int = 0,
-    most: int = 2,
-    without: Sequence[str] = (),
-    progress: Progress | None = None,
-    store: Store | None = None,
-) -> Study:
+def study(shop: Workshop, *, most: int = 2, without: Sequence[str] = (), progress: Progress | None = None) -> Study:
     """Refit, try every candidate, then pairs with the best, and keep what pays on held-out data.
 
     Args:
-        scenario: the user's model.
-        recordings: training and held-out.
-        workers: threads.
-        seed: of everything random.
+        shop: the user's model and the recordings, training and held-out, and where they are fitted.
         most: at most so many effects.
         without: effects that are not to be tried.
         progress: told what is done, how many of how many.
-        store: keeps every fit, so that a study that was interrupted goes on where it was.
     """
-    shop = Workshop(scenario, recordings, workers, seed, store)
     if progress:
         progress("fitting the model's own parameters", 0, 1)
     refit, notes = shop.refit(), []
     swapped = exchanged(shop, refit)
     if swapped:
-        shop = Workshop(scenario, swapped[0], workers, seed, store)
+        shop = shop.again(swapped[0])
         refit, notes = shop.refit(), [swapped[1]]
     base = shop.base
     zero = np.zeros(len(base.free))
@@ -117,13 +107,16 @@ def study(
         chosen = relieved(choose(chosen, found), found)
         notes += [s.told() for s in suspected if s.candidate.key in {c.key for c in chosen.effects}]
         trials += found
-    if most > 1 and len(chosen.effects) == 1 and unexplained(chosen, floor(chosen)):
+    if most > 1 and len(chosen.effects) <= 1 and unexplained(chosen, floor(chosen)):
         chosen, tried = _second(shop, chosen, [t for t in trials if len(t.effects) == 1], progress)
         trials += tried
     chosen = shop.polish(chosen)
-    pair = lookalike(chosen, trials)
+    pair, twins = lookalike(chosen, trials), same_laws(chosen, listed)
     if pair:
         trials += [shop.polish(t) for t in _try_all(shop, [pair], refit.fit, progress)[0]]
+    told = [{c.key for c in twin} for twin in twins]
+    trials = [t for t in trials if {c.key for c in t.effects} not in told]
+    trials += [shop.polish(t) for t in _try_all(shop, twins, chosen.fit, progress)[0]]
     made = Study(
         shop.scenario, shop.recordings, before, refit, tuple(trials), chosen, around, tuple(failures), tuple(notes)
     )
@@ -144,16 +137,37 @@ def _unnamed(shop: Workshop, study: Study, progress: Progress | None) -> Study:
 def exchanged(shop: Workshop, refit: Trial) -> tuple[list[Recorded], str] | None:
     """The recordings with the worst held-out one fitted in place of none, where only held-out data show a mismatch.
 
-    What no recording to fit shows cannot be fitted: an amplifier that saturates in the held-out recordings alone.
+    What no recording to fit shows cannot be fitted: an amplifier that saturates in the held-out recordings alone. Where
+    a single recording shows it, that one is fitted in part and judged in part, for the others could not judge.
     """
     base, ground = shop.base, floor(refit)
     held = base.chosen("hold_out")
     if len(held) < 2 or refit.fit.chi2 - ground > FITTED * ground or refit.hold_out - ground < UNSEEN * ground:
         return None
-    worst = max(held, key=lambda e: refit.fit.score([e]))
-    moved = [replace(r, role="train") if r.name == worst.name else r for r in shop.recordings]
-    return moved, (
-        f"the recordings to fit show no mismatch and '{worst.name}' does: it was fitted too, and the rest is held out"
+    errors = {e.name: refit.fit.score([e]) for e in held}
+    worst = max(held, key=lambda e: errors[e.name])
+    told = f"the recordings to fit show no mismatch and '{worst.name}' does: "
+    if any(error - ground > UNSEEN * ground for name, error in errors.items() if name != worst.name):
+        moved = [replace(r, role="train") if r.name == worst.name else r for r in shop.recordings]
+        return moved, told + "it was fitted too, and the rest is held out"
+    rows = [r for r in shop.recordings if r.name != worst.name]
+    only = next(r for r in shop.recordings if r.name == worst.name)
+    if not isinstance(only, Recording):
+        return None
+    fitted, judged = halves(only)
+    return [*rows, fitted, judged], told + f"of it, every other {PART:g} s was fitted and the rest held out"
+
+
+def halves(recording: Recording) -> tuple[Recording, Recording]:
+    """A recording twice: with one part of its measurements, to fit, and with the other, to judge on."""
+    mine = np.floor(np.asarray(recording.time) / PART).astype(int) % 2 == 0
+
+    def only(keep: Array) -> tuple[Channel, ...]:
+        return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in recording.measurements)
+
+    return (
+        replace(recording, name=f"{recording.name} (fitted part)", role="train", measurements=only(mine)),
+        replace(recording, name=f"{recording.name} (held-out part)", role="hold_out", measurements=only(~mine)),
     )
 
 
@@ -176,8 +190,11 @@ def lines(refit: Trial) -> list[float]:
 def _second(
     shop: Workshop, chosen: Trial, singles: Sequence[Trial], progress: Progress | None
 ) -> tuple[Trial, list[Trial]]:
-    """The best pair if it pays, and all pairs tried: the leading effects with others, then each half exchanged."""
-    leaders, most = [chosen], LEADERS_AT_TABLES if shop.tables else LEADERS
+    """The best pair if it pays, and all pairs tried: the leading effects with others, then each half exchanged.
+
+    Two effects that are missing may hide each other, so that neither pays alone.
+    """
+    leaders, most = [chosen] if chosen.effects else [], LEADERS_AT_TABLES if shop.tables else LEADERS
     for t in singles:
         if len(leaders) < most and t.effects[0].effect not in {c.effect for l in leaders for c in l.effects}:
             leaders.append(t)
@@ -191,7 +208,10 @@ def _second(
     pairs.sort(key=lambda t: (t.merit, t.size))
     best = choose(chosen, pairs)
     # One of the two may only have helped the other out of a local optimum.
-    alone = [shop.reduced(best, effect) for effect in best.effects] if len(best.effects) > 1 else []
+    alone: list[Trial] = []
+    for effect in best.effects if len(best.effects) > 1 else ():
+        with contextlib.suppress(FlexarmError):
+            alone.append(shop.reduced(best, effect))
     alone.sort(key=lambda t: t.merit)
     return (alone[0] if alone and not pays(best, alone[0]) else best), [*alone, *pairs]
 
@@ -206,12 +226,20 @@ def _beside(
 ) -> list[Trial]:
     """One effect kept, every promising other one beside it."""
     known = {frozenset(c.key for c in t.effects) for t in done}
-    others = [t for t in singles if t.effects[0].effect != kept.effect and len(t.effects) == 1][:SECONDS]
+    able = [t for t in singles if t.effects[0].effect != kept.effect and len(t.effects) == 1]
+    # The best, and of every other effect the best place: alone, a second effect may look poor.
+    others, seen = able[:SECONDS], {t.effects[0].effect for t in able[:SECONDS]}
+    for t in able[SECONDS:]:
+        if t.effects[0].effect not in seen:
+            others.append(t)
+            seen.add(t.effects[0].effect)
     wanted = [(kept, t.effects[0]) for t in others if frozenset((kept.key, t.effects[0].key)) not in known]
+    # It goes on from where it ended, so that no pair ends worse than what it began with.
+    begun = ended(start, kept) if kept in start.effects else kept
     if shop.tables:
-        # Each effect goes on from where it ended alone.
-        begun = ended(start, kept) if kept in start.effects else kept
         wanted = [(begun, ended(t, t.effects[0])) for t in others[:SECONDS_AT_TABLES] if (kept, t.effects[0]) in wanted]
+    else:
+        wanted = [(begun, other) for _, other in wanted]
     return _try_all(shop, wanted, start.fit, progress)[0]
 
 

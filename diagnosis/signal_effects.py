@@ -77,7 +77,9 @@ def _delay(place: str, block: str, target: str, sample: float) -> Candidate:
         return [{"delay": w} for w in (best["delay"] - step, best["delay"] + step) if w > sample / 50]
 
     waits = grid(delay=shares(sample, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 14, 20))
-    return Candidate("delay", place, block, name, edits, (Knob("delay", sample, fixed=True),), waits, finer=finer)
+    return Candidate(
+        "delay", place, block, name, edits, (Knob("delay", sample, fixed=True, unit="s"),), waits, finer=finer
+    )
 
 
 def at_sensor(around: Surroundings, signal: str) -> Iterator[Candidate]:

@@ -148,7 +148,7 @@ def _positions(
             raise ParameterError(f"{name} {value:g} s is shorter than the sampling interval, {record.step:g} s")
     if count is not None and count < 2:
         raise ParameterError(f"windows = {count}", remedy="a slope needs at least two windows")
-    n = round(window / record.step)
+    n = round(min(window / record.step, 2.0**53))  # a window may be beyond all proportion
     if n < 8:
         raise ParameterError(f"window {window:g} s holds {n} samples", remedy="at least 8 are needed")
     room = len(record.values) - record.first(start) - n

@@ -2,16 +2,21 @@
 
 While something moves, Coulomb friction with a constant force beside it is friction that differs between the
 directions; driven in one direction only, it is a dead zone. Where the single effect is the best, the pair is fitted
-too, so that the verdict can say whether the recordings tell them apart.
+too, so that the verdict can say whether the recordings tell them apart. And two effects are one and the same law: a
+torque that goes once round with the shaft is the weight of something out of balance.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from diagnosis.candidate import Candidate
+from diagnosis.workshop import ended
+
 if TYPE_CHECKING:
-    from diagnosis.candidate import Candidate
     from diagnosis.trial import Trial
 
 KNOWN = {
@@ -19,6 +24,9 @@ KNOWN = {
     "dead_zone": ("coulomb_friction", "offset"),
 }
 """Effect: the pair that it may be taken for."""
+
+GRAVITY = 9.81
+"""m/s2, as in `blocks.actuators.gravity_torque`."""
 
 
 def lookalike(chosen: Trial, trials: Sequence[Trial]) -> tuple[Candidate, ...]:
@@ -33,3 +41,31 @@ def lookalike(chosen: Trial, trials: Sequence[Trial]) -> tuple[Candidate, ...]:
     pair = KNOWN.get(chosen.effects[0].effect, ())
     found = [next((t.effects[0] for t in trials if t.effects[0].effect == effect), None) for effect in pair]
     return tuple(c for c in found if c is not None) if all(c is not None for c in found) else ()
+
+
+def same_laws(chosen: Trial, listed: Sequence[Candidate]) -> list[tuple[Candidate, ...]]:
+    """The models in which one effect of the chosen one is another that is the same law, to start where it ended.
+
+    Gravity, -m g r sin(angle - hanging_angle) with r = 1 m, is a ripple A sin(angle + phase) of order one.
+
+    Args:
+        chosen: the best model.
+        listed: all effects that are tried.
+    """
+    rows = []
+    for k, effect in enumerate(chosen.effects):
+        fitted = chosen.fit.parameters()
+        values = {key: fitted.get(f"{effect.name}.{key}", size) for key, size in chosen.sizes[k].items()}
+        if effect.effect == "gravity":
+            phase = math.pi - values["hanging_angle"]
+            other, start = "torque_ripple", {"order": 1.0, "amplitude": GRAVITY * values["mass"], "phase": phase}
+        elif effect.effect == "torque_ripple" and values["order"] == 1.0:
+            hanging = math.pi - values["phase"]
+            other, start = "gravity", {"mass": values["amplitude"] / GRAVITY, "hanging_angle": hanging}
+        else:
+            continue
+        found = next((c for c in listed if (c.effect, c.place) == (other, effect.place)), None)
+        if found:
+            twin = replace(found, starts=(start,))
+            rows.append(tuple(twin if j == k else ended(chosen, c) for j, c in enumerate(chosen.effects)))
+    return rows

@@ -9,21 +9,35 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.candidate import Candidate, Knob
 from diagnosis.choice import EXPLAINS, accounted, explained, floor, reached, rivals
 from diagnosis.evidence import Curve, Evidence, place_of, recover
 from diagnosis.experiment import Proposal, propose
-from diagnosis.fit import Fit, uncertainty
+from diagnosis.fit import Fit, known
 from diagnosis.screening import Remark, screen
 from diagnosis.select import Study
 from diagnosis.sines import Sines
 from diagnosis.sines_report import absorbed, remarks
 from diagnosis.trial import Trial, by_chance, log_evidence
+from diagnosis.uncertainty import TIMING
 
 WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
 """Statuses of findings, the weakest first."""
 
 UNKNOWN = 1.0
 """Held-out excess over the floor, in floors, beyond which something is missing even if no effect accounts for it."""
+
+LEFT = 2.0
+"""Held-out error, in floors, beyond which a sentence about a tie says what is left."""
+
+SCALES = {
+    "degrees and radians": math.degrees(1),
+    "thousands": 1000.0,
+    "rpm and rad/s": 60 / math.tau,
+    "turns and radians": math.tau,
+    "inches and millimetres": 25.4,
+}
+"""Factors between units that are taken for one another."""
 
 WORDS = {
     "dead_zone": "a dead zone",
@@ -153,14 +167,14 @@ def _signals(made: Fit, roles: tuple[str, ...]) -> dict[str, dict[str, float]]:
 def judge(study: Study, seed: int = 0) -> Diagnosis:
     """Turn a study into a verdict."""
     chosen, refit = study.chosen, study.refit
-    made = replace(chosen.fit, **uncertainty(chosen.fit))
+    made = known(chosen.fit, chosen.hold_out - floor(chosen))
     found = screen(refit.fit.problem)
     warnings = (*study.notes, *(remark.text for remark in found), *_warnings(study))
     if not chosen.effects:
         status = "unknown" if refit.hold_out - floor(refit) > max(UNKNOWN, by_chance(refit)) else "none"
         near = study.trials[0].effects[0] if status == "unknown" and study.trials else None
         force = recover(study, *place_of(near, study)) if near else None
-        return Diagnosis(study, status, (_nothing(study, status),), (), None, warnings, made, force)
+        return Diagnosis(study, status, (_nothing(study, status, near),), (), None, warnings, made, force)
     others = rivals(chosen, refit, study.trials)
     share = explained(refit, chosen)
     intervals = {i.name: i for i in made.intervals()}
@@ -197,11 +211,13 @@ def _finding(
     for name in names:
         found = intervals.get(name)
         if found is not None:
-            low, high = sorted((found.low, found.high))
-            row = {"value": found.value, "low": low, "high": high, "unit": found.unit}
+            row = found.numbers()
             if effect.loosened:
                 row["factor"] = found.value / found.start if found.start else math.inf
             parameters[name.rpartition(".")[2]] = row
+    for knob in effect.knobs:
+        if knob.fixed:
+            parameters[knob.parameter] = _chosen_size(study, knob, study.chosen.sizes[k][knob.parameter])
     when, frequency = traits(study.refit)
     name = effect.effect if status != "unknown" else "unknown"
     return {
@@ -220,13 +236,20 @@ def _finding(
     }
 
 
+def _chosen_size(study: Study, knob: Knob, value: float) -> dict[str, Any]:
+    """A size that is not fitted but chosen, as a parameter; one in time is known as well as the input's timing is."""
+    half = 1.96 * TIMING * study.around.sample if knob.unit == "s" else 0.0
+    return {"value": value, "low": value - half, "high": value + half, "unit": knob.unit}
+
+
 def _conditional(made: Fit, name: str) -> list[str]:
     """Parameters that the data do not settle, on which the finding's own sizes depend."""
     named = " ".join(made.weak)
     return [f.name for f in made.problem.free if f.prior and f.name in named and not f.name.startswith(name)]
 
 
-def _nothing(study: Study, status: str) -> dict[str, Any]:
+def _nothing(study: Study, status: str, near: Candidate | None) -> dict[str, Any]:
+    """The finding that there is nothing to find, or nothing with a name: then it is told where an effect did best."""
     when, frequency = traits(study.refit)
     sentence = (
         f"Nothing is missing that these recordings show: with its parameters fitted within their tolerances the model "
@@ -234,13 +257,13 @@ def _nothing(study: Study, status: str) -> dict[str, Any]:
         f"does better."
         if status == "none"
         else f"Something is missing (held-out error {study.refit.hold_out:.1f} times the floor), but no effect of the "
-        f"catalogue accounts for it."
+        f"catalogue accounts for it{f'; the best, {name_of(near.effect)}, is at {near.place}' if near else ''}."
     )
     return {
         "status": status,
         "effect": status,
-        "place": "",
-        "block": "",
+        "place": near.place if near else "",
+        "block": near.block if near else "",
         "indistinguishable_from": [],
         "conditional_on": [],
         "when": when if status == "unknown" else "",
@@ -253,14 +276,15 @@ def _nothing(study: Study, status: str) -> dict[str, Any]:
 
 
 def _sentence(effect: str, place: str, status: str, explained: float, study: Study, rivals: Sequence[Trial]) -> str:
-    what = WORDS.get(effect, effect.replace("_", " "))
+    what = name_of(effect)
     before, after = study.refit.hold_out, study.chosen.hold_out
     numbers = f"the held-out error falls from {before:.3g} to {after:.3g} times the noise floor"
     if status == "wrong_parameter":
         return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
     if status == "tie":
         others = "; ".join(t.label for t in rivals[:8])
-        return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}."
+        left = f" {numbers.capitalize()}." if after > LEFT else ""
+        return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}.{left}"
     if effect == "unknown":
         return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
     if status == "unknown" and explained >= EXPLAINS:
@@ -298,6 +322,11 @@ def traits(trial: Trial) -> tuple[str, str]:
     return when, f"strongest at {peak / (len(r) * dt):.3g} Hz, in {name}"
 
 
+def name_of(effect: str) -> str:
+    """An effect in words."""
+    return WORDS.get(effect, effect.replace("_", " "))
+
+
 def _spans(starts: Sequence[float], width: float) -> str:
     merged: list[list[float]] = []
     for begin in starts:
@@ -307,6 +336,20 @@ def _spans(starts: Sequence[float], width: float) -> str:
             merged.append([begin, begin + width])
     shown = [f"{a:.2f}-{b:.2f} s" for a, b in merged[:4]]
     return ", ".join(shown) + (", ..." if len(merged) > 4 else "")
+
+
+def _units(study: Study) -> list[str]:
+    """What a sensor's or input's scale that is near the factor between two units suggests."""
+    rows = []
+    for trial in (study.chosen, *study.trials[:1]):
+        for key, value in trial.added().items():
+            if key == "sensor_scale.gain" and value:
+                off = {what: abs(abs(math.log(abs(value))) / math.log(factor) - 1) for what, factor in SCALES.items()}
+                what = min(off, key=lambda k: off[k])
+                if off[what] < 0.02:
+                    place = next((c.place for c in trial.effects), "")
+                    rows.append(f"a scale of {value:.4g} at {place} is near that between {what}: is its unit right?")
+    return list(dict.fromkeys(rows))
 
 
 def _warnings(study: Study) -> tuple[str, ...]:
@@ -321,7 +364,7 @@ def _warnings(study: Study) -> tuple[str, ...]:
         rows.append(
             "all training recordings have one amplitude: effects that depend on amplitude are hard to tell apart"
         )
-    rows += remarks(problem) + absorbed(study)
+    rows += remarks(problem) + absorbed(study) + _units(study)
     if not problem.chosen("hold_out"):
         rows.append("no recording was held out: gains are judged on the data that were fitted")
     if not study.refit.fit.converged:

@@ -7,13 +7,14 @@ import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from diagnosis.candidate import Candidate, Sizes
-from diagnosis.fit import Fit, descend, fit, prior
+from diagnosis.fit import Fit, descend, fit
 from diagnosis.prepare import problem, resolved
-from diagnosis.problem import Array, Problem
+from diagnosis.problem import Array, Problem, prior
 from diagnosis.recording import FrequencyTable, Recorded
 from diagnosis.sines import Sines, renamed
 from diagnosis.trial import Trial, scored
@@ -71,6 +72,10 @@ class Workshop:
         self.tables = any(isinstance(e, Sines) for e in self.base.experiments)
         self.digest = _digest(self.base, seed)
 
+    def again(self, recordings: Sequence[Recorded]) -> Workshop:
+        """The same with other recordings."""
+        return Workshop(self.scenario, recordings, self.workers, self.seed, self.store)
+
     def refit(self) -> Trial:
         """The user's own model, its parameters fitted from several starts."""
 
@@ -87,17 +92,12 @@ class Workshop:
         if self.store is None or key not in self.store:
             draft = compute()
             if self.store is not None:
-                entry = draft.entry
-                self.store[key] = {
-                    "x": entry.x.tolist(),
-                    "cost": entry.cost,
-                    "converged": draft.converged,
-                    "sizes": entry.sizes,
-                    "built": entry.built,
-                    "internal_step": entry.problem.internal_step,
-                }
+                self.store[key] = draft.row()
             return draft
-        row = self.store[key]
+        return self.revived(effects, self.store[key])
+
+    def revived(self, effects: tuple[Candidate, ...], row: dict[str, Any]) -> Draft:
+        """The draft that was written down by `Draft.row`."""
         made = self.build(effects, row["built"]) if effects else self.base
         made = replace(made, internal_step=row["internal_step"])
         entry = Entry(row["cost"], made, np.array(row["x"]), tuple(row["sizes"]), tuple(row["built"]))
@@ -123,7 +123,8 @@ class Workshop:
         scenario = load(self.scenario.path, self.scenario.overrides, text=text)
         extra = [f for c, s in zip(effects, starts, strict=True) for f in c.free(s)]
         recordings = [_renamed(r, edits) for r in self.recordings]
-        made = problem(scenario, recordings, extra)
+        held = {f"{c.name}.{key}" for c in effects for key in c.held}
+        made = problem(scenario, recordings, extra, held=held)
         experiments = tuple(replace(e, sigma=s) for e, s in zip(made.experiments, self.sigma, strict=True))
         return replace(made, experiments=experiments)
 
@@ -134,10 +135,10 @@ class Workshop:
             FlexarmError: the amended model has no meaning.
         """
         key = " ".join(["draft", *(c.key for c in effects), *(repr(c.starts) for c in effects), _hash(start.x)])
-        return self._kept(key, effects, lambda: self._drafted(effects, start))
+        return self._kept(key, effects, lambda: self._drafted(effects, start.parameters()))
 
-    def _drafted(self, effects: tuple[Candidate, ...], start: Fit) -> Draft:
-        parent, entries = start.parameters(), []
+    def _drafted(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> Draft:
+        entries = []
         for chosen in itertools.product(*(c.structures() for c in effects)):
             entries += self.entries(effects, chosen, parent)
         if not entries:
@@ -251,6 +252,17 @@ class Draft:
     effects: tuple[Candidate, ...]
     entry: Entry
     converged: bool
+
+    def row(self) -> dict[str, Any]:
+        """As numbers, for `Workshop.revived`."""
+        return {
+            "x": self.entry.x.tolist(),
+            "cost": self.entry.cost,
+            "converged": self.converged,
+            "sizes": self.entry.sizes,
+            "built": self.entry.built,
+            "internal_step": self.entry.problem.internal_step,
+        }
 
 
 def ended(trial: Trial, effect: Candidate) -> Candidate:

@@ -213,9 +213,18 @@ def test_a_right_law_reaches_the_floor(silent):
     assert choice.reached(refit, trial(1 + 90 * choice.LEFT_OVER, effect("e")))
     assert not choice.reached(refit, trial(1 + 110 * choice.LEFT_OVER, effect("e")))
     # Or the fitted data are there, and no more is left of the others than the parameters may be uncertain by.
-    at_floor = 1 + 0.5 * choice.FITTED
-    assert choice.reached(refit, trial(1 + 99 * choice.UNCERTAIN, effect("e"), fitted=at_floor))
-    assert not choice.reached(refit, trial(1 + 101 * choice.UNCERTAIN, effect("e"), fitted=at_floor))
+    at_floor, less = 1 + 0.5 * choice.FITTED, trial(11.0)
+    assert choice.reached(less, trial(1 + 9.9 * choice.UNCERTAIN, effect("e"), fitted=at_floor))
+    assert not choice.reached(less, trial(1 + 10.1 * choice.UNCERTAIN, effect("e"), fitted=at_floor))
+
+
+def test_a_share_of_a_huge_mismatch_is_not_little(silent):
+    """Thousands of floors are far from the noise, however small a part they are of what was there before."""
+    refit, at_floor = trial(1e6), 1 + 0.5 * choice.FITTED
+    assert choice.reached(refit, trial(1 + 0.9 * choice.AT_MOST, effect("e")))
+    assert not choice.reached(refit, trial(1 + 1.1 * choice.AT_MOST, effect("e")))
+    assert choice.reached(refit, trial(1 + 0.9 * choice.AT_MOST_THEN, effect("e"), fitted=at_floor))
+    assert not choice.reached(refit, trial(1 + 1.1 * choice.AT_MOST_THEN, effect("e"), fitted=at_floor))
 
 
 def test_a_name_must_reach_the_floor_where_the_noise_was_stated(silent):
@@ -244,13 +253,23 @@ def test_the_price_counts_parameters_and_strain():
 
 
 def test_models_that_do_equally_well_are_near():
-    best = trial(2.0, effect("best"))
+    parent, best = trial(50.0), trial(2.0, effect("best"))
     close = trial(2.0 * (1 + 0.9 * choice.NEAR), effect("close"))
     far = trial(2.0 * (1 + 1.1 * choice.NEAR), effect("far"))
     noisy = replace(far, errors=far.errors + 3000 * np.where(np.arange(50) % 2, 1.0, -1.0))
-    assert choice.near(best, [best, close, far, noisy]) == [best, close, noisy]
+    assert choice.near(best, [best, close, far, noisy], parent) == [best, close, noisy]
     few = [replace(t, samples=40) for t in (best, far)]
-    assert choice.near(few[0], few) == few
+    assert choice.near(few[0], few, parent) == few
+
+
+def test_a_model_that_misses_the_fitted_recordings_is_not_near():
+    """Held-out data that hardly show what is missing cannot make up for it."""
+    parent, best = trial(1.1, fitted=20.0), trial(1.03, effect("best"), fitted=1.0)
+    blind, almost = trial(1.04, effect("blind"), fitted=15.0), trial(1.04, effect("almost"), fitted=1.2)
+    assert choice.near(best, [best, blind, almost], parent) == [best, almost]
+    huge = trial(500.0, fitted=600.0)
+    told = trial(1.04, effect("told"), fitted=1.0 + 0.9 * choice.LEFT_OVER * 599)
+    assert choice.near(best, [best, told], huge) == [best, told]
 
 
 def test_of_equals_the_one_with_fewest_parameters_is_taken(silent):

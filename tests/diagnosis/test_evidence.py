@@ -12,6 +12,7 @@ from diagnosis.api import gather
 from diagnosis.catalogue import candidates
 from diagnosis.evidence import BINS, KNOT, place_of, recover
 from diagnosis.select import study
+from diagnosis.workshop import Workshop
 from scenarios.load import load
 from tests.diagnosis.plants import INERTIA, RESISTANCE, case
 
@@ -31,7 +32,7 @@ def studied(folder, **truth):
     """
     path = case(folder, given_resistance=RESISTANCE, given_inertia=INERTIA, **truth)
     scenario = load(path)
-    return study(scenario, gather(scenario, [], []), without=sorted(EFFECTS))
+    return study(Workshop(scenario, gather(scenario, [], [])), without=sorted(EFFECTS))
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ import pytest
 from diagnosis.api import gather
 from diagnosis.select import study
 from diagnosis.verdict import judge
+from diagnosis.workshop import Workshop
 from engine.errors import FlexarmError
 from engine.spread import JsonStore
 from flexarm.diagnose_command import INTERRUPTED, PROGRESS
@@ -140,7 +141,7 @@ def quick(bench):
     few = (*few, "stribeck_friction", "direction_dependent_friction")
 
     def run(store=None, seed=0):
-        return study(scenario, gather(scenario, [], []), workers=1, seed=seed, without=few, store=store)
+        return study(Workshop(scenario, gather(scenario, [], []), 1, seed, store), without=few)
 
     return run
 
@@ -177,7 +178,7 @@ def test_fits_of_another_seed_or_other_data_are_not_taken(quick, bench, tmp_path
     path = case(tmp_path, **(TRUTH | {"seed": 4}))
     scenario = load(path)
     other = Counted(first)
-    study(scenario, gather(scenario, [], []), workers=1, without=[*LEFT_OUT, "dead_zone"], store=other, most=1)
+    study(Workshop(scenario, gather(scenario, [], []), 1, store=other), without=[*LEFT_OUT, "dead_zone"], most=1)
     assert other.put > 0
 
 

@@ -1,0 +1,177 @@
+"""Laws that are alike, sizes that are bounded or only chosen, and a mismatch that one recording alone shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diagnosis import verdict
+from diagnosis.api import gather
+from diagnosis.candidate import Candidate, Knob
+from diagnosis.catalogue import candidates
+from diagnosis.select import PART, exchanged, halves
+from diagnosis.surroundings import surroundings
+from diagnosis.ties import same_laws
+from diagnosis.uncertainty import TIMING
+from diagnosis.workshop import Workshop
+from engine.errors import FlexarmError
+from scenarios.load import load
+from tests.diagnosis import plants
+from tests.diagnosis.plants import case
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory):
+    scenario = load(case(tmp_path_factory.mktemp("bench"), seed=2))
+    return Workshop(scenario, gather(scenario, [], []), 1)
+
+
+@pytest.fixture(scope="module")
+def listed(shop):
+    return candidates(surroundings(shop.base))
+
+
+def found(listed, effect, place="motor.shaft"):
+    return next(c for c in listed if (c.effect, c.place) == (effect, place))
+
+
+@pytest.mark.parametrize("effect", ["gravity", "torque_ripple"])
+def test_gravity_and_a_ripple_of_order_one_are_one_law(shop, listed, effect):
+    """-m g sin(a - h) = m g sin(a + pi - h): residuals are the same where the twin starts, whichever was chosen."""
+    sizes = {"gravity": {"mass": 3e-5, "hanging_angle": 0.7}, "torque_ripple": {"order": 1.0, "amplitude": 3e-4}}
+    start = sizes[effect] | ({"phase": -0.4} if effect == "torque_ripple" else {})
+    chosen = shop.finish(shop.draft((replace(found(listed, effect), starts=(start,)),), shop.refit().fit), 0)
+    ((twin,),) = same_laws(chosen, listed)
+    assert twin.effect != effect
+    (entry,) = shop.entries((twin,), [list(twin.starts)], chosen.fit.parameters())
+    made = replace(entry.problem, internal_step=chosen.fit.problem.internal_step)
+    for e in chosen.fit.problem.experiments:
+        mine, other = chosen.fit.problem.residual(chosen.fit.x, e), made.residual(entry.x, e)
+        np.testing.assert_allclose(other, mine, rtol=0, atol=1e-5 * np.abs(mine).max())
+
+
+def test_a_ripple_of_another_order_has_no_twin(shop, listed):
+    ripple = replace(found(listed, "torque_ripple"), starts=({"order": 2.0, "amplitude": 3e-4, "phase": 0.1},))
+    chosen = shop.finish(shop.draft((ripple,), shop.refit().fit), 0)
+    assert same_laws(chosen, listed) == []
+
+
+def test_a_further_body_is_not_heavier_than_twice_what_it_hangs_on(listed):
+    """Beyond that it stands still, and is a spring and a damper to the ground."""
+    mode = found(listed, "extra_mode")
+    free = next(f for f in mode.free(mode.starts[0]) if f.name.endswith(".inertia"))
+    felt = mode.knobs[0].reference
+    assert free.value(1e3) == pytest.approx(2 * felt)
+    assert free.value(0.0) == mode.starts[0]["inertia"] < felt
+
+
+def test_static_friction_that_a_fit_left_below_the_sliding_friction_still_makes_a_block(listed):
+    crossed = {"coulomb_friction": 3e-4, "static_friction": 2.9e-4, "stribeck_velocity": 1.0}
+    (edit,) = found(listed, "stribeck_friction").edits(crossed)
+    assert edit.parameters["static_friction"] == edit.parameters["coulomb_friction"] == "0.0003 N.m"
+
+
+def test_the_inductance_is_fitted_like_any_other_size(listed):
+    coil = next(c for c in listed if c.effect == "inductance")
+    assert [f.name for f in coil.free(coil.starts[0])] == ["motor.inductance"]
+
+
+def test_a_delay_is_known_as_well_as_the_timing_and_an_order_exactly():
+    study = SimpleNamespace(around=SimpleNamespace(sample=2e-3))
+    row = verdict._chosen_size(study, Knob("delay", 1e-3, fixed=True, unit="s"), 5e-3)
+    assert row["low"] == pytest.approx(5e-3 - 1.96 * TIMING * 2e-3)
+    assert row["high"] == pytest.approx(5e-3 + 1.96 * TIMING * 2e-3)
+    order = verdict._chosen_size(study, Knob("order", 1.0, fixed=True), 6.0)
+    assert order == {"value": 6.0, "low": 6.0, "high": 6.0, "unit": "1"}
+
+
+@pytest.mark.parametrize(
+    ("gain", "told"), [(58.4, "degrees and radians"), (0.105, "rpm and rad/s"), (1e-3, "thousands"), (1.7, "")]
+)
+def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain, told):
+    """A scale as large as the factor, or as small as its inverse, within what other parameters take up."""
+    trial = SimpleNamespace(
+        added=lambda: {"sensor_scale.gain": gain},
+        effects=(Candidate("sensor_scale", "arm.shaft.angle", "arm", "found", lambda values: []),),
+    )
+    rows = verdict._units(SimpleNamespace(chosen=trial, trials=(trial,)))
+    assert rows == (
+        [f"a scale of {gain:.4g} at arm.shaft.angle is near that between {told}: is its unit right?"] * bool(told)
+    )
+
+
+def test_the_halves_of_a_recording_are_all_of_it_once(shop):
+    whole = shop.recordings[0]
+    fitted, judged = halves(whole)
+    assert (fitted.role, judged.role) == ("train", "hold_out")
+    a, b, y = (r.measurements[0].values for r in (fitted, judged, whole))
+    assert np.all(np.isfinite(a) != np.isfinite(b))
+    np.testing.assert_array_equal(np.where(np.isfinite(a), a, b), y)
+    assert np.isfinite(a[np.asarray(whole.time) < PART]).all()
+    assert fitted.drive == judged.drive == whole.drive
+
+
+def limited(t):
+    """Small inputs to fit, and one large one to hold out."""
+    return {
+        "steps": ("train", np.where(t % 1.0 < 0.5, 0.6, -0.5)),
+        "chirp": ("train", 0.6 * np.sin(2 * np.pi * (0.5 + t) * t)),
+        "small": ("hold_out", 0.7 * np.sin(2 * np.pi * 0.9 * t)),
+        "large": ("hold_out", 1.6 * np.sin(2 * np.pi * 0.7 * t)),
+    }
+
+
+def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(tmp_path, monkeypatch):
+    """An amplifier that gives at most 1 V: only the large input meets it."""
+    monkeypatch.setattr(plants, "inputs", limited)
+    speed = plants.speed
+    monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
+    scenario = load(case(tmp_path, seed=5))
+    shop = Workshop(scenario, gather(scenario, [], []), 1)
+    moved, told = exchanged(shop, shop.refit())
+    roles = {r.name: r.role for r in moved}
+    assert roles == {
+        "steps": "train",
+        "chirp": "train",
+        "small": "hold_out",
+        "large (fitted part)": "train",
+        "large (held-out part)": "hold_out",
+    }
+    assert "every other 0.5 s" in told
+
+
+def test_counts_without_a_revolution_are_refused(tmp_path):
+    path = case(tmp_path, seed=1)
+    text = path.read_text().replace("{column: speed, unit: rad/s}", "{column: speed, unit: count}")
+    path.write_text(text)
+    scenario = load(path)
+    with pytest.raises(FlexarmError, match="how many make a revolution is not said") as caught:
+        gather(scenario, [], [])
+    assert "counts_per_rev: 4096" in caught.value.remedy
+    assert caught.value.where.line > 0
+
+
+@pytest.mark.parametrize(
+    ("cell", "row", "remedy"),
+    [
+        ("V", 0, "if this row holds units, put '#' before it"),
+        ("ERR", 4, "leave it empty, or write 'nan'"),
+        ("0.3V", 4, "numbers are written with a decimal point"),
+        ("2024-03-01 10:00:00", 4, "give the time as a number of seconds"),
+    ],
+)
+def test_what_is_no_number_is_told_with_a_remedy_that_fits(tmp_path, cell, row, remedy):
+    path = case(tmp_path, seed=1)
+    file = tmp_path / "steps.csv"
+    lines = file.read_text().splitlines()
+    values = lines[1 + row].split(",")
+    lines[1 + row] = ",".join([values[0], cell, values[2]])
+    file.write_text("\n".join(lines) + "\n")
+    with pytest.raises(FlexarmError, match=f"holds '{cell}'") as caught:
+        gather(load(path), ["steps"], [])
+    assert caught.value.remedy.startswith(remedy)
+    assert math.isfinite(caught.value.where.line)
