@@ -14,6 +14,9 @@ from benchmarks.concealed.plants.base import Body, LinkOptions, Plant
 from benchmarks.concealed.simulator import Simulator
 from benchmarks.concealed.truth import Truth
 
+FAST = frozenset({"motor.shaft", "rotor.shaft", "drive.shaft", "gear.input"})
+"""Flanges before the gear; the others are behind it."""
+
 
 @dataclass(frozen=True)
 class Site:
@@ -78,7 +81,11 @@ def _same(plant: Plant, effect: Effect, place: str) -> tuple[str, ...]:
     if effect.kind == "joint":
         return (f"{place}.a", f"{place}.b")
     if effect.kind == "shaft":
-        return next((tuple(x for x in group if x != place) for group in plant.sites.shafts if place in group), ())
+        found = next((tuple(x for x in group if x != place) for group in plant.sites.shafts if place in group), ())
+        if effect.name in ("torque_ripple", "gravity"):
+            # They go by the angle itself: behind a gear the same law is another one.
+            found = tuple(x for x in found if (x in FAST) == (place in FAST))
+        return found
     return ()
 
 

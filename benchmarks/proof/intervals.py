@@ -6,9 +6,7 @@ import math
 from typing import Any
 
 from benchmarks.concealed.plants import PLANTS
-
-FAST = frozenset({"motor.shaft", "rotor.shaft", "drive.shaft", "gear.input"})
-"""Flanges before the gear; the others are behind it."""
+from benchmarks.concealed.sites import FAST
 
 POWERS = {
     "coulomb_friction": 1,
@@ -23,9 +21,9 @@ POWERS = {
 """How a value seen before the gear is found from that behind it: divided by the ratio to this power."""
 
 ANGLES = frozenset({"phase", "hanging_angle"})
-COMMANDED = frozenset({"lower", "upper", "offset"})
-"""Levels behind the amplifier, whose gain is off by a few per cent that no scenario knows of: at the command, where the
-tool puts them, they are smaller by that gain."""
+COMMANDED = frozenset({"dead_zone", "offset"})
+"""Effects with levels behind the amplifier, whose gain is off by a few per cent that no scenario knows of: at the
+command, where the tool puts them, they are smaller by that gain. The limits of a saturation are the command's own."""
 
 GRAVITY = 9.81
 
@@ -50,6 +48,8 @@ def covered(found: dict[str, Any], answer: dict[str, Any]) -> list[tuple[str, bo
             if c["effect"] != f["effect"]:
                 continue
             for key, row in f["parameters"].items():
+                if row["low"] == row["high"]:  # a number that was chosen, such as an order
+                    continue
                 value = _true_value(c, key, f["place"], answer)
                 if value is not None:
                     rows.append((f"{c['effect']}.{key}", _inside(key, row, value)))
@@ -64,7 +64,7 @@ def _true_value(concealed: dict[str, Any], key: str, place: str, answer: dict[st
         value = float(parameters[key])
     else:
         return None
-    if key in COMMANDED and concealed["place"].startswith("source.out"):
+    if concealed["effect"] in COMMANDED and concealed["place"].startswith("source.out"):
         value /= 1 + answer["nuisance"]["gain"]
     if place == concealed["place"] or place in concealed["place"].split(" -> "):
         return float(value)
@@ -79,7 +79,9 @@ def _true_value(concealed: dict[str, Any], key: str, place: str, answer: dict[st
 
 
 def _inside(key: str, row: dict[str, Any], value: float) -> bool:
-    if key in ANGLES:
-        middle = (row["low"] + row["high"]) / 2
+    low = -math.inf if row["low"] is None else row["low"]
+    high = math.inf if row["high"] is None else row["high"]
+    if key in ANGLES and math.isfinite(low + high):
+        middle = (low + high) / 2
         value = middle + math.remainder(value - middle, 2 * math.pi)
-    return bool(row["low"] <= value <= row["high"])
+    return bool(low <= value <= high)

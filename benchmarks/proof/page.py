@@ -127,6 +127,7 @@ def _suites(rows: Sequence[Score]) -> str:
 ORDER = (
     "named",
     "tie",
+    "equal",
     "none",
     "half",
     "loose tie",

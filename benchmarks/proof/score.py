@@ -32,7 +32,8 @@ class Score:
         verdict: status, effect and place that were reported, and what it could not be told from.
         outcome: ``named``, ``tie`` (a true one, with the truth in it), ``none`` (rightly), ``missed``, ``unknown``,
             ``half`` (of two effects), ``wrong`` (a wrong name claimed), ``wrong tie``, ``loose tie`` (the truth is in
-            it, but so is what the recordings exclude), ``false alarm``, ``failed``, ``not run``.
+            it, but so is what the recordings exclude), ``equal`` (the truth was withheld, and what is claimed does the
+            same on these recordings by the truth generator's own computation), ``false alarm``, ``failed``, ``not run``.
         found: how many of the concealed effects were named, or are in a true tie.
         claimed: whether a name was claimed, alone, that is not the truth.
         placed: whether the place is right; None where none was to be found.
@@ -71,9 +72,9 @@ class Score:
     def right(self) -> bool:
         """Whether the verdict is the truth, or a tie that the truth generator confirms.
 
-        Where the true effect was withheld, ``unknown`` is right.
+        Where the true effect was withheld, ``unknown`` is right, or another law that is the same.
         """
-        return self.outcome == "unknown" if self.spec["withheld"] else self.outcome in RIGHT
+        return self.outcome in (("unknown", "equal") if self.spec["withheld"] else RIGHT)
 
 
 def wilson(hits: int, total: int) -> tuple[float, float]:
@@ -122,6 +123,8 @@ def _score(folder: Path, result: Path) -> Score:
     targets = [(c["effect"], {c["place"], *c["same_place"]}) for c in concealed]
     targets += [("wrong_parameter", {name}) for name in wrong]
     outcome, placed = _outcome(found, targets, folder, result, answer)
+    if spec["withheld"] and outcome in ("wrong", "wrong tie", "half") and _stands_in(found, folder, result, answer):
+        outcome = "equal"
     hits = _hits(found, targets)
     reported = tuple((f["status"], f["effect"], f["place"]) for f in found["findings"] if f["status"] != "none")
     floor = spec["options"]["sigma_error"] ** 2  # the tool's errors are over the floor that the scenario states
@@ -133,7 +136,8 @@ def _score(folder: Path, result: Path) -> Score:
         outcome=outcome,
         placed=placed,
         found=len(targets) if outcome in ("named", "tie") else sum(hits),
-        claimed=any(_is_claim(*row) and not any(_meets(row, t) for t in targets) for row in reported),
+        claimed=outcome != "equal"
+        and any(_is_claim(*row) and not any(_meets(row, t) for t in targets) for row in reported),
         errors=(_pooled(held["nominal"]) * floor, _pooled(held["refit"]) * floor, _pooled(held["amended"]) * floor),
         covered=tuple(covered(found, answer)),
         proposal=(found["next_experiment"] or {}).get("kind", ""),
@@ -239,6 +243,25 @@ def _true_tie(
             parts = [_site(plant, *part.split(" at ")) for part in one.split(" + ")]
             if None not in parts and not all(_is(part, targets) for part in parts):
                 rivals.add(tuple(sorted(str(part) for part in parts)))
+    return _tied(rivals, folder, result, answer)
+
+
+def _stands_in(found: dict[str, Any], folder: Path, result: Path, answer: dict[str, Any]) -> bool:
+    """Whether everything that is claimed together, and each of its rivals, does what the truth does."""
+    plant = PLANTS[answer["plant"]]
+    claims = [" + ".join(f"{f['effect']} at {f['place']}" for f in found["findings"])]
+    claims += [one for f in found["findings"] for one in f["indistinguishable_from"]]
+    rivals = set()
+    for one in claims:
+        parts = [_site(plant, *part.split(" at ")) for part in one.split(" + ")]
+        if None in parts:
+            return False
+        rivals.add(tuple(sorted(str(part) for part in parts)))
+    return _tied(rivals, folder, result, answer)
+
+
+def _tied(rivals: set[tuple[str, ...]], folder: Path, result: Path, answer: dict[str, Any]) -> bool:
+    """Whether none of these explanations can be told from the truth, by the truth generator; computed once."""
     kept = folder / "ties" / f"{result.name}.json"
     known = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
     missing = [r for r in sorted(rivals) if "+".join(r) not in known]

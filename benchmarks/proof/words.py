@@ -26,7 +26,9 @@ LEGEND = """
 truth generator confirms that the recordings cannot tell the rest from it. *none*: rightly nothing. *half*: one of
 two. *loose tie*: the truth is in the tie, and so is something that the recordings do exclude. *unknown*: a place
 and no name. *missed*: nothing reported. *wrong*, *wrong tie*: a name that is not the truth. In the suite *withheld*
-the true effect may not be named, so that *unknown* is what is wanted.
+the true effect may not be named, so that *unknown* is what is wanted; *equal*: it named another law instead, which by
+the truth generator's own computation does the same on these recordings to within the noise floor (friction that
+differs between the directions, with both the same, is Coulomb friction).
 """
 
 SINDY = """The discrepancy approach (Kaheman et al. 2019), as we understand it: angles and speeds from the sensors by
