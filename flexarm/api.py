@@ -165,7 +165,7 @@ def _settings(
             raise ScenarioError(
                 f"the scenario describes no analysis of kind {kind}",
                 Where(scenario.document.file),
-                "add one under 'analyses:', or give inputs and outputs",
+                "add one under 'analyses:', or give inputs and outputs (-u and -y)",
             )
         return AnalysisSettings("", kind, given_inputs, given_outputs)
     return AnalysisSettings(

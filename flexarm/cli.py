@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="flexarm",
-    help="Flexible-link robot arms and servo drives: simulate, linearise, export, compare.",
+    help="Flexible-link robot arms and servo drives: simulate, linearise, export, compare, diagnose.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -156,6 +156,8 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
         typer.echo(f"recording {name}: {plural(rows, 'row')} of {recording.file}")
         for note in recording.notes:
             typer.echo(f"  {note}")
+        if not isinstance(recording, FrequencyTable) and not recording.drive:
+            typer.echo("  no input was recorded; the scenario's own sources drive the simulation")
     typer.echo("no problems found")
 
 
@@ -170,6 +172,9 @@ def blocks(
     from flexarm.text import block_page, columns
 
     if name is not None:
+        alike = [key for key in sorted(registry()) if name.lower() in key.lower()]
+        if alike and name not in alike:
+            raise FlexarmError(f"there is no block type '{name}'", remedy=f"with it in the name: {', '.join(alike)}")
         typer.echo(block_page(name, find(name)))
         return
     typer.echo(columns(["block", "what it is"], [[key, cls.summary()] for key, cls in sorted(registry().items())]))
@@ -196,8 +201,9 @@ def schema(
 def compare(
     scenario: ScenarioArgument,
     recordings: Annotated[
-        list[str], typer.Argument(metavar="RECORDING...", help="Recordings of the scenario, by name, or files.")
-    ],
+        list[str] | None,
+        typer.Argument(metavar="[RECORDING...]", help="Recordings of the scenario, by name, or files; all by default."),
+    ] = None,
     overrides: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
     rows: Annotated[bool, typer.Option("--rows", help="Also print every row of a frequency-response table.")] = False,
@@ -209,7 +215,11 @@ def compare(
     from flexarm.text import comparison_page
 
     loaded = load(scenario, overrides)
-    found = [find_recording(loaded, given) for given in recordings]
+    if not recordings and not loaded.recordings:
+        raise FlexarmError(
+            f"{loaded.name} describes no recordings", remedy="name a file, or add a section 'recordings:'"
+        )
+    found = [find_recording(loaded, given) for given in recordings or loaded.recordings]
     done: list[dict[str, Any]] = []
     for recording in found:
         with Progress(f"{loaded.name} against {recording.name}") as progress:
@@ -231,13 +241,17 @@ damping_command.register(app)
 sweep_command.register(app)
 
 
+_FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".gif", ".tif", ".tiff", ".bmp", ".eps", ".ps", ".webp")
+"""Endings of pictures, those that cannot be written included: they are refused by name."""
+
+
 def _with_default_plot(arguments: list[str]) -> list[str]:
     """Let ``--plot`` stand alone: what follows is its file only if it ends like a figure."""
     made = []
     for i, argument in enumerate(arguments):
         made.append(argument)
         following = arguments[i + 1] if i + 1 < len(arguments) else ""
-        if argument == "--plot" and not following.lower().endswith((".png", ".pdf", ".svg")):
+        if argument == "--plot" and not following.lower().endswith(_FIGURES):
             made[-1] = f"--plot={AUTOMATIC}"
     return made
 

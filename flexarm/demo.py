@@ -52,8 +52,8 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 1
     console.print(f"\nResults: {folder.resolve()}")
-    for path in sorted(folder.iterdir()):
-        console.print(f"  {path.name:32} {path.stat().st_size / 1024:8.1f} kB")
+    files = [[path.name, f"{path.stat().st_size / 1024:.1f}"] for path in sorted(folder.iterdir())]
+    console.print(columns(["file", "kB"], files), markup=False)
     return 0 if same else 1
 
 

@@ -63,20 +63,17 @@ def fit(
 
 
 def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
-    rows = {
-        i.name: {"value": i.value, "low": i.low, "high": i.high, "unit": i.unit, "start": i.start}
-        for i in made.intervals()
-    }
+    rows = {i.name: i.numbers() | {"start": i.start} for i in made.intervals()}
     return {"parameters": rows, "chi2": scores, "converged": made.converged, "not_settled": list(made.weak)}
 
 
 def fit_page(made: Fit, scores: dict[str, float]) -> str:
     """A fit as text: values, intervals, scores and what the data do not settle."""
+    from diagnosis.fit import span
     from flexarm.text import columns, number
 
     rows = [
-        [i.name, number(i.start), number(i.value), f"{number(i.low)} ... {number(i.high)}", i.unit]
-        for i in made.intervals()
+        [i.name, number(i.start), number(i.value), span(i.numbers(), 6), i.unit.strip("*")] for i in made.intervals()
     ]
     parts = [columns(["parameter", "given", "fitted", "95 % interval", "unit"], rows)]
     parts += [f"  {name}: mean squared error {value:.4g} times the noise variance" for name, value in scores.items()]
@@ -103,6 +100,9 @@ def diagnose(
     ] = None,
     overrides: SetOption = None,
     workers: WorkersOption = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A dask scheduler whose workers do the fits.")
+    ] = None,
     seed: SeedOption = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the verdict as JSON alone.")] = False,
 ) -> None:
@@ -133,6 +133,7 @@ def diagnose(
                 without=without or (),
                 progress=progress,
                 keep=keep,
+                scheduler=scheduler,
             )
         if output is not None:
             from flexarm.report import write_diagnosis
@@ -155,6 +156,7 @@ def diagnose(
 
 def page(found: Diagnosis) -> str:
     """The verdict in plain sentences."""
+    from diagnosis.fit import span
     from diagnosis.verdict import place_odds
     from flexarm.text import columns, number
 
@@ -164,12 +166,10 @@ def page(found: Diagnosis) -> str:
         parts.append(f"  {finding['sentence']}")
         for name, row in finding["parameters"].items():
             factor = f", {row['factor']:.3g} times the given value" if "factor" in row else ""
-            parts.append(
-                f"    {name} = {number(row['value'])} {row['unit']}"
-                f"  (95 %: {number(row['low'])} ... {number(row['high'])}){factor}"
-            )
+            unit = "" if row["unit"] in ("*", "1") else f" {row['unit']}"
+            parts.append(f"    {name} = {number(row['value'])}{unit}  (95 %: {span(row, 6)}){factor}")
         if finding["when"]:
-            parts.append(f"    the mismatch lies {finding['when']}; {finding['frequency']}")
+            parts.append(f"    the mismatch: {finding['when']}; {finding['frequency']}")
     rows = [
         ["as given", number(study.nominal[0]), number(study.nominal[1])],
         ["refitted", number(study.refit.fit.chi2), number(study.refit.hold_out)],

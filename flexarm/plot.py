@@ -15,17 +15,34 @@ FIGURES = (".png", ".pdf", ".svg")
 COLOURS = ("#1b6ca8", "#d1495b", "#2e8b57", "#e08e0b", "#6a4c93", "#5c5c5c", "#17a2a2", "#a0522d")
 MOST_IN_PANEL = 8
 
+SMALLEST_IN_PANEL = 0.05
+"""A signal smaller than this share of the greatest one in a panel would be a flat line there."""
 
-def panels(units: dict[str, str]) -> list[tuple[str, list[str]]]:
-    """Signals grouped into panels by unit, in order of appearance; a crowded panel is split."""
+
+def panels(units: dict[str, str], sizes: dict[str, float] | None = None) -> list[tuple[str, list[str]]]:
+    """Signals grouped into panels by unit, in order of appearance; a crowded panel is split.
+
+    Args:
+        units: of each signal.
+        sizes: greatest magnitude of each signal; signals of very different size get panels of their own.
+    """
     groups: dict[str, list[str]] = {}
     for name, unit in units.items():
         groups.setdefault(unit, []).append(name)
     return [
         (unit, names[i : i + MOST_IN_PANEL])
-        for unit, names in groups.items()
+        for unit, together in groups.items()
+        for names in (_alike(together, sizes) if sizes else [together])
         for i in range(0, len(names), MOST_IN_PANEL)
     ]
+
+
+def _alike(names: list[str], sizes: dict[str, float]) -> list[list[str]]:
+    """Signals of one unit, parted by size, the greatest first; signals that are 0 stay with the first."""
+    greatest = max(sizes[name] for name in names)
+    first = [name for name in names if not 0 < sizes[name] < SMALLEST_IN_PANEL * greatest]
+    rest = [name for name in names if name not in first]
+    return [first, *(_alike(rest, sizes) if rest else [])]
 
 
 def _quantity(names: list[str], unit: str) -> str:
@@ -60,7 +77,8 @@ def plot(results: Result | Sequence[tuple[str, Result]], path: str | Path, title
     for _, result in labelled:
         for name, unit in result.units.items():
             units.setdefault(name, unit)
-    rows = panels(units)
+    sizes = {n: max(float(abs(r[n]).max()) for _, r in labelled if n in r.units) for n in units}
+    rows = panels(units, sizes)
     with writing(Path(path), FIGURES) as temporary:
         figure, axes = plt.subplots(
             max(1, len(rows)),
@@ -95,12 +113,23 @@ def _panel(axis: Any, labelled: Sequence[tuple[str, Result]], unit: str, names: 
             text = f"{name}, {label}" if label and len(names) > 1 else label or name
             style = styles[k % len(styles)]
             axis.plot(result.time, result[name], style, color=colour, linewidth=1.4, label=text)
-    single = len(names) == 1
-    if single:
+    single, count = len(names) == 1, len(names) * len(labelled)
+    if single and count == 1:
         axis.set_title(names[0], fontsize=9, loc="left")
     axis.set_ylabel(_quantity(names, unit))
     axis.grid(True, color="#dddddd", linewidth=0.6)
     axis.spines[["top", "right"]].set_visible(False)
     axis.margins(x=0)
-    if not single or len(labelled) > 1:
-        axis.legend(fontsize=8, frameon=False, loc="best")
+    if count > 1:
+        # Above the panel: inside it would hide curves.
+        axis.legend(
+            title=names[0] if single else None,
+            ncols=min(count, 4),
+            fontsize=8,
+            title_fontsize=9,
+            alignment="left",
+            frameon=False,
+            loc="lower left",
+            bbox_to_anchor=(-0.01, 0.97),
+            borderpad=0.2,
+        )

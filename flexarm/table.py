@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from engine.errors import FlexarmError, nearest
+from flexarm.text import columns as in_columns
+from flexarm.text import number, plural
 
 KINDS = (".parquet", ".csv", ".mat")
 
@@ -48,6 +51,9 @@ class Table:
     def __contains__(self, name: object) -> bool:
         return name in self.columns
 
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
     def __getitem__(self, name: str) -> Any:
         """One column, shape (rows,).
 
@@ -55,8 +61,13 @@ class Table:
             FlexarmError: no such column.
         """
         if name not in self.columns:
-            raise FlexarmError(f"'{self.path}' has no column '{name}'", remedy=nearest(name, self.columns))
+            raise FlexarmError(f"'{self.path}' has no column '{name}'", remedy=nearest(str(name), self.columns))
         return self.columns[name]
+
+    def __str__(self) -> str:
+        """Name, unit, least and greatest value of each column; of a column of texts, how many rows hold one."""
+        rows = [[name, self.units.get(name, ""), *_range(values)] for name, values in self.columns.items()]
+        return f"{self.path}: {plural(len(self), 'row')}\n" + in_columns(["column", "unit", "least", "greatest"], rows)
 
     def to_pandas(self) -> Any:
         """A pandas DataFrame, with the units in ``attrs["units"]``."""
@@ -65,6 +76,15 @@ class Table:
         frame = pandas.DataFrame(self.columns)
         frame.attrs |= {"units": dict(self.units), "scenario_hash": self.scenario_hash}
         return frame
+
+
+def _range(values: Any) -> list[str]:
+    numbers = np.asarray(values)
+    if numbers.dtype.kind not in "biuf":
+        filled = sum(bool(value) for value in values)
+        return [f"text in {filled}" if filled else "empty", ""]
+    numbers = numbers[np.isfinite(numbers)] if numbers.dtype.kind == "f" else numbers
+    return [number(float(numbers.min())), number(float(numbers.max()))] if len(numbers) else ["", ""]
 
 
 def read(path: str | Path, columns: list[str] | None = None) -> Table:

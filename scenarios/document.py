@@ -173,12 +173,29 @@ def parse(text: str, shown: str = "") -> Node:
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         said = ", ".join(str(part) for part in (error.context, error.problem) if part)
-        raise DocumentError(f"not YAML: {said}", Where(shown, mark.line + 1 if mark else 0)) from error
+        raise DocumentError(f"not YAML: {said}", Where(shown, mark.line + 1 if mark else 0), _remedy(said)) from error
     except YAMLError as error:
         position = getattr(error, "position", None)
         line = text.count("\n", 0, position) + 1 if isinstance(position, int) else 0
         reason = getattr(error, "reason", None) or str(error).split("\n", 1)[0]
         raise DocumentError(f"not YAML: {reason}", Where(shown, line)) from error
+
+
+_REMEDIES = (
+    (r"'\\t'", "indent with spaces, not with tabs"),
+    (r"expected ',' or '[]}]'", "close every [ and {, put commas between items, and quote texts that hold brackets"),
+    (
+        r"mapping values are not allowed",
+        "a name is followed by a colon and a space; a text that holds ': ' needs quotes",
+    ),
+    (r"expected ':'", "a name is followed by a colon and a space"),
+    (r"block (mapping|collection)", "entries of one level begin in the same column"),
+)
+"""What the parser says, and what to do about it."""
+
+
+def _remedy(said: str) -> str:
+    return next((remedy for pattern, remedy in _REMEDIES if re.search(pattern, said)), "")
 
 
 class _Builder:

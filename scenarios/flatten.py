@@ -182,14 +182,21 @@ class _Flattener:
         full = prefix + name
         values: dict[str, Any] = {}
         common: dict[str, tuple[str, Where]] = {}
+        known = [*cls.parameters, *cls.options]
+        for key, node in entry.items():
+            if key != "type" and key not in known:
+                # '{resistance: 2,6 ohm}' is a resistance of 2 and a key '6 ohm' without a value.
+                comma = node.value is None and key[:1].isdigit()
+                raise ScenarioError(
+                    f"{cls.__name__} has no parameter '{key}'",
+                    document.where("blocks", name, key),
+                    "write numbers with a decimal point, as in 2.6 ohm" if comma else nearest(key, known),
+                )
         for key, node in entry.items():
             if key == "type":
                 continue
             where = document.where("blocks", name, key)
-            declared = cls.parameters.get(key) or cls.options.get(key)
-            if declared is None:
-                known = [*cls.parameters, *cls.options]
-                raise ScenarioError(f"{cls.__name__} has no parameter '{key}'", where, nearest(key, known))
+            declared = cls.parameters.get(key) or cls.options[key]
             value = substitute(node, scope, where)
             if value is None or isinstance(value, dict):
                 raise ScenarioError(

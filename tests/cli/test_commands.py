@@ -73,6 +73,26 @@ def test_blocks(command: Callable) -> None:
     wrong = command("blocks", "DCMoter")
     assert wrong.code == 1
     assert "did you mean 'DCMotor'?" in wrong.err
+    part = command("blocks", "friction")
+    assert part.code == 1
+    assert "BearingFriction, ElastoPlasticFriction, " in part.err
+    assert "Gear" not in part.err
+
+
+def test_a_picture_of_another_kind_is_refused_by_name(base: Path, command: Callable) -> None:
+    answer = command("run", base.name, "--plot", "step.jpg")
+    assert answer.code == 1
+    assert "'step.jpg' is of no kind that can be written here\n  end it in .png, .pdf, .svg" in answer.err
+    assert [path.name for path in base.parent.iterdir()] == ["base.yaml"]
+
+
+def test_signals_of_very_different_size_get_panels_of_their_own() -> None:
+    from flexarm.plot import panels
+
+    units = {"motor": "rad", "u": "V", "twist": "rad", "load": "rad", "none": "rad"}
+    assert panels(units) == [("rad", ["motor", "twist", "load", "none"]), ("V", ["u"])]
+    sizes = {"motor": 180.0, "u": 1.0, "twist": 1e-3, "load": 9.0, "none": 0.0}
+    assert panels(units, sizes) == [("rad", ["motor", "load", "none"]), ("rad", ["twist"]), ("V", ["u"])]
 
 
 def test_schema_is_json(base: Path, command: Callable) -> None:
@@ -151,3 +171,25 @@ def test_public_api() -> None:
     assert result.units["link.hub.angle"] == "rad"
     with pytest.raises(AttributeError, match="nonsense"):
         _ = flexarm.nonsense
+
+
+def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    from types import SimpleNamespace as Made
+
+    from flexarm.diagnose_command import page
+
+    monkeypatch.setattr("diagnosis.verdict.place_odds", lambda study: {})
+    sizes = {"gain": (58.4, "*"), "share": (0.5, "1"), "torque": (2.5, "N.m")}
+    finding = {
+        "sentence": "A sentence.",
+        "parameters": {n: {"value": v, "low": v / 2, "high": 2 * v, "unit": unit} for n, (v, unit) in sizes.items()},
+        "when": "half of it within 1 s of 6 s, from 0.20-1.20 s",
+        "frequency": "strongest at 0.7 Hz, in tip",
+    }
+    refit, chosen = Made(fit=Made(chi2=3.0), hold_out=2.0), Made(effects=())
+    study = Made(scenario=Made(name="arm"), nominal=(9.0, 8.0), refit=refit, chosen=chosen)
+    text = page(Made(verdict="named", findings=[finding], study=study, proposal=None, warnings=()))
+    assert "    gain = 58.4  (95 %: 29.2 " in text
+    assert "    share = 0.5  (95 %: 0.25 " in text
+    assert "    torque = 2.5 N.m  (95 %: 1.25 " in text
+    assert "    the mismatch: half of it within 1 s of 6 s, from 0.20-1.20 s; strongest at 0.7 Hz, in tip\n" in text

@@ -27,6 +27,25 @@ def test_own_recording_is_met(recorded: Path, command: Callable) -> None:
     assert by_file == found
 
 
+def test_all_recordings_by_default(recorded: Path, command: Callable) -> None:
+    assert errors(command("compare", recorded.name, "--json")) == errors(
+        command("compare", recorded.name, "one", "--json")
+    )
+    text = recorded.read_text()
+    recorded.write_text(text[: text.index("recordings:")])
+    answer = command("compare", recorded.name)
+    assert answer.code == 1
+    assert "recorded describes no recordings" in answer.err
+
+
+def test_check_says_that_no_input_was_recorded(recorded: Path, command: Callable) -> None:
+    said = "no input was recorded; the scenario's own sources drive the simulation"
+    assert said not in command("check", recorded.name).out
+    lines = recorded.read_text().splitlines(keepends=True)
+    recorded.write_text("".join(line for line in lines if "drive:" not in line))
+    assert said in command("check", recorded.name).out
+
+
 def test_errors_are_what_they_say(recorded: Path, command: Callable) -> None:
     """rmse and nrmse = 100 (1 - |e| / |y - mean y|), against a direct computation."""
     from diagnosis.compare import compare

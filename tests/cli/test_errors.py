@@ -45,6 +45,12 @@ BAD = {
     "no number": ("ratio: 70", "ratio: yes", ["base.yaml:8", "'yes' is not a number", "write"]),
     "empty value": ("ratio: 70", "ratio: null", ["base.yaml:8", "blocks.gear.ratio", "no value"]),
     "twice the same key": ("  load:", "  gear:", ["base.yaml:9", "'gear'", "line 8"]),
+    "decimal comma": ("ratio: 70", "ratio: 0,7", ["base.yaml:8", "Gear has no parameter '7'", "decimal point"]),
+    "missing colon": ("  gear: {", "  gear {", ["base.yaml:8", "not YAML", "a colon and a space"]),
+    "tab": ("  gear: {", "\tgear: {", ["base.yaml:8", "not YAML", "spaces, not with tabs"]),
+    "indented too far": ("  gear: {", "   gear: {", ["base.yaml:8", "not YAML", "begin in the same column"]),
+    "open bracket": ("load.shaft]\n", "load.shaft\n", ["not YAML", "close every [ and {"]),
+    "brackets without quotes": ("name: base", "name: base\ndescription: {a: b [c]}", ["not YAML", "quote texts"]),
     "not YAML": ("schema: 1", "schema: [1", ["base.yaml:2", "not YAML"]),
     "another version": ("schema: 1", "schema: 2", ["base.yaml:1", "schema 2", "schema: 1"]),
     "no version": ("schema: 1\n", "", ["'schema' is missing"]),
@@ -167,7 +173,7 @@ def test_diverging_simulation_writes_nothing(base: Path, command: Callable) -> N
     refused(command("run", base.name, "-o", "out.csv"), ["diverged", "t ="], base.parent, {base.name})
 
 
-@pytest.mark.parametrize("arguments", [[], ["run"], ["rum"], ["run", "a.yaml", "--nonsense"], ["compare", "a.yaml"]])
+@pytest.mark.parametrize("arguments", [[], ["run"], ["rum"], ["run", "a.yaml", "--nonsense"], ["compare"]])
 def test_wrong_usage(arguments: list[str], command: Callable) -> None:
     assert command(*arguments).code == 2
 

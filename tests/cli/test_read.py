@@ -9,6 +9,7 @@ import pytest
 
 import flexarm
 from engine.errors import FlexarmError
+from flexarm.table import Table
 from scenarios.load import load
 
 
@@ -38,6 +39,33 @@ def test_chosen_columns_and_a_frame(base: Path, command) -> None:
     frame = flexarm.read("results.parquet").to_pandas()
     assert frame.attrs["units"]["load.shaft.angle"] == "rad"
     assert next(iter(frame.columns)) == "time"
+
+
+def test_a_table_tells_what_it_holds(base: Path, command) -> None:
+    """Iterated it gives names, printed the range of each column: 1 V before and 0.82 V behind the dead zone."""
+    command("run", base, "-o", "results.csv")
+    found = flexarm.read("results.csv")
+    assert list(found) == found.names
+    head, heads, *rows = str(found).splitlines()
+    assert head == "results.csv: 101 rows"
+    assert heads.split() == ["column", "unit", "least", "greatest"]
+    shown = {row.split()[0]: row.split()[1:] for row in rows}
+    assert shown["source.out"] == ["V", "1", "1"]
+    assert shown["zone.out"] == ["V", "0.82", "0.82"]
+    assert shown["load.shaft.angle"][:2] == ["rad", "0"]
+    assert float(shown["load.shaft.angle"][2]) == pytest.approx(found["load.shaft.angle"].max(), rel=1e-5)
+    with pytest.raises(FlexarmError, match="has no column '0'"):
+        _ = found[0]
+
+
+def test_a_table_of_texts_and_gaps_can_be_printed() -> None:
+    columns = {"run": np.arange(2.0), "end": np.array([np.nan, 3.0]), "failure": np.array(["diverged", ""], object)}
+    text = str(Table(Path("t.parquet"), columns, {"end": "rad"}, {}))
+    assert [line.split() for line in text.splitlines()[2:]] == [
+        ["run", "0", "1"],
+        ["end", "rad", "3", "3"],
+        ["failure", "text", "in", "1"],
+    ]
 
 
 def test_what_is_refused(base: Path, command) -> None:
