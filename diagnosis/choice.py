@@ -9,6 +9,7 @@ import numpy as np
 
 from diagnosis.recording import Recorded, Recording
 from diagnosis.sines import Sines
+from diagnosis.ties import KNOWN
 from diagnosis.trial import STRAIN, Trial, by_chance, gain_band, strained
 
 DECISIVE = 10.0
@@ -209,7 +210,8 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
     A model that contains the chosen one, or that costs much more before it explains as much, is none.
     """
     others = [t for t in trials if len(t.effects) == len(chosen.effects) and not _same(t, chosen)]
-    others += [t for t in trials if len(t.effects) > len(chosen.effects) and t.effects[-1].effect == "offset"]
+    pair = set(KNOWN.get(chosen.effects[0].effect, ())) if len(chosen.effects) == 1 else set()
+    others += [t for t in trials if len(t.effects) > 1 and {c.effect for c in t.effects} == pair]
     if not unexplained(refit, floor(chosen)):
         able = _relieving(refit, chosen, others)
         return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)

@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.candidate import Candidate
 from diagnosis.catalogue import candidates
-from diagnosis.choice import FITTED, accounted, choose, floor, pays, relieved, unexplained
+from diagnosis.choice import FITTED, accounted, choose, floor, pays, reached, relieved, unexplained
 from diagnosis.fit import Fit
 from diagnosis.laws import laws
 from diagnosis.problem import Array
@@ -29,7 +29,14 @@ FINISHED, PROMISING = 15, 0.2
 """At most so many effects are fitted to the end, of those that gained this share of what the best gained."""
 
 SECONDS, LEADERS = 12, 2
-"""A second effect is sought among so many singles and the best of every other effect, beside so many that do best."""
+"""A second effect is sought among all others beside the first of so many leaders, among so many beside the rest."""
+
+SWAPS = 0.2
+"""Share of the held-out excess that the best pair must take away for its halves to be exchanged."""
+
+BLIND = 5.0
+"""Held-out excess, in floors, that calls for another recording to be fitted where one effect brings the fitted ones to
+the floor."""
 
 SECONDS_AT_TABLES, LEADERS_AT_TABLES = 3, 1
 """The same for tables, which are dear to simulate for the few numbers they give."""
@@ -73,7 +80,14 @@ class Study:
     notes: tuple[str, ...] = ()
 
 
-def study(shop: Workshop, *, most: int = 2, without: Sequence[str] = (), progress: Progress | None = None) -> Study:
+def study(
+    shop: Workshop,
+    *,
+    most: int = 2,
+    without: Sequence[str] = (),
+    progress: Progress | None = None,
+    told: Sequence[str] = (),
+) -> Study:
     """Refit, try every candidate, then pairs with the best, and keep what pays on held-out data.
 
     Args:
@@ -81,11 +95,12 @@ def study(shop: Workshop, *, most: int = 2, without: Sequence[str] = (), progres
         most: at most so many effects.
         without: effects that are not to be tried.
         progress: told what is done, how many of how many.
+        told: what was done differently from what was asked, before.
     """
     if progress:
         progress("fitting the model's own parameters", 0, 1)
-    refit, notes = shop.refit(), []
-    swapped = exchanged(shop, refit)
+    refit, notes = shop.refit(), list(told)
+    swapped = None if notes else exchanged(shop, refit)
     if swapped:
         shop = shop.again(swapped[0])
         refit, notes = shop.refit(), [swapped[1]]
@@ -107,6 +122,11 @@ def study(shop: Workshop, *, most: int = 2, without: Sequence[str] = (), progres
         chosen = relieved(choose(chosen, found), found)
         notes += [s.told() for s in suspected if s.candidate.key in {c.key for c in chosen.effects}]
         trials += found
+    lead = min(trials, key=lambda t: t.fit.chi2, default=refit)
+    if not notes and not reached(refit, chosen) and lead.hold_out - floor(lead) > BLIND * floor(lead):
+        swapped = exchanged(shop, lead)
+        if swapped:
+            return study(shop.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
     if most > 1 and len(chosen.effects) <= 1 and unexplained(chosen, floor(chosen)):
         chosen, tried = _second(shop, chosen, [t for t in trials if len(t.effects) == 1], progress)
         trials += tried
@@ -114,8 +134,8 @@ def study(shop: Workshop, *, most: int = 2, without: Sequence[str] = (), progres
     pair, twins = lookalike(chosen, trials), same_laws(chosen, listed)
     if pair:
         trials += [shop.polish(t) for t in _try_all(shop, [pair], refit.fit, progress)[0]]
-    told = [{c.key for c in twin} for twin in twins]
-    trials = [t for t in trials if {c.key for c in t.effects} not in told]
+    alike = [{c.key for c in twin} for twin in twins]
+    trials = [t for t in trials if {c.key for c in t.effects} not in alike]
     trials += [shop.polish(t) for t in _try_all(shop, twins, chosen.fit, progress)[0]]
     made = Study(
         shop.scenario, shop.recordings, before, refit, tuple(trials), chosen, around, tuple(failures), tuple(notes)
@@ -146,7 +166,7 @@ def exchanged(shop: Workshop, refit: Trial) -> tuple[list[Recorded], str] | None
         return None
     errors = {e.name: refit.fit.score([e]) for e in held}
     worst = max(held, key=lambda e: errors[e.name])
-    told = f"the recordings to fit show no mismatch and '{worst.name}' does: "
+    told = f"what the recordings to fit show can be fitted, and what '{worst.name}' shows cannot: "
     if any(error - ground > UNSEEN * ground for name, error in errors.items() if name != worst.name):
         moved = [replace(r, role="train") if r.name == worst.name else r for r in shop.recordings]
         return moved, told + "it was fitted too, and the rest is held out"
@@ -192,19 +212,27 @@ def _second(
 ) -> tuple[Trial, list[Trial]]:
     """The best pair if it pays, and all pairs tried: the leading effects with others, then each half exchanged.
 
-    Two effects that are missing may hide each other, so that neither pays alone.
+    Two effects that are missing may hide each other, so that neither pays alone; the one that the fitted recordings ask
+    for most leads too.
     """
-    leaders, most = [chosen] if chosen.effects else [], LEADERS_AT_TABLES if shop.tables else LEADERS
-    for t in singles:
-        if len(leaders) < most and t.effects[0].effect not in {c.effect for l in leaders for c in l.effects}:
+    leaders: list[Trial] = []
+    wished = [*([chosen] if chosen.effects else []), *sorted(singles, key=lambda t: t.fit.cost)[:1], *singles]
+    for t in wished:
+        known = {c.effect for leader in leaders for c in leader.effects}
+        if len(leaders) < (LEADERS_AT_TABLES if shop.tables else LEADERS) and t.effects[0].effect not in known:
             leaders.append(t)
     pairs: list[Trial] = []
-    for leader in leaders:
-        pairs += _beside(shop, leader, leader.effects[0], singles, pairs, progress)
+    for k, leader in enumerate(leaders):
+        pairs += _beside(shop, leader, leader.effects[0], singles if k == 0 else singles[:SECONDS], pairs, progress)
     pairs.sort(key=lambda t: (t.merit, t.size))
-    if not pairs or not pays(pairs[0], chosen):
+    left = chosen.hold_out - floor(chosen)
+    if not pairs or not (pays(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > SWAPS * left):
         return chosen, pairs
-    pairs += _beside(shop, pairs[0], pairs[0].effects[-1], singles, pairs, progress)
+    pairs += _beside(shop, pairs[0], pairs[0].effects[-1], singles[:SECONDS], pairs, progress)
+    pairs.sort(key=lambda t: (t.merit, t.size))
+    if not pays(pairs[0], chosen):
+        return chosen, pairs
+    pairs += _elsewhere(shop, pairs[0], singles, pairs, progress)
     pairs.sort(key=lambda t: (t.merit, t.size))
     best = choose(chosen, pairs)
     # One of the two may only have helped the other out of a local optimum.
@@ -224,23 +252,30 @@ def _beside(
     done: Sequence[Trial],
     progress: Progress | None,
 ) -> list[Trial]:
-    """One effect kept, every promising other one beside it."""
+    """One effect kept, every other one beside it."""
     known = {frozenset(c.key for c in t.effects) for t in done}
-    able = [t for t in singles if t.effects[0].effect != kept.effect and len(t.effects) == 1]
-    # The best, and of every other effect the best place: alone, a second effect may look poor.
-    others, seen = able[:SECONDS], {t.effects[0].effect for t in able[:SECONDS]}
-    for t in able[SECONDS:]:
-        if t.effects[0].effect not in seen:
-            others.append(t)
-            seen.add(t.effects[0].effect)
-    wanted = [(kept, t.effects[0]) for t in others if frozenset((kept.key, t.effects[0].key)) not in known]
+    others = [t for t in singles if t.effects[0].effect != kept.effect and len(t.effects) == 1]
+    others = [t for t in others if frozenset((kept.key, t.effects[0].key)) not in known]
     # It goes on from where it ended, so that no pair ends worse than what it began with.
     begun = ended(start, kept) if kept in start.effects else kept
+    wanted = [(begun, t.effects[0]) for t in others]
     if shop.tables:
-        wanted = [(begun, ended(t, t.effects[0])) for t in others[:SECONDS_AT_TABLES] if (kept, t.effects[0]) in wanted]
-    else:
-        wanted = [(begun, other) for _, other in wanted]
+        wanted = [(begun, ended(t, t.effects[0])) for t in others[:SECONDS_AT_TABLES]]
     return _try_all(shop, wanted, start.fit, progress)[0]
+
+
+def _elsewhere(
+    shop: Workshop, pair: Trial, singles: Sequence[Trial], done: Sequence[Trial], progress: Progress | None
+) -> list[Trial]:
+    """A pair with one of its effects at another place: alone, the other places may have looked poor."""
+    known = {frozenset(c.key for c in t.effects) for t in done}
+    wanted = []
+    for kept, moved in (pair.effects, pair.effects[::-1]):
+        for t in singles:
+            (other,) = t.effects
+            if other.effect == moved.effect and frozenset((kept.key, other.key)) not in known and not shop.tables:
+                wanted.append((ended(pair, kept), other))
+    return _try_all(shop, wanted, pair.fit, progress)[0] if wanted else []
 
 
 def _try_all(

@@ -1,7 +1,8 @@
 """Pairs of effects that are known to do what a single one does.
 
 While something moves, Coulomb friction with a constant force beside it is friction that differs between the
-directions; driven in one direction only, it is a dead zone. Where the single effect is the best, the pair is fitted
+directions; driven in one direction only, it is a dead zone. A further body on a spring and damper is, at low
+frequencies, a spring and a damper to the ground. Where the single effect is the best, the pair is fitted
 too, so that the verdict can say whether the recordings tell them apart. And two effects are one and the same law: a
 torque that goes once round with the shaft is the weight of something out of balance.
 """
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 KNOWN = {
     "direction_dependent_friction": ("coulomb_friction", "offset"),
     "dead_zone": ("coulomb_friction", "offset"),
+    "extra_mode": ("stray_spring", "viscous_friction"),
 }
 """Effect: the pair that it may be taken for."""
 

@@ -99,7 +99,7 @@ def tie_class(case: Case, rivals: Iterable[Sequence[str]] | None = None) -> list
         chosen = [tuple(find(case.plant, part) for part in rival if part != "none") for rival in rivals]
     nearest = refit(bench, base, target)
     own_count = sum(len(_free(c, base)) for c in case.truth.concealed)
-    found = [fit_rival(bench, nearest, target, rival) for rival in chosen]
+    found = [fit_rival(bench, nearest, target, rival, _in_other_words(case.truth, rival)) for rival in chosen]
     return sorted((replace(r, more=r.more - own_count) for r in found), key=lambda rival: rival.distance)
 
 
@@ -107,7 +107,27 @@ def _recorded(bench: Bench, site: Site) -> bool:
     return site.effect.kind != "sensor" or site.place in bench.signals
 
 
-def fit_rival(bench: Bench, nearest: Truth, target: Sequence[Array], rival: Sequence[Site]) -> Rival:
+def _in_other_words(truth: Truth, rival: Sequence[Site]) -> tuple[Concealed, ...]:
+    """The truth said by a rival that is the same law: gravity is a torque ripple of order one."""
+    said = []
+    for site in rival:
+        for c in truth.concealed:
+            p = c.parameters
+            if c.place == site.place and c.effect == site.effect.name:
+                said.append(c)
+            elif c.place == site.place and (c.effect, site.effect.name) == ("gravity", "torque_ripple"):
+                ripple = {"amplitude": p["moment"], "order": 1.0, "phase": math.pi - p["hanging_angle"]}
+                said.append(Concealed("torque_ripple", c.place, ripple))
+            elif c.place == site.place and (c.effect, site.effect.name) == ("torque_ripple", "gravity"):
+                said.append(
+                    Concealed("gravity", c.place, {"moment": p["amplitude"], "hanging_angle": math.pi - p["phase"]})
+                )
+    return tuple(said) if len(said) == len(rival) == len(truth.concealed) else ()
+
+
+def fit_rival(
+    bench: Bench, nearest: Truth, target: Sequence[Array], rival: Sequence[Site], known: tuple[Concealed, ...] = ()
+) -> Rival:
     """Fit an explanation to noise-free outputs.
 
     Args:
@@ -115,6 +135,7 @@ def fit_rival(bench: Bench, nearest: Truth, target: Sequence[Array], rival: Sequ
         nearest: the nominal model refitted to them, where the search begins.
         target: outputs in units of the floor.
         rival: effects at places; none of them for the nominal model.
+        known: a start for it, if one is known.
     """
     names = tuple((site.effect.name, site.place) for site in rival)
     if not rival:
@@ -122,7 +143,8 @@ def fit_rival(bench: Bench, nearest: Truth, target: Sequence[Array], rival: Sequ
     train = bench.training()
     wanted = [y for y, hold in zip(target, bench.held_out, strict=True) if not hold]
     best, fitted = math.inf, None
-    for start in _best_starts(Small(train, nearest, wanted), _starts(train, nearest, rival)):
+    begun = _best_starts(Small(train, nearest, wanted), _starts(train, nearest, rival))
+    for start in [*begun, *([replace(nearest, concealed=known)] if known else [])]:
         made, cost = _descend(train, start, wanted)
         if cost < best:
             best, fitted = cost, made

@@ -33,7 +33,8 @@ class Score:
         outcome: ``named``, ``tie`` (a true one, with the truth in it), ``none`` (rightly), ``missed``, ``unknown``,
             ``half`` (of two effects), ``wrong`` (a wrong name claimed), ``wrong tie``, ``loose tie`` (the truth is in
             it, but so is what the recordings exclude), ``equal`` (the truth was withheld, and what is claimed does the
-            same on these recordings by the truth generator's own computation), ``false alarm``, ``failed``, ``not run``.
+            same on these recordings by the truth generator's own computation), ``false alarm``, ``failed``,
+            ``not run``.
         found: how many of the concealed effects were named, or are in a true tie.
         claimed: whether a name was claimed, alone, that is not the truth.
         placed: whether the place is right; None where none was to be found.
