@@ -99,12 +99,22 @@ def pays(better: Trial, worse: Trial) -> bool:
 
 
 def reached(refit: Trial, chosen: Trial) -> bool:
-    """Whether the amended model leaves little more than noise, of the held-out data or at least of the fitted ones."""
+    """Whether the amended model leaves little more than noise of what it was fitted to and of what it was not.
+
+    Where the fitted data are at the floor, more may be left of the others: what the parameters are uncertain by.
+    """
     ground = floor(chosen)
     left, before = chosen.hold_out - ground, refit.hold_out - ground
+    if chosen.fit.chi2 - ground > _little(refit.fit.chi2 - ground, ground):
+        return False
     uncertain = min(UNCERTAIN * before, AT_MOST_THEN * ground)
-    fitted = chosen.fit.chi2 - ground < FITTED * ground and left < uncertain
-    return fitted or left < max(REACHED * ground, min(LEFT_OVER * before, AT_MOST * ground))
+    at_floor = chosen.fit.chi2 - ground < FITTED * ground
+    return left < max(_little(before, ground), uncertain if at_floor else 0.0)
+
+
+def _little(before: float, ground: float) -> float:
+    """How much above the floor a right law may leave of what was there before."""
+    return max(REACHED * ground, min(LEFT_OVER * before, AT_MOST * ground))
 
 
 def explained(refit: Trial, chosen: Trial) -> float:
@@ -222,14 +232,14 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
     rows = [t for t in alike if not _contains(t, chosen) and price(t) - price(chosen) < 3 * DECISIVE]
     # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.
     richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + LEAST) * chosen.merit]
-    rows += [t for t in richer if _better(t, chosen)]
+    rows += [t for t in richer if better(t, chosen)]
     return tuple(sorted(rows, key=lambda t: t.merit))
 
 
-def _better(richer: Trial, simpler: Trial) -> bool:
-    """Whether a richer law does better than the simpler one, on held-out data beyond chance or on the fitted ones."""
-    held = simpler.hold_out - richer.hold_out > RICHER * simpler.hold_out and gain_band(richer, simpler)[0] > 0
-    return held or simpler.fit.chi2 - richer.fit.chi2 > RICHER * simpler.fit.chi2
+def better(one: Trial, other: Trial) -> bool:
+    """Whether a law does clearly better than another, on held-out data beyond chance or on the fitted ones."""
+    held = other.hold_out - one.hold_out > RICHER * other.hold_out and gain_band(one, other)[0] > 0
+    return held or other.fit.chi2 - one.fit.chi2 > RICHER * other.fit.chi2
 
 
 def _same(one: Trial, other: Trial) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.candidate import Candidate
 from diagnosis.catalogue import candidates
-from diagnosis.choice import FITTED, accounted, choose, floor, pays, reached, relieved, unexplained
+from diagnosis.choice import FITTED, accounted, better, choose, floor, pays, reached, relieved, unexplained
 from diagnosis.fit import Fit
 from diagnosis.laws import laws
 from diagnosis.problem import Array
@@ -123,7 +123,7 @@ def study(
         notes += [s.told() for s in suspected if s.candidate.key in {c.key for c in chosen.effects}]
         trials += found
     lead = min(trials, key=lambda t: t.fit.chi2, default=refit)
-    if not notes and not reached(refit, chosen) and lead.hold_out - floor(lead) > BLIND * floor(lead):
+    if not (notes or shop.tables or reached(refit, chosen)) and lead.hold_out - floor(lead) > BLIND * floor(lead):
         swapped = exchanged(shop, lead)
         if swapped:
             return study(shop.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
@@ -131,16 +131,19 @@ def study(
         chosen, tried = _second(shop, chosen, [t for t in trials if len(t.effects) == 1], progress)
         trials += tried
     chosen = shop.polish(chosen)
-    pair, twins = lookalike(chosen, trials), same_laws(chosen, listed)
-    if pair:
-        trials += [shop.polish(t) for t in _try_all(shop, [pair], refit.fit, progress)[0]]
+    pair = lookalike(chosen, trials)
+    for made in (shop.polish(t) for t in _try_all(shop, [pair] if pair else [], refit.fit, progress)[0]):
+        trials.append(made)
+        if made.size <= chosen.size and made.hold_out < chosen.hold_out and better(made, chosen):
+            chosen = made
+    twins = same_laws(chosen, listed)
     alike = [{c.key for c in twin} for twin in twins]
     trials = [t for t in trials if {c.key for c in t.effects} not in alike]
     trials += [shop.polish(t) for t in _try_all(shop, twins, chosen.fit, progress)[0]]
-    made = Study(
+    whole = Study(
         shop.scenario, shop.recordings, before, refit, tuple(trials), chosen, around, tuple(failures), tuple(notes)
     )
-    return made if accounted(made.recordings, refit, chosen) else _unnamed(shop, made, progress)
+    return whole if accounted(whole.recordings, refit, chosen) else _unnamed(shop, whole, progress)
 
 
 def _unnamed(shop: Workshop, study: Study, progress: Progress | None) -> Study:

@@ -239,11 +239,12 @@ def _true_tie(
     """
     plant = PLANTS[answer["plant"]]
     rivals = set()
-    for _, effect, place, others in reported:
-        for one in [f"{effect} at {place}", *others]:
-            parts = [_site(plant, *part.split(" at ")) for part in one.split(" + ")]
-            if None not in parts and not all(_is(part, targets) for part in parts):
-                rivals.add(tuple(sorted(str(part) for part in parts)))
+    # What is found belongs together; what it cannot be told from is a whole model each time.
+    models = [" + ".join(f"{effect} at {place}" for _, effect, place, _ in reported)]
+    for one in [*models, *(other for *_, others in reported for other in others)]:
+        parts = [_site(plant, *part.split(" at ")) for part in one.split(" + ")]
+        if None not in parts and not all(_is(part, targets) for part in parts):
+            rivals.add(tuple(sorted(str(part) for part in parts)))
     return _tied(rivals, folder, result, answer)
 
 

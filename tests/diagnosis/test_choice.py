@@ -218,6 +218,12 @@ def test_a_right_law_reaches_the_floor(silent):
     assert not choice.reached(less, trial(1 + 10.1 * choice.UNCERTAIN, effect("e"), fitted=at_floor))
 
 
+def test_a_law_that_misses_what_it_was_fitted_to_is_not_right(silent):
+    refit = trial(5.0, fitted=46.0)
+    assert choice.reached(refit, trial(1.3, effect("e"), fitted=1.3))
+    assert not choice.reached(refit, trial(1.3, effect("e"), fitted=29.0))
+
+
 def test_a_share_of_a_huge_mismatch_is_not_little(silent):
     """Thousands of floors are far from the noise, however small a part they are of what was there before."""
     refit, at_floor = trial(1e6), 1 + 0.5 * choice.FITTED
