@@ -26,8 +26,9 @@ from scenarios.load import Scenario, load
 STARTS, APART = 3, 3.0
 """How many starting sizes of an effect are fitted, and how far apart they lie in the search variables."""
 
-STRUCTURES = 10
-"""Of sizes that are only chosen, such as the order of a ripple, so many are fitted."""
+STRUCTURES, SETTLES = 10, 24
+"""Of sizes that are only chosen, such as the order of a ripple, so many are fitted, in so many steps: which is right
+shows late."""
 
 GLANCE = 0.4
 """Share of the training recordings on which starting sizes are compared."""
@@ -147,9 +148,11 @@ class Workshop:
         bold = self.entries(effects, [effects[0].bold], parent) if len(effects) == 1 and effects[0].bold else []
         tried = []
         with ThreadPoolExecutor(1) as pool:
-            for entry in [*self._begun(effects, entries), *bold]:
+            begun = [*self._begun(effects, entries), *bold]
+            most = SETTLES if len({id(entry.problem.model) for entry in begun}) > 1 else FIRST
+            for entry in begun:
                 training = entry.problem.chosen("train", "repeat")
-                x, cost, converged = descend(entry.problem, entry.x, training, pool, iterations=FIRST, least=HARDLY)
+                x, cost, converged = descend(entry.problem, entry.x, training, pool, iterations=most, least=HARDLY)
                 tried.append(Draft(effects, replace(entry, x=x, cost=cost), converged))
         return min(tried, key=lambda draft: draft.entry.cost)
 
