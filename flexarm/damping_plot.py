@@ -155,20 +155,15 @@ def _in(unit: str) -> str:
 
 def _write(path: str | Path, title: str, size: tuple[float, float], draw: Callable[[Any], None]) -> Path:
     import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
+    from matplotlib.figure import Figure
 
     with (
         writing(Path(path), FIGURES) as temporary,
         mpl.rc_context({"grid.color": "#dddddd", "grid.linewidth": 0.6}),
     ):
-        figure = plt.figure(figsize=size, layout="constrained")
-        try:
-            draw(figure)
-            if title:
-                figure.suptitle(title, fontsize=11, fontweight="bold")
-            figure.savefig(temporary, dpi=130)
-        finally:
-            plt.close(figure)
+        figure = Figure(figsize=size, layout="constrained")
+        draw(figure)
+        if title:
+            figure.suptitle(title, fontsize=11, fontweight="bold")
+        figure.savefig(temporary, dpi=130)
     return Path(path)

@@ -67,10 +67,7 @@ def plot(results: Result | Sequence[tuple[str, Result]], path: str | Path, title
     Raises:
         FlexarmError: it cannot be written.
     """
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
+    from matplotlib.figure import Figure  # pyplot would choose a backend, and a notebook has its own
 
     labelled = [("", results)] if not isinstance(results, Sequence) else list(results)
     units: dict[str, str] = {}
@@ -80,24 +77,15 @@ def plot(results: Result | Sequence[tuple[str, Result]], path: str | Path, title
     sizes = {n: max(float(abs(r[n]).max()) for _, r in labelled if n in r.units) for n in units}
     rows = panels(units, sizes)
     with writing(Path(path), FIGURES) as temporary:
-        figure, axes = plt.subplots(
-            max(1, len(rows)),
-            1,
-            sharex=True,
-            squeeze=False,
-            layout="constrained",
-            figsize=(8, 0.9 + 2.3 * max(1, len(rows))),
-        )
-        try:
-            for axis, (unit, names) in zip(axes[:, 0], rows, strict=False):
-                _panel(axis, labelled, unit, names)
-            axes[-1, 0].set_xlabel("time [s]")
-            if title:
-                figure.suptitle(title, fontsize=11, fontweight="bold")
-            figure.align_ylabels()
-            figure.savefig(temporary, dpi=150)
-        finally:
-            plt.close(figure)
+        figure = Figure(figsize=(8, 0.9 + 2.3 * max(1, len(rows))), layout="constrained")
+        axes = figure.subplots(max(1, len(rows)), 1, sharex=True, squeeze=False)
+        for axis, (unit, names) in zip(axes[:, 0], rows, strict=False):
+            _panel(axis, labelled, unit, names)
+        axes[-1, 0].set_xlabel("time [s]")
+        if title:
+            figure.suptitle(title, fontsize=11, fontweight="bold")
+        figure.align_ylabels()
+        figure.savefig(temporary, dpi=150)
     return Path(path)
 
 

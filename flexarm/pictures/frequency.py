@@ -106,37 +106,28 @@ def plot_linear(linear: LinearModel, path: str | Path, title: str = "") -> Path:
     Raises:
         FlexarmError: the file cannot be written.
     """
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
+    from matplotlib.figure import Figure
 
     rows = responses(linear)
     shown = rows[:MOST_PAIRS]
+    head = _title(linear, title)
+    figure = Figure(figsize=(12, 7.4) if rows else (6, 4.4), layout="constrained")
+    if rows:
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
+        gain = figure.add_subplot(grid[0, 0])
+        phase = figure.add_subplot(grid[1, 0], sharex=gain)
+        _bode(gain, phase, shown, len({r.input for r in rows}) > 1)
+        _roots(figure.add_subplot(grid[0, 1]), linear, shown)
+        _nichols(figure.add_subplot(grid[1, 1]), shown)
+        figure.legend(*gain.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+        if len(rows) > len(shown):
+            head += f"\nthe first {len(shown)} of {len(rows)} pairs"
+    else:
+        _roots(figure.add_subplot(), linear, rows)
+        head += "\nno output depends on an input here"
+    figure.suptitle(head, fontsize=11)
     with writing(Path(path), FIGURES) as temporary:
-        figure = plt.figure(figsize=(12, 7.4) if rows else (6, 4.4), layout="constrained")
-        try:
-            head = _title(linear, title)
-            if not rows:
-                _roots(figure.add_subplot(), linear, rows)
-                figure.suptitle(f"{head}\nno output depends on an input here", fontsize=11)
-                figure.savefig(temporary, dpi=130)
-                return Path(path)
-            grid = figure.add_gridspec(2, 2, width_ratios=(1.25, 1))
-            gain = figure.add_subplot(grid[0, 0])
-            phase = figure.add_subplot(grid[1, 0], sharex=gain)
-            _bode(gain, phase, shown, len({r.input for r in rows}) > 1)
-            _roots(figure.add_subplot(grid[0, 1]), linear, shown)
-            _nichols(figure.add_subplot(grid[1, 1]), shown)
-            figure.legend(
-                *gain.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False
-            )
-            if len(rows) > len(shown):
-                head += f"\nthe first {len(shown)} of {len(rows)} pairs"
-            figure.suptitle(head, fontsize=11)
-            figure.savefig(temporary, dpi=130)
-        finally:
-            plt.close(figure)
+        figure.savefig(temporary, dpi=130)
     return Path(path)
 
 

@@ -193,3 +193,22 @@ def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: p
     assert "    share = 0.5  (95 %: 0.25 " in text
     assert "    torque = 2.5 N.m  (95 %: 1.25 " in text
     assert "    the mismatch: half of it within 1 s of 6 s, from 0.20-1.20 s; strongest at 0.7 Hz, in tip\n" in text
+
+
+def test_a_figure_leaves_the_backend_of_a_notebook_alone(tmp_path) -> None:
+    """A backend that nothing here would choose is the same after every kind of figure that a model gives."""
+    import matplotlib as mpl
+
+    import flexarm
+    from flexarm.pictures.frequency import plot_linear
+    from flexarm.plot import plot
+
+    before = mpl.get_backend()
+    mpl.use("svg")
+    try:
+        plot(flexarm.simulate("quanser-single-link"), tmp_path / "run.png")
+        plot_linear(flexarm.linearise("quanser-single-link"), tmp_path / "bode.png")
+        assert mpl.get_backend().lower() == "svg"
+    finally:
+        mpl.use(before)
+    assert {p.name for p in tmp_path.iterdir()} == {"run.png", "bode.png"}
