@@ -26,7 +26,7 @@ from flexarm import (
 from flexarm.options import AUTOMATIC, ScenarioArgument, SetOption, file_name, load, say_bypassed, seconds
 
 if TYPE_CHECKING:
-    pass
+    from engine.system import System
 
 app = typer.Typer(
     name="flexarm",
@@ -114,6 +114,15 @@ def run(
         typer.echo(f"written: {write_run(loaded, result, report, command=command_line())}")
 
 
+def _loose(system: System) -> list[str]:
+    """Flanges that nothing is connected to: free ends, or a connection that was forgotten."""
+    wired = {end for connection in system.connections for end in connection.ends}
+    ends = (
+        (f"{name}.{port}", made.role) for name, block in system.blocks.items() for port, made in block.ports.items()
+    )
+    return [end for end, role in ends if role == "flange" and end not in wired]
+
+
 @app.command()
 def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
     """Read and assemble a scenario with its analyses and recordings, and report problems."""
@@ -141,6 +150,8 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
         )
     )
     typer.echo(columns(["state", "unit"], [[state.name, state.unit] for state in model.states]))
+    if loose := _loose(loaded.system):
+        typer.echo(f"connected to nothing: {', '.join(loose)}")
     for name, analysis in loaded.analyses.items():
         made = cut(loaded, analysis.kind, name)
         if analysis.kind == "linearise":

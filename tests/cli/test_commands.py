@@ -212,3 +212,15 @@ def test_a_figure_leaves_the_backend_of_a_notebook_alone(tmp_path) -> None:
     finally:
         mpl.use(before)
     assert {p.name for p in tmp_path.iterdir()} == {"run.png", "bode.png"}
+
+
+def test_check_names_flanges_that_nothing_is_connected_to(tmp_path, command) -> None:
+    """A gear whose input was forgotten can be built and turns freely: that is worth a word."""
+    (tmp_path / "loose.yaml").write_text(
+        "schema: 1\nname: loose\nblocks:\n  gear: {type: Gear, ratio: 5, inertia: 1 g.m2}\n"
+        "  arm: {type: Inertia, inertia: 1 kg.m2}\nconnect:\n  - [gear.output, arm.shaft]\n"
+    )
+    answer = command("check", str(tmp_path / "loose.yaml"))
+    assert answer.code == 0, answer.err
+    assert "connected to nothing: gear.input\n" in answer.out
+    assert "connected to nothing" not in command("check", "quanser-single-link").out
