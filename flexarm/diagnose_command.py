@@ -158,13 +158,20 @@ def page(found: Diagnosis) -> str:
     """The verdict in plain sentences."""
     from diagnosis.fit import span
     from diagnosis.verdict import place_odds
-    from flexarm.text import columns, number
+    from flexarm.text import columns, number, plural
 
     study = found.study
     parts = [f"{study.scenario.name}: {found.verdict.replace('_', ' ')}"]
     for finding in found.findings:
         parts.append(f"  {finding['sentence']}")
+        heights = [name for name in finding["parameters"] if "[" in name]
+        if heights:
+            parts.append(
+                f"    a curve of {plural(len(heights), 'point')}; its values are in diagnosis.json and amended.yaml"
+            )
         for name, row in finding["parameters"].items():
+            if name in heights:
+                continue
             factor = f", {row['factor']:.3g} times the given value" if "factor" in row else ""
             unit = "" if row["unit"] in ("*", "1") else f" {row['unit']}"
             parts.append(f"    {name} = {number(row['value'])}{unit}  (95 %: {span(row, 6)}){factor}")

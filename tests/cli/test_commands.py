@@ -179,7 +179,7 @@ def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: p
     from flexarm.diagnose_command import page
 
     monkeypatch.setattr("diagnosis.verdict.place_odds", lambda study: {})
-    sizes = {"gain": (58.4, "*"), "share": (0.5, "1"), "torque": (2.5, "N.m")}
+    sizes = {"gain": (58.4, "*"), "share": (0.5, "1"), "torque": (2.5, "N.m"), "heights[1]": (1.0, "N.m")}
     finding = {
         "sentence": "A sentence.",
         "parameters": {n: {"value": v, "low": v / 2, "high": 2 * v, "unit": unit} for n, (v, unit) in sizes.items()},
@@ -191,7 +191,9 @@ def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: p
     text = page(Made(verdict="named", findings=[finding], study=study, proposal=None, warnings=()))
     assert "    gain = 58.4  (95 %: 29.2 " in text
     assert "    share = 0.5  (95 %: 0.25 " in text
-    assert "    torque = 2.5 N.m  (95 %: 1.25 " in text
+    assert "    torque = 2.5 N.m  (95 %: 1.25 to 5)" in text
+    assert "    a curve of 1 point; its values are in diagnosis.json and amended.yaml\n" in text
+    assert "heights" not in text
     assert "    the mismatch: half of it within 1 s of 6 s, from 0.20-1.20 s; strongest at 0.7 Hz, in tip\n" in text
 
 
