@@ -92,7 +92,9 @@ class Spread:
             while waiting:
                 yield self._result(waiting.popleft())
         finally:
-            for future in waiting:
+            # A pool of processes whose workers end breaks over a future that was cancelled here, and then keeps the
+            # interpreter from ending (CPython 3.11); its own shutdown cancels what waits.
+            for future in waiting if not isinstance(self._pool, ProcessPoolExecutor) else ():
                 future.cancel()
 
     def _submit(self, function: Callable[[Task], Answer], task: Task) -> Future[Answer]:

@@ -112,15 +112,17 @@ def diagnose(
 
     from diagnosis.api import diagnose as run
     from diagnosis.files import write
+    from flexarm.interrupt import heard
 
     console = Console(stderr=True)
     bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True)
     keep = output / PROGRESS if output is not None else None
     try:
-        with bar:
+        with heard() as check, bar:
             task = bar.add_task("starting", total=None)
 
             def progress(what: str, done: int, total: int) -> None:
+                check()
                 bar.update(task, description=what, completed=done, total=total)
 
             found = run(

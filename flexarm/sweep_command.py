@@ -52,6 +52,7 @@ def sweep(
     """
     import sys
 
+    from flexarm.interrupt import heard
     from flexarm.progress import Progress
     from flexarm.sweeps import sweep as run
     from flexarm.text import plural
@@ -59,11 +60,12 @@ def sweep(
     loaded = load(scenario, overrides)
     at = (0, 0)
     try:
-        with Progress(f"{loaded.name}: runs") as bar:
+        with heard() as check, Progress(f"{loaded.name}: runs") as bar:
 
             def progress(done: int, total: int) -> None:
                 nonlocal at
                 at = (done, total)
+                check()
                 bar.update(done / total)
 
             made = run(
