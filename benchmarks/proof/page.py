@@ -38,7 +38,7 @@ def write(proof: Proof, page: Path, causes: Mapping[str, str]) -> None:
     parts = [
         _head(proof.rows),
         _frozen(proof.about, proof.rows),
-        _goals(proof.rows),
+        _goals(proof.rows, causes),
         _suites(proof.rows),
         f"![Power against effect size, and held-out errors]({power.name})\n\n" + _power(proof.rows),
         _confusion(proof.rows) + f"\n![Confusion matrix]({matrix.name})\n",
@@ -108,10 +108,16 @@ def _frozen(about: Mapping[str, Any], rows: Sequence[Score]) -> str:
     return "\n".join(lines)
 
 
-def _goals(rows: Sequence[Score]) -> str:
-    met = {True: "met", False: "**not met**", None: "-"}
-    listed = [[g.suite, g.goal, g.measured, met[g.met]] for g in goals(rows)]
-    return GOALS + table(["suite", "goal", "measured", ""], listed)
+def _goals(rows: Sequence[Score], causes: Mapping[str, str]) -> str:
+    met, found = {True: "met", False: "**not met**", None: "-"}, goals(rows)
+    listed = [[g.suite, g.goal, g.measured, met[g.met]] for g in found]
+    told = []
+    for g in found:
+        why = _fitting(f"goal {g.suite}: {g.goal}", causes) if g.met is False else ""
+        if why:
+            told.append(f"* *{g.suite}, {g.goal}*: {why}")
+    text = GOALS + table(["suite", "goal", "measured", ""], listed)
+    return text + ("\n**Where it falls short, and why**\n\n" + "\n".join(told) + "\n" if told else "")
 
 
 def _suites(rows: Sequence[Score]) -> str:
@@ -243,7 +249,10 @@ def cause(row: Score, causes: Mapping[str, str]) -> str:
     """Why a case failed, by its name or by the first pattern that fits ``suite plant effect@place+...``."""
     if row.name in causes:
         return causes[row.name]
-    text = f"{row.suite} {row.plant} {'+'.join(row.truth) or 'none'}"
+    return _fitting(f"{row.suite} {row.plant} {'+'.join(row.truth) or 'none'}", causes)
+
+
+def _fitting(text: str, causes: Mapping[str, str]) -> str:
     return next((why for pattern, why in causes.items() if fnmatch.fnmatchcase(text, pattern)), "")
 
 
