@@ -80,5 +80,7 @@ TIME = """## Time per diagnosis
 
 Six recordings of 4 s at 1 kHz, three to train; one thread, compiling included. The machine did other work beside it, so
 that the processor time is what counts: on a core of its own a diagnosis takes as long.
+Profiled on three cases of the suite *core*: 73 % goes into the fits (simulations with tangents), 16 % into building the
+candidates' models, 6 % into comparing starting sizes, 5 % into scoring, evidence and the next experiment.
 
 """
