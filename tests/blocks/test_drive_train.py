@@ -18,8 +18,9 @@ from blocks.sources.constant import Constant
 from blocks.sources.sine import Sine
 from blocks.sources.step import Step
 from engine.block import Block
-from engine.errors import StructureError
+from engine.errors import SimulationError, StructureError
 from engine.simulate import Result
+from engine.tangent import tangents
 from tests.blocks.assembly import linear, model, run
 
 SRV02 = {
@@ -59,6 +60,27 @@ def test_locked_motor_current_rises_with_l_over_r() -> None:
     np.testing.assert_allclose(result["motor.current"], current, rtol=0, atol=1e-9)
     np.testing.assert_allclose(result["motor.torque"], 0.1 * current, rtol=0, atol=1e-10)
     assert balance(result) < 1e-9
+
+
+def test_an_inductance_that_is_there_can_be_tuned_and_fitted() -> None:
+    """A locked rotor: i = V/R (1 - exp(-R t/L)), so di/dL = -V t/L^2 exp(-R t/L); where L = 0 there is no parameter."""
+    parts: dict[str, Block] = {
+        "motor": DCMotor(resistance=2.0, inductance=0.05, torque_constant=0.1, rotor_inertia=1e-4),
+        "supply": Constant(value=12),
+        "wall": Fixed(),
+    }
+    wires = ("supply.out motor.voltage", "motor.shaft wall.shaft")
+    made = model(parts, *wires)
+    column = [v.name for v in made.outputs].index("motor.current")
+    tuned = {"motor.inductance": 0.08}
+    found = tangents(made, 0.2, 1e-3, wrt=["motor.inductance"], parameters=tuned, internal_step=2e-4)
+    time, decay = found.result.time, np.exp(-2.0 / 0.08 * found.result.time)
+    np.testing.assert_allclose(found.result["motor.current"], 6 * (1 - decay), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found.values[:, column, 0], -12 * time / 0.08**2 * decay, rtol=0, atol=1e-6)
+    without = model({**parts, "motor": DCMotor(resistance=2.0, torque_constant=0.1, rotor_inertia=1e-4)}, *wires)
+    assert "motor.inductance" not in {p.name for p in without.parameters}
+    with pytest.raises(SimulationError, match=r"rate of state 'motor.winding.current' is not finite"):
+        tangents(made, 0.2, 1e-3, wrt=["motor.inductance"], parameters={"motor.inductance": 0.0})
 
 
 def test_motor_without_inductance_is_the_limit() -> None:
