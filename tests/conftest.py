@@ -1,7 +1,18 @@
 """Shared test settings."""
 
+import pytest
 from hypothesis import settings
 
 # The first example of a property may compile a model, so examples have no time limit.
 settings.register_profile("flexarm", deadline=None, max_examples=30, derandomize=True)
 settings.load_profile("flexarm")
+
+
+@pytest.fixture(scope="session")
+def cluster():
+    """The address of a dask cluster of two processes on this machine."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as made:
+        yield made.scheduler_address

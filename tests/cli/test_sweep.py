@@ -180,16 +180,6 @@ def test_failures_are_rows(spin: Path) -> None:
     assert table["wheel.shaft.speed.final"][2] == pytest.approx(2 * (1 - math.exp(-2)), rel=1e-8)
 
 
-@pytest.fixture(scope="module")
-def cluster():
-    """The address of a dask cluster of two processes on this machine."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as made:
-        yield made.scheduler_address
-
-
 @pytest.mark.slow
 def test_the_same_bytes_whatever_does_the_work(spin: Path, cluster: str, command) -> None:
     """One process, two processes, a cluster, other threads and hash seeds: files equal byte for byte."""

@@ -20,16 +20,6 @@ def path(tmp_path_factory):
     return case(tmp_path_factory.mktemp("bench"), coulomb=4.0e-4, seed=3)
 
 
-@pytest.fixture(scope="module")
-def cluster():
-    """The address of a dask cluster of two processes on this machine."""
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as made:
-        yield made.scheduler_address
-
-
 @pytest.mark.slow
 def test_a_cluster_comes_to_the_same_verdict(path, cluster, tmp_path):
     """Number for number; and what it keeps is taken up by a study on this machine."""
