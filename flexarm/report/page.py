@@ -5,11 +5,12 @@ from __future__ import annotations
 import base64
 import difflib
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from diagnosis.fit import span
 from engine.files import writing
 from flexarm.pictures.places import share
 from flexarm.report.series import Chart, as_json, fitting
@@ -37,6 +38,7 @@ def render(template: str, charts: Sequence[Chart], **values: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters["sig"] = significant
+    environment.filters["interval"] = interval
     environment.filters["share"] = share
     environment.filters["plainunit"] = plain_unit
     script = (FOLDER / "report.js").read_text(encoding="utf-8")
@@ -64,7 +66,16 @@ def write_page(path: Path, text: str) -> Path:
 
 def significant(value: float, digits: int = 4) -> str:
     """A number in a few digits, with a true minus sign."""
-    return f"{value:.{digits}g}".replace("-", "−").replace("e−0", "e−").replace("e+0", "e+")
+    return _typeset(f"{value:.{digits}g}")
+
+
+def interval(row: Mapping[str, Any]) -> str:
+    """An interval in words, as `diagnosis.fit.span` says it."""
+    return _typeset(span(row))
+
+
+def _typeset(text: str) -> str:
+    return text.replace("-", "−").replace("e−0", "e−").replace("e+0", "e+")
 
 
 def plain_unit(unit: str) -> str:
