@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -27,12 +28,11 @@ def heard() -> Iterator[Callable[[], None]]:
             raise KeyboardInterrupt
 
     before = signal.getsignal(signal.SIGINT) or signal.default_int_handler
-    try:
-        if before is not signal.SIG_IGN:  # a command in the background is not to be stopped by Ctrl-C
-            signal.signal(signal.SIGINT, press)
-    except ValueError:  # another thread than the main one, which gets no signals
+    # Only the main thread gets signals, and a command in the background is not to be stopped by Ctrl-C.
+    if threading.current_thread() is not threading.main_thread() or before is signal.SIG_IGN:
         yield check
         return
+    signal.signal(signal.SIGINT, press)
     try:
         yield check
     finally:
