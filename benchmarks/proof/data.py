@@ -75,7 +75,11 @@ def about() -> dict[str, Any]:
         told["trees"] = frozen.trees("HEAD")
         told["changed_since_commit"] = frozen.changes("HEAD")
         if made := frozen.frozen():
-            told["frozen"] = {**asdict(made), "changed_since": frozen.changes(made.commit)}
+            told["frozen"] = {
+                **asdict(made),
+                "changed_since": frozen.changes(made.commit),
+                "judges_changed_since": frozen.changes(made.commit, folders=frozen.JUDGES),
+            }
     except FlexarmError as error:
         told["git"] = str(error)
     return told

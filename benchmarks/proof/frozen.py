@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import subprocess
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -50,10 +51,10 @@ def trees(commit: str, root: Path = ROOT) -> dict[str, str]:
     return {path: head.split()[2] for head, _, path in (line.partition("\t") for line in listed)}
 
 
-def changes(commit: str, root: Path = ROOT) -> list[str]:
-    """Files of the rules that differ now from the commit, those that git does not know included."""
-    changed = _git(root, "diff", "--name-only", commit, "--", *RULES).splitlines()
-    return changed + _git(root, "ls-files", "--others", "--exclude-standard", "--", *RULES).splitlines()
+def changes(commit: str, root: Path = ROOT, folders: Sequence[str] = RULES) -> list[str]:
+    """Files of the rules, or of other folders, that differ now from the commit; with those that git does not know."""
+    changed = _git(root, "diff", "--name-only", commit, "--", *folders).splitlines()
+    return changed + _git(root, "ls-files", "--others", "--exclude-standard", "--", *folders).splitlines()
 
 
 def freeze(root: Path = ROOT, record: Path = RECORD) -> Frozen:

@@ -88,12 +88,12 @@ def _frozen(about: Mapping[str, Any], rows: Sequence[Score]) -> str:
             for path, then in made["trees"].items()
         ]
         lines.append(table(["folder", "tree when frozen", f"tree at {about['commit'][:12]}", "the same"], listed))
-        changed = made["changed_since"]
-        lines.append(
-            "Files of `diagnosis/` and `blocks/` that differ from the frozen commit: "
-            + (", ".join(f"`{name}`" for name in changed) if changed else "none")
-            + ".\n"
-        )
+        for what, key in (
+            ("`diagnosis/` and `blocks/`", "changed_since"),
+            ("what draws and scores", "judges_changed_since"),
+        ):
+            listing = ", ".join(f"`{name}`" for name in made.get(key, ())) or "none"
+            lines.append(f"Files of {what} that differ from the frozen commit: {listing}.\n")
     else:
         lines.append(
             "No commit has frozen the rules yet: these seeds were chosen, and the figures are of development.\n"
