@@ -26,7 +26,8 @@ class Knob:
         signed: whether it may change its sign; else it keeps that of its start and moves on a logarithmic scale.
         fixed: whether it is only chosen among its starting sizes: the model has no derivative with respect to it.
         unit: of one that is only chosen.
-        most: multiple of its start, and of ``reference``, that it cannot exceed: beyond it is another effect.
+        most: multiple of ``reference`` that it cannot exceed, if there is one: beyond it is another effect.
+        like: another knob that is about as large, which speaks for it where the recordings do not reach it.
     """
 
     parameter: str
@@ -34,7 +35,8 @@ class Knob:
     signed: bool = False
     fixed: bool = False
     unit: str = "1"
-    most: float = 1e6
+    most: float | None = None
+    like: str = ""
 
 
 @dataclass(frozen=True)
@@ -90,9 +92,10 @@ class Candidate:
             if knob.signed:
                 rows.append(Free(name, value, max(0.2 * abs(value), 0.02 * knob.reference), False, prior=False))
             else:
-                largest = 1e6 * value if knob.most == 1e6 else math.copysign(knob.most * knob.reference, value)
+                largest = math.copysign(knob.most * knob.reference, value) if knob.most else 1e6 * value
                 low, high = sorted((0.0, largest))
-                rows.append(Free(name, value, 0.3, True, low, high, prior=False))
+                like = f"{self.name}.{knob.like}" if knob.like else ""
+                rows.append(Free(name, value, 0.3, True, low, high, prior=False, like=like))
         return rows
 
 

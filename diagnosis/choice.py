@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diagnosis.candidate import Candidate
 from diagnosis.recording import Recorded, Recording
 from diagnosis.sines import Sines
 from diagnosis.ties import KNOWN
-from diagnosis.trial import STRAIN, Trial, by_chance, gain_band, strained
+from diagnosis.trial import STRAIN, Trial, at_end, by_chance, gain_band, strained
 
 DECISIVE = 10.0
 """Difference in cost, twice the log likelihood ratio, beyond which one change is preferred to another."""
@@ -57,6 +58,9 @@ NESTED = {
     "lag": (),
 }
 """Effect: those that contain it, so that equal merit speaks for it."""
+
+NESTED_ANYWHERE = {"offset": ("stray_spring",)}
+"""The same wherever they are: a soft spring that is at rest far away is a constant torque."""
 
 
 def floor(trial: Trial) -> float:
@@ -225,7 +229,7 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
     if not unexplained(refit, floor(chosen)):
         able = _relieving(refit, chosen, others)
         return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)
-    alike = near(chosen, others, refit)
+    alike = [t for t in near(chosen, others, refit) if not at_end(t)]
     if _of_tables(chosen) and not strained(chosen):
         # One that needs further parameters outside their tolerances is none.
         alike = [t for t in alike if not strained(t)]
@@ -233,6 +237,7 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
     # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.
     richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + LEAST) * chosen.merit]
     rows += [t for t in richer if better(t, chosen)]
+    rows = [t for t in rows if not any(_contains(t, s) and not better(t, s) for s in rows if s is not t)]
     return tuple(sorted(rows, key=lambda t: t.merit))
 
 
@@ -247,11 +252,11 @@ def _same(one: Trial, other: Trial) -> bool:
 
 
 def _contains(larger: Trial, smaller: Trial) -> bool:
-    """Whether each effect of one model is in the other, or in a richer effect of it at the same place."""
-    return all(
-        any(
-            b.place == a.place and (b.effect == a.effect or b.effect in NESTED.get(a.effect, ()))
-            for b in larger.effects
-        )
-        for a in smaller.effects
-    )
+    """Whether each effect of one model is in the other, or in a richer effect of it."""
+    return all(any(_is_in(a, b) for b in larger.effects) for a in smaller.effects)
+
+
+def _is_in(a: Candidate, b: Candidate) -> bool:
+    if b.place == a.place and (b.effect == a.effect or b.effect in NESTED.get(a.effect, ())):
+        return True
+    return b.effect in NESTED_ANYWHERE.get(a.effect, ())

@@ -21,6 +21,9 @@ from scenarios.load import Scenario
 
 Array = NDArray[np.float64]
 
+ALIKE = 0.3
+"""Logarithm of the ratio by which two sizes differ that are about as large (standard deviation)."""
+
 HUGE = 1e6
 """Residuals beyond so many standard deviations count as this: the simulation runs away."""
 
@@ -37,6 +40,7 @@ class Free:
         low, high: bounds (SI).
         prior: whether distance from the start counts against the fit.
         recording: for a starting value, the recording it belongs to.
+        like: another parameter, of either sign, that is about as large: the two ends of an amplifier's range.
     """
 
     name: str
@@ -47,6 +51,7 @@ class Free:
     high: float = math.inf
     prior: bool = True
     recording: str = ""
+    like: str = ""
 
     def value(self, x: float) -> float:
         """The parameter at search variable ``x``, kept within its bounds."""
@@ -249,6 +254,16 @@ class Problem:
 
 
 def prior(problem: Problem, x: Array) -> tuple[Array, Array]:
-    """Residual and Jacobian of the prior."""
+    """Residual and Jacobian of the prior: a row for each parameter, and for each two that are about as large."""
     weights = np.array([1.0 if f.prior else 0.0 for f in problem.free])
-    return weights * x, np.diag(weights)
+    r, J = weights * x, np.diag(weights)
+    names = [f.name for f in problem.free]
+    for i, f in enumerate(problem.free):
+        if f.like in names:
+            j = names.index(f.like)
+            other = problem.free[j]
+            row = np.zeros(len(x))
+            row[[i, j]] = f.scale / ALIKE, -other.scale / ALIKE
+            apart = math.log(abs(f.start / other.start)) / ALIKE + row @ x
+            r, J = np.append(r, apart), np.vstack([J, row])
+    return r, J

@@ -11,15 +11,29 @@ import numpy as np
 
 from diagnosis.candidate import Candidate
 from diagnosis.catalogue import candidates
-from diagnosis.choice import FITTED, accounted, better, choose, floor, pays, reached, relieved, unexplained
+from diagnosis.choice import (
+    AT_MOST,
+    FITTED,
+    LEFT_OVER,
+    accounted,
+    better,
+    choose,
+    floor,
+    near,
+    pays,
+    reached,
+    relieved,
+    unexplained,
+)
 from diagnosis.fit import Fit
 from diagnosis.laws import laws
+from diagnosis.pairing import promising
 from diagnosis.problem import Array
 from diagnosis.recording import Channel, Recorded, Recording
 from diagnosis.surroundings import Surroundings, surroundings
 from diagnosis.suspects import pairs, suspects
 from diagnosis.ties import lookalike, same_laws
-from diagnosis.trial import Trial
+from diagnosis.trial import Trial, at_end
 from diagnosis.workshop import MOST, Draft, Workshop, ended
 from engine.errors import FlexarmError
 from engine.spread import Spread
@@ -30,6 +44,9 @@ FINISHED, PROMISING = 15, 0.2
 
 SECONDS, LEADERS = 12, 2
 """A second effect is sought among all others beside the first of so many leaders, among so many beside the rest."""
+
+TOGETHER = 16
+"""So many pairs are fitted that look best taken together."""
 
 SWAPS = 0.2
 """Share of the held-out excess that the best pair must take away for its halves to be exchanged."""
@@ -124,17 +141,19 @@ def study(
         trials += found
     lead = min(trials, key=lambda t: t.fit.chi2, default=refit)
     if not (notes or shop.tables or reached(refit, chosen)) and lead.hold_out - floor(lead) > BLIND * floor(lead):
-        swapped = exchanged(shop, lead)
+        ground = floor(lead)
+        swapped = exchanged(shop, lead, max(FITTED, min(LEFT_OVER * (refit.fit.chi2 - ground) / ground, AT_MOST)))
         if swapped:
             return study(shop.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
     if most > 1 and len(chosen.effects) <= 1 and unexplained(chosen, floor(chosen)):
-        chosen, tried = _second(shop, chosen, [t for t in trials if len(t.effects) == 1], progress)
+        chosen, tried = _second(shop, refit, chosen, [t for t in trials if len(t.effects) == 1], progress)
         trials += tried
     chosen = shop.polish(chosen)
     pair = lookalike(chosen, trials)
     for made in (shop.polish(t) for t in _try_all(shop, [pair] if pair else [], refit.fit, progress)[0]):
         trials.append(made)
-        if made.size <= chosen.size and made.hold_out < chosen.hold_out and better(made, chosen):
+        simpler = made.size <= chosen.size and made.hold_out < chosen.hold_out and better(made, chosen)
+        if simpler or (at_end(chosen) and made in near(chosen, [made], refit)):
             chosen = made
     twins = same_laws(chosen, listed)
     alike = [{c.key for c in twin} for twin in twins]
@@ -157,15 +176,20 @@ def _unnamed(shop: Workshop, study: Study, progress: Progress | None) -> Study:
     return replace(study, chosen=shop.polish(found[0])) if found else study
 
 
-def exchanged(shop: Workshop, refit: Trial) -> tuple[list[Recorded], str] | None:
+def exchanged(shop: Workshop, refit: Trial, slack: float = FITTED) -> tuple[list[Recorded], str] | None:
     """The recordings with the worst held-out one fitted in place of none, where only held-out data show a mismatch.
 
     What no recording to fit shows cannot be fitted: an amplifier that saturates in the held-out recordings alone. Where
     a single recording shows it, that one is fitted in part and judged in part, for the others could not judge.
+
+    Args:
+        shop: of the study.
+        refit: a model that brings the fitted recordings to the floor, or to this share above it:
+        slack: share.
     """
     base, ground = shop.base, floor(refit)
     held = base.chosen("hold_out")
-    if len(held) < 2 or refit.fit.chi2 - ground > FITTED * ground or refit.hold_out - ground < UNSEEN * ground:
+    if len(held) < 2 or refit.fit.chi2 - ground > slack * ground or refit.hold_out - ground < UNSEEN * ground:
         return None
     errors = {e.name: refit.fit.score([e]) for e in held}
     worst = max(held, key=lambda e: errors[e.name])
@@ -211,9 +235,9 @@ def lines(refit: Trial) -> list[float]:
 
 
 def _second(
-    shop: Workshop, chosen: Trial, singles: Sequence[Trial], progress: Progress | None
+    shop: Workshop, refit: Trial, chosen: Trial, singles: Sequence[Trial], progress: Progress | None
 ) -> tuple[Trial, list[Trial]]:
-    """The best pair if it pays, and all pairs tried: the leading effects with others, then each half exchanged.
+    """The best pair if it pays, and all pairs tried: what looks best together, what leads, then each half exchanged.
 
     Two effects that are missing may hide each other, so that neither pays alone; the one that the fitted recordings ask
     for most leads too.
@@ -225,13 +249,19 @@ def _second(
         if len(leaders) < (LEADERS_AT_TABLES if shop.tables else LEADERS) and t.effects[0].effect not in known:
             leaders.append(t)
     pairs: list[Trial] = []
+    if not shop.tables:
+        together = promising(shop, refit, [t.effects[0] for t in singles], TOGETHER)
+        pairs += _try_all(shop, together, refit.fit, progress)[0]
     for k, leader in enumerate(leaders):
         pairs += _beside(shop, leader, leader.effects[0], singles if k == 0 else singles[:SECONDS], pairs, progress)
     pairs.sort(key=lambda t: (t.merit, t.size))
     left = chosen.hold_out - floor(chosen)
     if not pairs or not (pays(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > SWAPS * left):
         return chosen, pairs
-    pairs += _beside(shop, pairs[0], pairs[0].effects[-1], singles[:SECONDS], pairs, progress)
+    for kept, moved in (pairs[0].effects, pairs[0].effects[::-1]):
+        near = [t for t in singles if t.effects[0].place == moved.place]
+        near += [t for t in singles[:SECONDS] if t not in near]
+        pairs += _beside(shop, pairs[0], kept, near, pairs, progress)
     pairs.sort(key=lambda t: (t.merit, t.size))
     if not pays(pairs[0], chosen):
         return chosen, pairs

@@ -40,7 +40,7 @@ def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candida
         return Candidate(effect, place, block, name, edits, knobs, starts)
 
     ends = {"lower": unit, "upper": unit}
-    both = (Knob("lower", size), Knob("upper", size))
+    both = (Knob("lower", size), Knob("upper", size, like="lower"))
     yield made("dead_zone", "DeadZone", ends, both, tuple({"lower": -s, "upper": s} for s in shares(size, *FEW)))
     limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.999, 0.99, 0.975, 0.95, 0.9, 0.8, 0.7, 0.55, 0.4))
     yield made("saturation", "Saturation", ends, both, limits)

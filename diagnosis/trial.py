@@ -113,6 +113,13 @@ def strained(refit: Trial) -> list[str]:
     return [f.name for f, x in pairs if f.prior and abs(x) > STRAIN]
 
 
+def at_end(trial: Trial) -> bool:
+    """Whether a size went as far as it may, beyond which its effect is another one."""
+    found = trial.added()
+    ends = [(f"{c.effect}.{k.parameter}", k) for c in trial.effects for k in c.knobs if k.most]
+    return any(abs(found[name]) > 0.98 * k.most * k.reference for name, k in ends if k.most)
+
+
 def log_evidence(trial: Trial, best: Trial) -> float:
     """-BIC/2 on the training data, with chi2 relative to the best model's where that is above 1."""
     training = trial.fit.problem.chosen("train", "repeat")

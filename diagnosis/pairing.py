@@ -1,0 +1,141 @@
+"""Which two effects together look best: all pairs at once, each effect taken as a small change of what is left over.
+
+Two effects that are missing may hide each other, so that neither is among the leaders alone. Near the refitted model an
+effect of a given size adds a known course to the residual, and what the model's own parameters can do is its tangents;
+so the best pair of sizes is a linear least-squares problem of two unknowns, solved for all pairs from one Gram matrix.
+The order says only which pairs are fitted first, beside those of the leaders: nothing is dropped because of it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diagnosis.candidate import Candidate, Sizes
+from diagnosis.problem import HUGE, Array, prior
+from diagnosis.trial import Trial
+from engine.errors import FlexarmError, SimulationError
+from engine.spread import Spread
+
+if TYPE_CHECKING:
+    from diagnosis.workshop import Workshop
+
+FACTOR = 30.0
+"""A size is taken to be within this factor of the one whose course is known."""
+
+COURSES = 12
+"""At most so many sizes of an effect, spread over its starts, are simulated."""
+
+ALIKE, KEPT = 2, 2
+"""Of two effects, the pairs at so many places, each from the best so many pairs of sizes."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """What an effect of some size adds to the residual.
+
+    Attributes:
+        effect, sizes: which.
+        values: residual with it less the residual without, fitted recordings and prior stacked.
+    """
+
+    effect: Candidate
+    sizes: Sizes
+    values: Array
+
+
+def promising(shop: Workshop, refit: Trial, effects: Sequence[Candidate], count: int) -> list[tuple[Candidate, ...]]:
+    """The pairs that take most of the residual away, the best first, to start from the sizes that do.
+
+    Args:
+        shop: builds models.
+        refit: the user's model, fitted.
+        effects: those to pair; a parameter that is let go of is none.
+        count: at most so many pairs.
+    """
+    made, x = refit.fit.problem, refit.fit.x
+    training = made.chosen("train", "repeat")
+    try:
+        parts = [*(made.linearised(x, e) for e in training), prior(made, x)]
+    except SimulationError:
+        return []
+    r, J = np.concatenate([p[0] for p in parts]), np.vstack([p[1] for p in parts])
+
+    def one(effect: Candidate) -> list[Course]:
+        return list(_courses(shop, refit, effect, r))
+
+    with Spread(shop.workers, threads=True) as pool:
+        courses = [c for row in pool.map(one, [c for c in effects if not c.loosened]) for c in row]
+    if len(courses) < 2:
+        return []
+    basis = np.linalg.qr(J)[0] if J.shape[1] else np.zeros((len(r), 0))
+    table = np.column_stack([c.values for c in courses])
+    table -= basis @ (basis.T @ table)
+    gram, pull = table.T @ table, -table.T @ (r - basis @ (basis.T @ r))
+    return list(itertools.islice(_ranked(courses, _gains(gram, pull)), count))
+
+
+def _courses(shop: Workshop, refit: Trial, effect: Candidate, r: Array) -> Iterator[Course]:
+    """The courses of an effect at several of its starting sizes; none where it cannot be simulated."""
+    parent, own = refit.fit.parameters(), prior(refit.fit.problem, refit.fit.x)[0]
+    groups = effect.structures()
+    for group in groups:
+        few = max(2, COURSES // len(groups))
+        picked = [group[k] for k in np.unique(np.linspace(0, len(group) - 1, few).astype(int))]
+        try:
+            entries = shop.entries((effect,), [picked], parent)
+        except FlexarmError:
+            continue
+        for entry in entries:
+            rows = [entry.problem.residual(entry.x, e).ravel() for e in entry.problem.chosen("train", "repeat")]
+            values = np.concatenate([*rows, own]) - r
+            if np.abs(values).max() < HUGE / 10 and float(values @ values) > 0:
+                yield Course(effect, entry.sizes[0], values)
+
+
+def _gains(gram: Array, pull: Array) -> Array:
+    """For each pair of courses, how much of the cost they take away; nothing where a factor is out of reach."""
+    own = np.diag(gram)
+    whole = np.outer(own, own)
+    determinant = whole - gram**2
+    determinant = np.where(determinant > 1e-9 * whole, determinant, np.inf)
+    first = (own[None, :] * pull[:, None] - gram * pull[None, :]) / determinant
+    second = first.T
+    gains = first * pull[:, None] + second * pull[None, :]
+    able = (first > 1 / FACTOR) & (first < FACTOR) & (second > 1 / FACTOR) & (second < FACTOR)
+    return np.where(able, gains, 0.0)
+
+
+def _ranked(courses: Sequence[Course], gains: Array) -> Iterator[tuple[Candidate, ...]]:
+    """Pairs of different effects, best first, a few of a kind."""
+    rows, columns = np.triu_indices(len(courses), 1)
+    order = np.argsort(-gains[rows, columns], kind="stable")
+    starts: dict[tuple[str, str], list[tuple[Sizes, Sizes]]] = {}
+    places: dict[frozenset[str], int] = {}
+    ranked: list[tuple[Candidate, Candidate]] = []
+    for a, b in zip(rows[order], columns[order], strict=True):
+        if gains[a, b] <= 0:
+            break
+        one, other = courses[a].effect, courses[b].effect
+        key = (one.key, other.key)
+        if one.effect == other.effect:
+            continue
+        if key in starts:
+            if len(starts[key]) < KEPT:
+                starts[key].append((courses[a].sizes, courses[b].sizes))
+            continue
+        kind = frozenset((one.effect, other.effect))
+        if places.get(kind, 0) < ALIKE:
+            places[kind] = places.get(kind, 0) + 1
+            starts[key] = [(courses[a].sizes, courses[b].sizes)]
+            ranked.append((one, other))
+    for one, other in ranked:
+        pairs = starts[(one.key, other.key)]
+        yield tuple(
+            replace(effect, starts=tuple({str(p[k]): p[k] for p in pairs}.values()), bold=())
+            for k, effect in enumerate((one, other))
+        )
