@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -107,14 +108,17 @@ def diagnose(
         scheduler: address of a dask scheduler whose workers do the fits.
 
     Raises:
-        FlexarmError: scenario or recordings that do not fit, or no cluster at that address.
+        FlexarmError: scenario or recordings that do not fit, no worker, or no cluster at that address.
     """
+    if workers is not None and workers < 1:
+        raise FlexarmError(f"{workers} workers cannot do anything", remedy="give 1 or more")
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
     recorded = gather(scenario, recordings, hold_out)
     store = JsonStore(keep) if keep is not None else None
-    with threadpool_limits(BLAS_THREADS), Spread(workers, scheduler, threads=True) as spread:
+    with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
         if scheduler:
+            spread = stack.enter_context(Spread(workers, scheduler))
             shop: Workshop = RemoteWorkshop(scenario, recorded, spread, seed, store)
         else:
-            shop = Workshop(scenario, recorded, spread.workers, seed, store)
+            shop = Workshop(scenario, recorded, workers or cores(), seed, store)
         return judge(study(shop, without=without, progress=progress), seed)

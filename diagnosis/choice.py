@@ -142,7 +142,8 @@ def accounted(recordings: Sequence[Recorded], refit: Trial, chosen: Trial) -> bo
     Where the noise of every signal is stated, a law that is right reaches it; one that only resembles the missing one
     leaves a share of the mismatch.
     """
-    if not chosen.effects or explained(refit, chosen) < EXPLAINS:
+    least = EXPLAINS if unexplained(refit, floor(chosen)) else 1 - RELIEVES
+    if not chosen.effects or explained(refit, chosen) < least:
         return False
     stated = all(isinstance(r, Recording) and all(c.noise is not None for c in r.measurements) for r in recordings)
     return reached(refit, chosen) if stated else True

@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.columns import Vector
+from diagnosis.period import Runs, extremes
 from diagnosis.recording import FrequencyTable
 from engine.errors import FlexarmError, ParameterError, Where
 from engine.model import FRICTION, SWITCH, Model
 from engine.quantity import compatible
-from engine.simulate import simulate
+from engine.simulate import prepare, simulate
 from engine.start import start_values
 from engine.step import fastest
 from engine.system import Connection, bypass
@@ -46,6 +47,12 @@ LONGEST = 30.0
 
 MOST_STEPS = 8_000_000
 """Steps after which a row is taken as it is, with a note."""
+
+SWITCHES = 1_000_000
+"""Switches of a run with clocks that are known at most."""
+
+BESIDE = 4
+"""Rows beyond a period over which its extremes are read."""
 
 
 @dataclass(frozen=True)
@@ -188,53 +195,74 @@ def periodic(
         step = period / math.ceil(period / longest)
     per_period = math.ceil(period / step - 1e-9)
     cycles = max(2, 2 * math.ceil(settle / period))
+    if model.clocks:
+        return _ticking(model, values, period, step, longest, cycles)
+    prepare(model, cycles * period, step, parameters=values, internal_step=step)  # refuses what would not end
+    runs, x, modes = Runs(model), None, np.full(len(model.modes), np.nan)
+    rows, wait, before = 0, cycles // 2, None
     while True:
-        rows = cycles * per_period if not model.clocks else math.ceil(cycles * period / step)
-        result = simulate(model, rows * step, step, parameters=values, internal_step=min(longest, step), log_capacity=0)
-        last = half_range(result.values[-per_period - 1 :])
-        middle = len(result.values) // 2
-        before = half_range(result.values[max(0, middle - per_period) : middle + 1])
-        if np.all(np.abs(last - before) <= SETTLED * np.abs(last)):
+        job = replace(runs.job(p, x, step, wait, rows), m0=modes, output_ticks=per_period, record_states=False)
+        waited = runs.run(replace(job, log_capacity=0))
+        x, modes, rows = waited.x1, waited.m1, rows + wait * per_period
+        # Some rows more than a period, so that an extreme at its ends has rows on both sides.
+        job = replace(runs.job(p, x, step, per_period + BESIDE, rows), m0=modes)
+        high, low, _ = runs.extremes(job, runs.run(job), repeats=False)
+        last = (high - low) / 2
+        if before is not None and _same(last, before):
+            return last, True
+        if 2 * rows > MOST_STEPS:
+            return last, False
+        before, wait = last, rows // per_period
+
+
+def _ticking(
+    model: Model, values: dict[str, float], period: float, step: float, longest: float, cycles: int
+) -> tuple[Vector, bool]:
+    """The same for a model with clocks, whose run cannot go on from its states alone."""
+    per_period = math.ceil(period / step - 1e-9)
+    capacity = SWITCHES if model.modes else 0
+    while True:
+        rows = math.ceil(cycles * period / step)
+        run = simulate(
+            model, rows * step, step, parameters=values, internal_step=min(longest, step), log_capacity=capacity
+        )
+        switched = np.array([time for time, _, _ in run.events]) / step
+        end = len(run.values) - 1
+        last, before = (
+            half_range(run.values[max(0, row - per_period) : row + 1], switched - max(0, row - per_period))
+            for row in (end, len(run.values) // 2)
+        )
+        if _same(last, before):
             return last, True
         if 2 * rows > MOST_STEPS:
             return last, False
         cycles *= 2
 
 
-def half_range(values: NDArray[np.float64]) -> Vector:
-    """Half the peak to peak of each column over one period, extremes refined by a parabola through three points."""
-    return np.array([(_top(column) + _top(-column)) / 2 for column in values.T])
+def _same(last: Vector, before: Vector) -> bool:
+    return bool(np.all(np.abs(last - before) <= SETTLED * np.abs(last)))
 
 
-def _top(values: Vector) -> float:
-    """The highest value of one period: of the parabola about its highest row, or of the kink that a contact makes."""
-    i, last = int(np.argmax(values)), len(values) - 1
-    before, here, after = values[i - 1 if i else last - 1], values[i], values[i + 1 if i < last else 1]
-    bend = before - 2 * here + after
-    inside = bend < 0 and max(before, after) <= here
-    smooth = float(here - (after - before) ** 2 / (8 * bend)) if inside else float(here)
-    if last < 12:
-        return smooth
-    near = values[(i + np.arange(-3, 4)) % last]
-    return _kink(near, smooth) if inside else smooth
+def half_range(values: NDArray[np.float64], switches: Vector) -> Vector:
+    """Half the peak to peak of each column over one period, between the rows too; see `diagnosis.period.extremes`.
 
-
-_AHEAD = np.array([1.0, -3.0, 3.0])
-"""Value of a parabola one row on from three."""
-
-
-def _kink(near: Vector, smooth: float) -> float:
-    """Where two parabolas meet beside the middle of seven rows, if one side alone does not continue over the middle.
-
-    The effort of a contact jumps as it closes, and the speed peaks in a corner that lies between two rows.
+    Args:
+        values: shape (rows, columns).
+        switches: where they lie (rows, not whole), ascending. The values there are those of parabolas through three
+            rows on either side: a corner or a jump lies between them.
     """
-    left, right = abs(_AHEAD @ near[:3] - near[3]), abs(_AHEAD @ near[:3:-1] - near[3])
-    if min(left, right) > 0.2 * max(left, right):
-        return smooth
-    if right < left:
-        near = near[::-1]
-    # On the side that continues, the rows -2, -1, 0; on the other, 1, 2, 3; they meet between 0 and 1.
-    one, other = np.polyfit([-2.0, -1.0, 0.0], near[1:4], 2), np.polyfit([1.0, 2.0, 3.0], near[4:], 2)
-    meet = [r.real for r in np.roots(one - other) if abs(r.imag) < 1e-12 and -1e-9 <= r.real <= 1 + 1e-9]
-    found = max((float(np.polyval(one, r)) for r in meet), default=smooth)
-    return found if near[3] <= found <= near[3] + 2 * abs(near[3] - near[4]) + 2 * abs(near[3] - near[2]) else smooth
+
+    def at(position: float) -> NDArray[np.float64]:
+        cell = int(position)
+        sides = [np.arange(max(cell - 2, 0), cell + 1), np.arange(cell + 1, min(cell + 4, len(values)))]
+        whole = [rows for rows in sides if len(rows) == 3]
+        return np.array([values[cell], *(_parabola(position - rows[0]) @ values[rows] for rows in whole)])
+
+    inside = switches[(switches > 0) & (switches < len(values) - 1)]
+    high, low, _ = extremes(values, inside, at, repeats=False)
+    return np.asarray((high - low) / 2)
+
+
+def _parabola(x: float) -> Vector:
+    """Weights of rows 0, 1 and 2 in the value at ``x`` of the parabola through them."""
+    return np.array([(x - 1) * (x - 2) / 2, x * (2 - x), x * (x - 1) / 2])

@@ -68,10 +68,12 @@ class RemoteWorkshop(Workshop):
         """The same with other recordings."""
         return RemoteWorkshop(self.scenario, recordings, self.spread, self.seed, self.store)
 
-    def _drafted(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> Draft:
+    def drafted(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> Draft:
+        """As of `Workshop`, on a worker."""
         return self._done(Task(effects, parent))
 
-    def _finished(self, draft: Draft, iterations: int) -> Draft:
+    def finished(self, draft: Draft, iterations: int) -> Draft:
+        """As of `Workshop`, on a worker."""
         return self._done(Task(draft.effects, {}, draft.row(), iterations))
 
     def _done(self, task: Task) -> Draft:
@@ -88,9 +90,9 @@ def perform(given: tuple[Order, Task]) -> dict[str, Any]:
     with threadpool_limits(1):
         shop = _shop(order)
         if task.draft is None:
-            made = shop._drafted(task.effects, task.parent)
+            made = shop.drafted(task.effects, task.parent)
         else:
-            made = shop._finished(shop.revived(task.effects, task.draft), task.iterations)
+            made = shop.finished(shop.revived(task.effects, task.draft), task.iterations)
     return made.row()
 
 

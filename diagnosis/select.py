@@ -45,7 +45,7 @@ FINISHED, PROMISING = 15, 0.2
 SECONDS, LEADERS = 12, 2
 """A second effect is sought among all others beside the first of so many leaders, among so many beside the rest."""
 
-TOGETHER = 16
+TOGETHER = 20
 """So many pairs are fitted that look best taken together."""
 
 SWAPS = 0.2
@@ -239,21 +239,19 @@ def _second(
 ) -> tuple[Trial, list[Trial]]:
     """The best pair if it pays, and all pairs tried: what looks best together, what leads, then each half exchanged.
 
-    Two effects that are missing may hide each other, so that neither pays alone; the one that the fitted recordings ask
-    for most leads too.
+    Two effects that are missing may hide each other, so that neither pays alone: all pairs are looked at together
+    first. Where none of them reaches the floor, a second effect is sought beside the best, and beside the one that the
+    fitted recordings ask for most.
     """
-    leaders: list[Trial] = []
-    wished = [*([chosen] if chosen.effects else []), *sorted(singles, key=lambda t: t.fit.cost)[:1], *singles]
-    for t in wished:
-        known = {c.effect for leader in leaders for c in leader.effects}
-        if len(leaders) < (LEADERS_AT_TABLES if shop.tables else LEADERS) and t.effects[0].effect not in known:
-            leaders.append(t)
     pairs: list[Trial] = []
     if not shop.tables:
         together = promising(shop, refit, [t.effects[0] for t in singles], TOGETHER)
-        pairs += _try_all(shop, together, refit.fit, progress)[0]
-    for k, leader in enumerate(leaders):
-        pairs += _beside(shop, leader, leader.effects[0], singles if k == 0 else singles[:SECONDS], pairs, progress)
+        pairs = _try_all(shop, together, refit.fit, progress)[0]
+        pairs.sort(key=lambda t: (t.merit, t.size))
+    if not (pairs and reached(refit, pairs[0])):
+        for k, leader in enumerate(_leaders(shop, chosen, singles)):
+            others = singles if k == 0 else singles[:SECONDS]
+            pairs += _beside(shop, leader, leader.effects[0], others, pairs, progress)
     pairs.sort(key=lambda t: (t.merit, t.size))
     left = chosen.hold_out - floor(chosen)
     if not pairs or not (pays(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > SWAPS * left):
@@ -275,6 +273,17 @@ def _second(
             alone.append(shop.reduced(best, effect))
     alone.sort(key=lambda t: t.merit)
     return (alone[0] if alone and not pays(best, alone[0]) else best), [*alone, *pairs]
+
+
+def _leaders(shop: Workshop, chosen: Trial, singles: Sequence[Trial]) -> list[Trial]:
+    """The single effects beside which a second one is sought."""
+    leaders: list[Trial] = []
+    wished = [*([chosen] if chosen.effects else []), *sorted(singles, key=lambda t: t.fit.cost)[:1], *singles]
+    for t in wished:
+        known = {c.effect for leader in leaders for c in leader.effects}
+        if len(leaders) < (LEADERS_AT_TABLES if shop.tables else LEADERS) and t.effects[0].effect not in known:
+            leaders.append(t)
+    return leaders
 
 
 def _beside(

@@ -136,9 +136,14 @@ class Workshop:
             FlexarmError: the amended model has no meaning.
         """
         key = " ".join(["draft", *(c.key for c in effects), *(repr(c.starts) for c in effects), _hash(start.x)])
-        return self._kept(key, effects, lambda: self._drafted(effects, start.parameters()))
+        return self._kept(key, effects, lambda: self.drafted(effects, start.parameters()))
 
-    def _drafted(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> Draft:
+    def drafted(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> Draft:
+        """The work of `draft`, done anew whatever is kept.
+
+        Raises:
+            FlexarmError: the amended model has no meaning.
+        """
         entries = []
         for chosen in itertools.product(*(c.structures() for c in effects)):
             entries += self.entries(effects, chosen, parent)
@@ -194,9 +199,10 @@ class Workshop:
         if not iterations:
             return self._trial(draft)
         key = " ".join(["finish", *(c.key for c in draft.effects), str(iterations), _hash(draft.entry.x)])
-        return self._trial(self._kept(key, draft.effects, lambda: self._finished(draft, iterations)))
+        return self._trial(self._kept(key, draft.effects, lambda: self.finished(draft, iterations)))
 
-    def _finished(self, draft: Draft, iterations: int) -> Draft:
+    def finished(self, draft: Draft, iterations: int) -> Draft:
+        """The work of `finish`, done anew whatever is kept and not scored."""
         draft = self._refined(draft)
         if draft.converged:
             return draft

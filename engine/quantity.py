@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from engine.errors import ParameterError
+from engine.unit_names import likely
 
 if TYPE_CHECKING:
     import pint
@@ -45,24 +46,29 @@ def _unit(text: str) -> Any:
     Raises:
         ParameterError: the unit is unknown.
     """
-    if len(text) > _LONGEST or _NO_UNIT.search(text):
-        raise _unknown(text)
-    spelled = _SPELLING.get(text.strip(), text.strip())
-    spelled = _POWER.sub(r"**\1", spelled.replace(" ", "*").replace("^", "**"))
-    spelled = re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", "*", spelled)
     try:
-        unit = _registry().Unit(spelled)
-        _ = unit.dimensionality  # pint finds some mistakes only here
-        return unit
+        return _parsed(text)
     except Exception as error:
         raise _unknown(text) from error
 
 
+def _parsed(text: str) -> Any:
+    """The pint unit of a Modelica unit string, or what pint raises."""
+    if len(text) > _LONGEST or _NO_UNIT.search(text):
+        raise ValueError(text)
+    spelled = _SPELLING.get(text.strip(), text.strip())
+    spelled = _POWER.sub(r"**\1", spelled.replace(" ", "*").replace("^", "**"))
+    spelled = re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", "*", spelled)
+    unit = _registry().Unit(spelled)
+    _ = unit.dimensionality  # pint finds some mistakes only here
+    return unit
+
+
 def _unknown(text: str) -> ParameterError:
     shown = text if len(text) <= 40 else f"{text[:40]}..."
-    return ParameterError(
-        f"unknown unit '{shown}'", remedy="write units as in Modelica: N.m/rad, kg.m2, rad/s, V, mm, deg"
-    )
+    manner = "write units as in Modelica: N.m/rad, kg.m2, rad/s, V, mm, deg"
+    meant = likely(text, "", _parsed)
+    return ParameterError(f"unknown unit '{shown}'", remedy=f"did you mean '{meant}'? {manner}" if meant else manner)
 
 
 @functools.cache
@@ -76,7 +82,9 @@ def factor(source: str, target: str) -> float:
         return 1.0
     a, b = _unit(source), _unit(target)
     if a.dimensionality != b.dimensionality:
-        raise ParameterError(f"unit '{source}' does not fit: '{target}' is expected")
+        meant = likely(source, target, _parsed)
+        remedy = f"did you mean '{meant}'?" if meant else ""
+        raise ParameterError(f"unit '{source}' does not fit: '{target}' is expected", remedy=remedy)
     registry = _registry()
     try:
         value, twice = (float(registry.Quantity(n, a).to(b).magnitude) for n in (1.0, 2.0))

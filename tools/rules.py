@@ -12,6 +12,7 @@ from tools.reference import code, prose, table
 ROOT = Path(__file__).resolve().parent.parent
 
 RULES = {
+    "pairing": "Which two effects are tried together",
     "choice": "When an effect pays, and which of several",
     "trial": "How a model is scored",
     "verdict": "What the verdict needs",

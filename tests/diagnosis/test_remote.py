@@ -33,6 +33,15 @@ def test_a_cluster_comes_to_the_same_verdict(path, cluster, tmp_path):
     assert json.dumps(diagnose(path, workers=1, without=LEFT_OUT, keep=tmp_path / "kept").numbers()) == alone
 
 
+def test_on_this_machine_no_pool_is_opened(path, monkeypatch):
+    monkeypatch.setattr("diagnosis.api.Spread", None)
+    monkeypatch.setattr("diagnosis.api.study", lambda shop, **_: shop.workers)
+    monkeypatch.setattr("diagnosis.api.judge", lambda workers, seed: workers)
+    assert diagnose(path, workers=3) == 3
+    with pytest.raises(FlexarmError, match="0 workers"):
+        diagnose(path, workers=0)
+
+
 def test_an_address_where_nobody_answers(path, monkeypatch):
     monkeypatch.setattr("engine.spread.CONNECT", "0.5s")
     with pytest.raises(FlexarmError, match="no dask scheduler answers"):

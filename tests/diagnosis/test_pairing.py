@@ -1,0 +1,118 @@
+"""Pairs ranked at once, and sizes that speak for each other."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diagnosis.api import gather
+from diagnosis.candidate import Candidate, Knob
+from diagnosis.catalogue import candidates
+from diagnosis.pairing import FACTOR, _gains, promising
+from diagnosis.problem import ALIKE, prior
+from diagnosis.surroundings import surroundings
+from diagnosis.trial import at_end
+from diagnosis.workshop import Workshop
+from scenarios.load import load
+from tests.diagnosis import plants
+from tests.diagnosis.plants import case
+
+
+def bench(folder, **more):
+    scenario = load(case(folder, **more))
+    return Workshop(scenario, gather(scenario, [], []), 1)
+
+
+def test_the_gain_of_every_pair_is_that_of_least_squares():
+    random = np.random.default_rng(4)
+    table, r = random.normal(size=(200, 9)), 3 * random.normal(size=200)
+    r += table @ random.uniform(-1.0, 3.0, 9)
+    gains = _gains(table.T @ table, -table.T @ r)
+    some = 0
+    for i, j in itertools.combinations(range(9), 2):
+        factors, left, *_ = np.linalg.lstsq(table[:, [i, j]], -r, rcond=None)
+        able = bool(((factors > 1 / FACTOR) & (factors < FACTOR)).all())
+        assert gains[i, j] == pytest.approx(float(r @ r - left[0]) if able else 0.0)
+        some += able
+    assert 0 < some < 36
+
+
+def test_courses_that_are_one_and_the_same_make_no_pair():
+    course = np.linspace(0.0, 1.0, 50)
+    table = np.column_stack([course, 2 * course])
+    assert _gains(table.T @ table, -table.T @ (-course))[0, 1] == 0.0
+
+
+def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_path):
+    """A motor with 25 mV of dead zone and 1.5e-5 N.m of dry friction, integrated without flexarm."""
+    shop = bench(tmp_path, seed=3, coulomb=1.5e-5, dead=0.025)
+    refit = shop.refit()
+    pairs = promising(shop, refit, candidates(surroundings(shop.base)), 16)
+    keys = [{c.effect for c in pair} for pair in pairs]
+    assert {"dead_zone", "coulomb_friction"} in keys
+    pair = pairs[keys.index({"dead_zone", "coulomb_friction"})]
+    assert all(1 <= len(c.starts) <= 2 for c in pair)
+    made = shop.polish(shop.finish(shop.draft(pair, refit.fit)))
+    assert made.hold_out < 1.1 < refit.hold_out
+    found = made.added()
+    assert found["coulomb_friction.coulomb_friction"] == pytest.approx(1.5e-5, rel=0.2)
+    assert found["dead_zone.upper"] == pytest.approx(0.025, rel=0.2)
+
+
+def one_way(t):
+    """Inputs that reach the upper limit alone."""
+    return {
+        "steps": ("train", np.where(t % 1.0 < 0.5, 1.5, -0.8)),
+        "chirp": ("train", 0.3 + 1.2 * np.sin(2 * np.pi * (0.5 + t) * t)),
+        "slow": ("hold_out", 1.5 * np.sin(2 * np.pi * 0.9 * t)),
+    }
+
+
+def test_of_an_amplifier_that_reached_one_limit_the_other_is_taken_to_be_as_large(tmp_path, monkeypatch):
+    monkeypatch.setattr(plants, "inputs", one_way)
+    speed = plants.speed
+    monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
+    shop = bench(tmp_path, seed=5)
+    limits = next(c for c in candidates(surroundings(shop.base)) if c.effect == "saturation")
+    made = shop.polish(shop.finish(shop.draft((limits,), shop.refit().fit)))
+    found = made.added()
+    assert found["saturation.upper"] == pytest.approx(1.0, rel=0.01)
+    assert found["saturation.lower"] == pytest.approx(-found["saturation.upper"], rel=1e-3)
+    assert made.hold_out < 1.2  # it meets both limits
+
+
+def test_two_ends_that_the_recordings_know_may_differ(tmp_path, monkeypatch):
+    """At 1 and -0.7 V the recordings speak against the prior by thousands, and win."""
+    speed = plants.speed
+    monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -0.7, 1.0), **more))
+    shop = bench(tmp_path, seed=5)
+    limits = next(c for c in candidates(surroundings(shop.base)) if c.effect == "saturation")
+    found = shop.polish(shop.finish(shop.draft((limits,), shop.refit().fit))).added()
+    assert (found["saturation.lower"], found["saturation.upper"]) == pytest.approx((-0.7, 1.0), rel=0.01)
+
+
+def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(tmp_path):
+    shop = bench(tmp_path, seed=1)
+    limits = next(c for c in candidates(surroundings(shop.base)) if c.effect == "saturation")
+    made = shop.build((limits,), ({"lower": -0.5, "upper": 1.5},))
+    x = np.random.default_rng(2).normal(size=len(made.free))
+    values = made.values(x)[0]
+    r, J = prior(made, x)
+    ratio = values["found_saturation.upper"] / -values["found_saturation.lower"]
+    assert r[-1] == pytest.approx(math.log(ratio) / ALIKE)
+    steps = [(prior(made, x + h)[0] - prior(made, x - h)[0]) / 2e-6 for h in 1e-6 * np.eye(len(x))]
+    np.testing.assert_allclose(np.column_stack(steps), J, atol=1e-8)
+
+
+@pytest.mark.parametrize(("size", "ended"), [(1.0, False), (1.99, True), (-1.99, True)])
+def test_a_size_that_went_as_far_as_it_may_is_noticed(size, ended):
+    body = Candidate("extra_mode", "a", "a", "found", lambda v: [], (Knob("inertia", 1.0, most=2.0), Knob("k", 1.0)))
+    trial = SimpleNamespace(effects=(body,), added=lambda: {"extra_mode.inertia": size, "extra_mode.k": 1e9})
+    assert at_end(trial) is ended
+    free = replace(body, knobs=(Knob("inertia", 1.0),))
+    assert at_end(SimpleNamespace(effects=(free,), added=trial.added)) is False
