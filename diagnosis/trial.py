@@ -115,9 +115,9 @@ def strained(refit: Trial) -> list[str]:
 
 def at_end(trial: Trial) -> bool:
     """Whether a size went as far as it may, beyond which its effect is another one."""
-    found = trial.added()
-    ends = [(f"{c.effect}.{k.parameter}", k) for c in trial.effects for k in c.knobs if k.most]
-    return any(abs(found[name]) > 0.98 * k.most * k.reference for name, k in ends if k.most)
+    ends = {f"{c.effect}.{k.parameter}": k.most * k.reference for c in trial.effects for k in c.knobs if k.most}
+    found = trial.added() if ends else {}
+    return any(abs(found[name]) > 0.98 * most for name, most in ends.items())
 
 
 def log_evidence(trial: Trial, best: Trial) -> float:

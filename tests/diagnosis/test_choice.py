@@ -352,6 +352,30 @@ def test_a_pair_with_an_offset_rivals_a_single_effect(silent):
     assert choice.rivals(chosen, refit, [pair, other]) == (pair,)
 
 
+def test_a_rival_that_only_contains_another_rival_is_none(silent):
+    refit, chosen = trial(50.0), trial(2.0, effect("lag", "u -> a"), effect("coulomb_friction"))
+    delay = trial(2.0, effect("delay", "u -> a"), effect("coulomb_friction"))
+    richer = trial(1.99, effect("delay", "u -> a"), effect("stribeck_friction", knobs=3))
+    assert choice.rivals(chosen, refit, [delay, richer]) == (delay,)
+    better = trial(2.0 * (1 - 1.5 * choice.RICHER), effect("delay", "u -> a"), effect("stribeck_friction", knobs=3))
+    assert choice.rivals(chosen, refit, [delay, better]) == (better, delay)
+
+
+def test_a_spring_that_is_at_rest_far_away_is_no_rival_of_a_constant(silent):
+    refit, chosen = trial(50.0), trial(1.0, effect("offset", "u -> a"))
+    spring, other = trial(1.0, effect("stray_spring", "b.shaft", knobs=2)), trial(1.0, effect("gravity", knobs=2))
+    assert choice.rivals(chosen, refit, [spring, other]) == (other,)
+
+
+def test_what_takes_most_of_the_strain_away_accounts_for_it(silent):
+    """A parameter that relieves is told by the same share as one that is named."""
+    refit = trial(1.0, x=(9.0,))
+    eased = trial(1.0, effect("wrong_parameter", "a.mass"), x=(9.0 * math.sqrt(choice.RELIEVES) - 0.1,))
+    kept = trial(1.0, effect("wrong_parameter", "a.mass"), x=(9.0 * math.sqrt(choice.RELIEVES) + 0.1,))
+    assert choice.accounted([], refit, eased)
+    assert not choice.accounted([], refit, kept)
+
+
 def test_where_only_tolerances_are_strained_rivals_cost_as_little(silent):
     refit, chosen = trial(1.0, x=(9.0,)), trial(1.0, effect("wrong_parameter", "a.inertia"), cost=100.0)
     close = trial(1.0, effect("payload"), cost=100.0 + 0.5 * choice.DECISIVE)
