@@ -30,6 +30,9 @@ FACTOR = 30.0
 COURSES = 12
 """At most so many sizes of an effect, spread over its starts, are simulated."""
 
+SAMPLES = 4_000
+"""About so many samples of the fitted recordings are looked at."""
+
 ALIKE, KEPT = 2, 2
 """Of two effects, the pairs at so many places, each from the best so many pairs of sizes."""
 
@@ -59,14 +62,19 @@ def promising(shop: Workshop, refit: Trial, effects: Sequence[Candidate], count:
     """
     made, x = refit.fit.problem, refit.fit.x
     training = made.chosen("train", "repeat")
+    every = max(1, sum(len(e.time) for e in training) // SAMPLES)
+    own, parts = prior(made, x), []
     try:
-        parts = [*(made.linearised(x, e) for e in training), prior(made, x)]
+        for e in training:
+            r, J = made.linearised(x, e)
+            rows = r.reshape(e.measured.shape)[::every].ravel()
+            parts.append((rows, J.reshape(*e.measured.shape, -1)[::every].reshape(len(rows), -1)))
     except SimulationError:
         return []
-    r, J = np.concatenate([p[0] for p in parts]), np.vstack([p[1] for p in parts])
+    r, J = np.concatenate([*(p[0] for p in parts), own[0]]), np.vstack([*(p[1] for p in parts), own[1]])
 
     def one(effect: Candidate) -> list[Course]:
-        return list(_courses(shop, refit, effect, r))
+        return list(_courses(shop, refit, effect, r, every))
 
     with Spread(shop.workers, threads=True) as pool:
         courses = [c for row in pool.map(one, [c for c in effects if not c.loosened]) for c in row]
@@ -79,7 +87,7 @@ def promising(shop: Workshop, refit: Trial, effects: Sequence[Candidate], count:
     return list(itertools.islice(_ranked(courses, _gains(gram, pull)), count))
 
 
-def _courses(shop: Workshop, refit: Trial, effect: Candidate, r: Array) -> Iterator[Course]:
+def _courses(shop: Workshop, refit: Trial, effect: Candidate, r: Array, every: int) -> Iterator[Course]:
     """The courses of an effect at several of its starting sizes; none where it cannot be simulated."""
     parent, own = refit.fit.parameters(), prior(refit.fit.problem, refit.fit.x)[0]
     groups = effect.structures()
@@ -91,7 +99,8 @@ def _courses(shop: Workshop, refit: Trial, effect: Candidate, r: Array) -> Itera
         except FlexarmError:
             continue
         for entry in entries:
-            rows = [entry.problem.residual(entry.x, e).ravel() for e in entry.problem.chosen("train", "repeat")]
+            there = entry.problem.chosen("train", "repeat")
+            rows = [entry.problem.residual(entry.x, e)[::every].ravel() for e in there]
             values = np.concatenate([*rows, own]) - r
             if np.abs(values).max() < HUGE / 10 and float(values @ values) > 0:
                 yield Course(effect, entry.sizes[0], values)
