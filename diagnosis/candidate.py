@@ -40,6 +40,20 @@ class Knob:
 
 
 @dataclass(frozen=True)
+class Wave:
+    """What an effect whose torque is amplitude * sin(... + phase) starts from: both sizes can be solved for.
+
+    Attributes:
+        amplitude, phase: their parameters.
+        starts: waves that are hardly there, one for each order or frequency.
+    """
+
+    amplitude: str
+    phase: str
+    starts: tuple[Sizes, ...]
+
+
+@dataclass(frozen=True)
 class Candidate:
     """An effect at a place.
 
@@ -55,6 +69,7 @@ class Candidate:
         finer: for sizes that are only chosen, further ones at a distance from the best, halved from time to time.
         bold: starts that are fitted however bad they look: the model's own parameters have to make room for them.
         held: further parameters of the block, which are given and not fitted.
+        wave: for a torque that is a wave, what its amplitude and phase are solved from.
     """
 
     effect: str
@@ -68,6 +83,7 @@ class Candidate:
     finer: Callable[[Sizes, float], Sequence[Sizes]] | None = None
     bold: tuple[Sizes, ...] = ()
     held: tuple[str, ...] = ()
+    wave: Wave | None = None
 
     @property
     def key(self) -> str:

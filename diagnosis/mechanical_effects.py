@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
-from diagnosis.candidate import NAME, Candidate, Knob, Sizes, grid, shares, with_unit
+from diagnosis.candidate import NAME, Candidate, Knob, Sizes, Wave, grid, shares, with_unit
 from diagnosis.surroundings import Surroundings
 from scenarios.amend import AtFlange, Between, Edit, Replace, Set
 
@@ -19,6 +19,9 @@ TWISTS = (1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1)
 
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
 """Waves per revolution of a torque ripple."""
+
+HARDLY = 2e-4
+"""Size of a wave whose amplitude is solved for, as a share of the torques that act."""
 
 PHASES = (0.0, 1.5708, 3.1416, -1.5708)
 
@@ -128,6 +131,7 @@ def at_turns(around: Surroundings, flange: str) -> Iterator[Candidate]:
                 grid(mass=shares(torque / 9.81, 1e-3, 0.02, 0.15), hanging_angle=PHASES),
                 Knob("mass", torque / 9.81),
                 Knob("hanging_angle", 1.0, signed=True),
+                wave=Wave("mass", "hanging_angle", grid(mass=[HARDLY * torque / 9.81], hanging_angle=[0.0])),
                 radius="1 m",
             )
         yield made(
@@ -138,6 +142,7 @@ def at_turns(around: Surroundings, flange: str) -> Iterator[Candidate]:
             Knob("order", 1.0, fixed=True),
             Knob("amplitude", torque),
             Knob("phase", 1.0, signed=True),
+            wave=Wave("amplitude", "phase", grid(order=ORDERS, amplitude=[HARDLY * torque], phase=[0.0])),
         )
 
 
@@ -151,6 +156,7 @@ def _maker(flange: str, block: str) -> Callable[..., Candidate]:
         starts: tuple[Sizes, ...],
         *knobs: Knob,
         tidy: Callable[[Sizes], Sizes] = dict,
+        wave: Wave | None = None,
         **fixed: Any,
     ) -> Candidate:
         name = f"{NAME}_{effect}"
@@ -160,7 +166,7 @@ def _maker(flange: str, block: str) -> Callable[..., Candidate]:
             given = {key: with_unit(values[key], unit) for key, unit in units.items() if key in values}
             return [AtFlange(name, kind, flange, "shaft", {**fixed, **given})]
 
-        return Candidate(effect, flange, block, name, edits, knobs, starts, held=tuple(fixed))
+        return Candidate(effect, flange, block, name, edits, knobs, starts, held=tuple(fixed), wave=wave)
 
     return made
 

@@ -18,6 +18,7 @@ from diagnosis.problem import Array, Problem, prior
 from diagnosis.recording import FrequencyTable, Recorded
 from diagnosis.sines import Sines, renamed
 from diagnosis.trial import Trial, scored
+from diagnosis.waves import solved
 from engine.errors import FlexarmError
 from engine.spread import Store
 from scenarios.amend import Edit, InSignal, OnSensor, amended, without
@@ -41,6 +42,12 @@ POLISHED = 150
 
 FINER = (0.5, 0.25, 0.125, 0.0625)
 """Distances, in samples, at which a size that is only chosen is looked for next to the best."""
+
+SOLVED, REORDERED = 5, 3
+"""So many orders of a wave are fitted from the linear solution, and so many again once the effect beside it is."""
+
+SOLUTION = 2.0
+"""Mean squared residual up to which what the linear solution gives is taken for the solution."""
 
 HARDLY = 3e-3
 """A first step that gains less than this share of the cost is the last."""
@@ -107,8 +114,7 @@ class Workshop:
     def _trial(self, draft: Draft) -> Trial:
         """A draft as it is, scored."""
         made, x = draft.entry.problem, draft.entry.x
-        count = sum(int(np.isfinite(e.measured).sum()) for e in made.chosen("train", "repeat"))
-        chi2 = (draft.entry.cost - float(np.sum(prior(made, x)[0] ** 2))) / max(count, 1)
+        chi2 = (draft.entry.cost - float(np.sum(prior(made, x)[0] ** 2))) / max(_count(made), 1)
         n = len(x)
         found = Fit(made, x, draft.entry.cost, chi2, draft.converged, np.zeros((n, n)))
         return scored(found, draft.effects, draft.entry.sizes)
@@ -153,7 +159,7 @@ class Workshop:
         bold = self.entries(effects, [effects[0].bold], parent) if len(effects) == 1 and effects[0].bold else []
         tried = []
         with ThreadPoolExecutor(1) as pool:
-            begun = [*self._begun(effects, entries), *bold]
+            begun = [*self._begun(effects, entries, parent), *bold]
             most = SETTLES if len({id(entry.problem.model) for entry in begun}) > 1 else FIRST
             for entry in begun:
                 training = entry.problem.chosen("train", "repeat")
@@ -161,8 +167,15 @@ class Workshop:
                 tried.append(Draft(effects, replace(entry, x=x, cost=cost), converged))
         return min(tried, key=lambda draft: draft.entry.cost)
 
-    def _begun(self, effects: tuple[Candidate, ...], entries: Sequence[Entry]) -> list[Entry]:
+    def _begun(self, effects: tuple[Candidate, ...], entries: Sequence[Entry], parent: dict[str, float]) -> list[Entry]:
         """The entries to fit; ``entries`` begin from the parent's parameters, best first."""
+        # A wave that goes on from where a fit ended needs no other start.
+        waves = [k for k, c in enumerate(effects) if c.wave and len(c.starts) > 1]
+        if waves and not self.tables:
+            begun = [entry for k in waves for entry in solved(self, effects, k, parent)[:SOLVED]]
+            # A wave that moves the model far is not solved for by tangents: then every order is tried from the others.
+            near = any(entry.cost < SOLUTION * _count(entry.problem) for entry in begun)
+            return [*begun, *_spread(entries)[: STARTS if near else None]]
         if not self.tables or len(effects) > 1:
             return _spread(entries)
         # A few rows let the refit bend parameters that the effect would leave as they were given: begin there too.
@@ -203,7 +216,14 @@ class Workshop:
 
     def finished(self, draft: Draft, iterations: int) -> Draft:
         """The work of `finish`, done anew whatever is kept and not scored."""
-        draft = self._refined(draft)
+        draft = self._descended(self._refined(draft), iterations)
+        for k, effect in enumerate(draft.effects):
+            if effect.wave and len(draft.effects) > 1 and not self.tables:
+                draft = self._reordered(draft, k, iterations)
+        return draft
+
+    def _descended(self, draft: Draft, iterations: int) -> Draft:
+        """The draft fitted until it converges."""
         if draft.converged:
             return draft
         entry = draft.entry
@@ -212,6 +232,23 @@ class Workshop:
             training = made.chosen("train", "repeat")
             x, cost, converged = descend(made, entry.x, training, pool, iterations=iterations)
         return Draft(draft.effects, replace(entry, problem=made, x=x, cost=cost), converged)
+
+    def _reordered(self, draft: Draft, k: int, iterations: int) -> Draft:
+        """The draft with its wave solved for anew beside the other effect, or as it is if no order does better.
+
+        Alone, a wave may fit best at an order that makes up for what the other effect does.
+        """
+        entry, effects = draft.entry, draft.effects
+        values = entry.problem.values(entry.x)[0]
+        there = [ended_at(c, values, sizes) for c, sizes in zip(effects, entry.sizes, strict=True)]
+        tried = [draft]
+        for begun in solved(self, there, k, values)[:REORDERED]:
+            training = begun.problem.chosen("train", "repeat")
+            with ThreadPoolExecutor(1) as pool:
+                x, cost, converged = descend(begun.problem, begun.x, training, pool, iterations=SETTLES, least=HARDLY)
+            tried.append(Draft(effects, replace(begun, x=x, cost=cost), converged))
+        best = min(tried, key=lambda made: made.entry.cost)
+        return best if best is draft else self._descended(best, iterations)
 
     def _refined(self, draft: Draft) -> Draft:
         """The draft with sizes that are only chosen, such as a delay, moved to where they fit best."""
@@ -276,9 +313,18 @@ class Draft:
 
 def ended(trial: Trial, effect: Candidate) -> Candidate:
     """An effect of a trial, to start only from where the trial ended."""
-    values, sizes = trial.fit.parameters(), trial.sizes[trial.effects.index(effect)]
+    return ended_at(effect, trial.fit.parameters(), trial.sizes[trial.effects.index(effect)])
+
+
+def ended_at(effect: Candidate, values: dict[str, float], sizes: Sizes) -> Candidate:
+    """An effect, to start only from where a fit that began at some sizes has it."""
     there = {key: values.get(f"{effect.name}.{key}", value) for key, value in sizes.items()}
-    return replace(effect, starts=(there,), finer=None, bold=())
+    return replace(effect, starts=(there,), bold=())
+
+
+def _count(made: Problem) -> int:
+    """Values in the training recordings."""
+    return sum(int(np.isfinite(e.measured).sum()) for e in made.chosen("train", "repeat"))
 
 
 def _hash(x: Array) -> str:

@@ -1,0 +1,98 @@
+"""A ripple that no starting size on a grid leads to is solved for, alone and beside an offset."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from diagnosis.api import gather
+from diagnosis.catalogue import candidates
+from diagnosis.surroundings import surroundings
+from diagnosis.waves import solved
+from diagnosis.workshop import Workshop, ended
+from scenarios.load import load
+from tests.diagnosis import plants
+from tests.diagnosis.plants import case
+
+NOISE = 0.05
+
+
+def rippled(t, u, *, amplitude, order, phase, offset=0.0):
+    """Motor speed with a ripple of the angle, the input held between samples, by an adaptive Runge-Kutta method."""
+    constant = plants.EFFICIENCY * plants.TORQUE_CONSTANT / plants.RESISTANCE
+    damping = plants.VISCOUS + constant * plants.TORQUE_CONSTANT
+    state, rows = np.zeros(2), []
+    for volt in u:
+        rows.append(state[1])
+
+        def rate(_, y, volt=volt):
+            torque = constant * (volt + offset) - damping * y[1] + amplitude * math.sin(order * y[0] + phase)
+            return [y[1], torque / plants.INERTIA]
+
+        state = solve_ivp(rate, (0, t[1] - t[0]), state, rtol=1e-8, atol=1e-10).y[:, -1]
+    return np.array(rows)
+
+
+def bench(folder, seed, **truth):
+    """The motor with ``truth`` in it: where it is fitted, and the candidates at its shaft and its input."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plants, "speed", rippled)
+        scenario = load(case(folder, noise=NOISE, seed=seed, **truth))
+    shop = Workshop(scenario, gather(scenario, [], []), 1)
+    listed = candidates(surroundings(shop.base))
+    return shop, {c.effect: c for c in listed if c.place == "motor.shaft" or c.effect == "offset"}
+
+
+@pytest.fixture(scope="module")
+def strong(tmp_path_factory):
+    return bench(tmp_path_factory.mktemp("strong"), 1, amplitude=3e-4, order=3.0, phase=2.4)
+
+
+def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong):
+    shop, listed = strong
+    ripple, refit = listed["torque_ripple"], shop.refit()
+    found = shop.finish(shop.draft((ripple,), refit.fit))
+    assert refit.hold_out > 100
+    assert found.hold_out < 1.2
+    sizes = found.added()
+    assert sizes["torque_ripple.order"] == 3.0
+    assert sizes["torque_ripple.phase"] % (2 * math.pi) == pytest.approx(2.4, abs=0.01)
+    # Torque and inertia are known by their ratio.
+    share = found.fit.parameters()["motor.rotor_inertia"] / plants.INERTIA
+    assert sizes["torque_ripple.amplitude"] == pytest.approx(3e-4 * share, rel=0.01)
+    gridded = shop.finish(shop.draft((replace(ripple, wave=None),), refit.fit))
+    assert gridded.fit.cost > 100 * found.fit.cost
+
+
+@pytest.fixture(scope="module")
+def pushed(tmp_path_factory):
+    return bench(tmp_path_factory.mktemp("pushed"), 2, amplitude=2e-5, order=2.0, phase=2.4, offset=0.01)
+
+
+def test_a_wrong_order_is_chosen_anew_beside_another_effect(pushed):
+    shop, listed = pushed
+    ripple, offset = listed["torque_ripple"], listed["offset"]
+    refit = shop.refit()
+    wrong = replace(ripple, starts=({"order": 4.0, "amplitude": 2e-5, "phase": 0.0},))
+    alone = shop.finish(shop.draft((wrong,), refit.fit))
+    kept = ended(alone, alone.effects[0])
+    assert kept.starts[0]["order"] == 4.0
+    pair = shop.finish(shop.draft((kept, offset), alone.fit))
+    assert pair.added()["torque_ripple.order"] == 2.0
+    assert pair.added()["torque_ripple.phase"] % (2 * math.pi) == pytest.approx(2.4, abs=0.05)
+    assert pair.added()["offset.offset"] == pytest.approx(0.01, rel=0.1)
+    assert pair.fit.chi2 < 1.2
+    held = shop.finish(shop.draft((replace(kept, wave=None), offset), alone.fit))
+    assert held.fit.cost > 2 * pair.fit.cost
+
+
+def test_the_linear_solution_ranks_the_orders(pushed):
+    shop, listed = pushed
+    effects = (listed["torque_ripple"], replace(listed["offset"], starts=({"offset": 0.01},)))
+    best, second, *_ = solved(shop, effects, 0, shop.refit().fit.parameters())
+    assert best.sizes[0]["order"] == 2.0
+    assert best.cost < 0.5 * second.cost
