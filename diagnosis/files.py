@@ -73,7 +73,7 @@ def write(found: Diagnosis, folder: Path) -> list[Path]:
     made.append(figures.odds(found, folder / "places.png"))
     made.append(figures.before_after(found, folder / "before-after.png"))
     made.append(figures.recovered(found, folder / "recovered-force.png")) if found.recovered else None
-    if found.proposal is not None:
+    if found.proposal is not None and found.proposal.separating:
         made += _next(found, found.proposal, folder)
     return made
 

@@ -272,7 +272,14 @@ def _second(
         with contextlib.suppress(FlexarmError):
             alone.append(shop.reduced(best, effect))
     alone.sort(key=lambda t: t.merit)
-    return (alone[0] if alone and not pays(best, alone[0]) else best), [*alone, *pairs]
+    if not alone or pays(best, alone[0]):
+        return best, [*alone, *pairs]
+    # Then it is the model's own parameters that were helped, and the other effects are fitted from there as well.
+    known = alone[0].effects[0].key
+    again = [(t.effects[0],) for t in singles[:SECONDS] if t.effects[0].key != known]
+    alone += _try_all(shop, again, alone[0].fit, progress)[0]
+    alone.sort(key=lambda t: (t.merit, t.size))
+    return choose(refit, alone), [*alone, *pairs]
 
 
 def _leaders(shop: Workshop, chosen: Trial, singles: Sequence[Trial]) -> list[Trial]:

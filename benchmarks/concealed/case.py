@@ -120,8 +120,8 @@ def draw(
     if len(asked) != len(chosen):
         raise ValueError(f"{len(chosen)} effects but {len(asked)} sizes")
     key = zlib.crc32(" ".join([plant.name, *map(str, chosen)]).encode())
-    streams = [default_rng(s) for s in SeedSequence([seed, key]).spawn(5)]
-    parameters, commands, features, disturbances, noise = streams
+    streams = [default_rng(s) for s in SeedSequence([seed, key]).spawn(6)]
+    parameters, commands, features, disturbances, noise, others = streams
 
     base = Truth(plant, true_parameters(plant, parameters, options))
     nominal = dict(base.parameters) if options.exact else plant.nominal()
@@ -129,7 +129,9 @@ def draw(
     bench, kinds = make_bench(base, nominal, sensors, commands, options)
     amplitude, concealed, found = hide(bench, base, chosen, asked, features)
     bench = bench.scaled(amplitude)
-    background = nuisance(bench, base, disturbances, options.nuisance)
+    # The background is the plant's: as large as on its usual recordings, whatever it is driven by here.
+    usual = make_bench(base, nominal, sensors, others, replace(options, kinds=()))[0] if options.kinds else bench
+    background = nuisance(usual, base, disturbances, options.nuisance)
     truth = replace(base, concealed=concealed, nuisance=background)
     recordings = record(bench, truth, sensors, kinds, noise)
     bench = replace(bench, commands=tuple(r.command for r in recordings))

@@ -56,6 +56,8 @@ PAIRS = {
 """Twenty pairs of effects; each member at its own multiple of its own threshold."""
 
 _ONE_WAY = ("steps_up", "chirp_up", "steps_up", "chirp_up", "steps_up", "chirp_up")
+_SLOW = ("ramp", "reversal", "ramp", "reversal", "ramp", "reversal")
+_TWO_LEVELS = ("prbs",) * 6
 
 
 @dataclass(frozen=True)
@@ -102,60 +104,66 @@ TIES = (
         "driven in one direction, a dead zone is an offset",
     ),
     DesignedTie(
-        "srv02-flexible",
-        ("direction_dependent_friction",),
-        (10.0,),
-        Options(),
-        ("coulomb_friction", "offset"),
-        "an offset shifts the friction of both directions, moving or stuck",
-    ),
-    DesignedTie(
-        "pendulum",
-        ("direction_dependent_friction",),
-        (10.0,),
-        Options(),
-        ("coulomb_friction", "offset"),
-        "an offset shifts the friction of both directions, moving or stuck",
-    ),
-    DesignedTie(
-        "srv02-flexible",
-        ("lag",),
-        (10.0,),
-        Options(sensors=("enc",)),
-        ("sensor_lag@link.hub.angle",),
-        "with one sensor a lag before a linear plant is a lag behind it",
-    ),
-    DesignedTie(
         "harmonic-arm",
-        ("lag",),
-        (10.0,),
-        Options(sensors=("enc",)),
-        ("sensor_lag@rotor.shaft.angle",),
-        "with one sensor a lag before a linear plant is a lag behind it",
+        ("coulomb_friction",),
+        (3.0,),
+        Options(kinds=_ONE_WAY),
+        ("dead_zone",),
+        "driven in one direction, friction takes a constant torque off the drive",
     ),
     DesignedTie(
         "srv02-flexible",
         ("delay",),
-        (2.0,),
-        Options(),
+        (10.0,),
+        Options(kinds=_SLOW),
         ("lag",),
-        "below the bandwidth of the plant a short delay is a short lag",
+        "an input that changes slowly comes as much later by a short delay as by a lag",
+    ),
+    DesignedTie(
+        "geared-two-mass",
+        ("lag",),
+        (10.0,),
+        Options(kinds=_SLOW),
+        ("delay",),
+        "an input that changes slowly comes as much later by a short lag as by a delay",
     ),
     DesignedTie(
         "srv02-flexible",
         ("inductance",),
-        (2.0,),
-        Options(),
+        (10.0,),
+        Options(kinds=_SLOW),
         ("lag",),
-        "a small inductance is a short lag",
+        "while the voltage changes slowly, a small inductance is a short lag",
     ),
     DesignedTie(
         "srv02-flexible",
-        ("joint_flexibility",),
-        (3.0,),
-        Options(),
-        ("joint_flexibility@motor.shaft -> gear.input",),
-        "a stiff joint before the gear looks like one behind it",
+        ("saturation",),
+        (10.0,),
+        Options(kinds=_TWO_LEVELS),
+        ("uneven_gain",),
+        "an input of two levels shows its law at these two alone: limits are gains",
+    ),
+    DesignedTie(
+        "harmonic-arm",
+        ("dead_zone",),
+        (10.0,),
+        Options(kinds=_TWO_LEVELS),
+        ("uneven_gain",),
+        "an input of two levels shows its law at these two alone: a dead zone is a gain",
+    ),
+    DesignedTie(
+        "geared-two-mass",
+        ("dead_zone",),
+        (10.0,),
+        Options(kinds=_TWO_LEVELS),
+        ("saturation",),
+        "an input of two levels shows its law at these two alone: a dead zone is a limit",
     ),
 )
-"""Ten ties; that they are ties is computed by `benchmarks.concealed.ties` and tested."""
+"""Ten ties that recordings of another kind settle; that they are ties is computed by `benchmarks.concealed.ties` and
+tested.
+
+Two explanations that are one law on every input are left out, as no input settles them: friction that differs between
+the directions is Coulomb friction beside an offset, a lag before a linear plant with one sensor is a lag behind it, and
+a torque ripple of order one is gravity. They occur in the other suites.
+"""

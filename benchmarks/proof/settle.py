@@ -93,7 +93,7 @@ def extend(case: Case, old: Path, new: Path, kind: str) -> bool:
         Whether it could be done: not for a kind that is no input, nor in a closed loop.
     """
     largest = max(float(np.abs(r.command).max()) for r in case.recordings)
-    known = menu(largest)
+    known = menu(largest, case.bench.interval)
     if kind not in known or case.bench.references:
         return False
     _, time, drive = known[kind]

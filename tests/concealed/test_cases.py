@@ -24,8 +24,9 @@ from benchmarks.concealed.refit import excess, refit
 from benchmarks.concealed.scenario import text, write
 from benchmarks.concealed.sites import find, sites
 from benchmarks.concealed.suites import CORE, PAIRS, TIES
-from benchmarks.concealed.ties import from_answers, tie_class
+from benchmarks.concealed.ties import FLOOR, from_answers, tie_class
 from benchmarks.concealed.truth import Nuisance
+from diagnosis.experiment import menu
 
 FOLDER = Path(benchmarks.concealed.__file__).parent
 OURS = {"engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm"}
@@ -252,13 +253,42 @@ def test_friction_and_offset_tie_when_driven_one_way_and_not_otherwise():
     assert not tie_class(both_ways, [tie.rival])[0].tied
 
 
+each_tie = pytest.mark.parametrize("tie", TIES, ids=lambda t: f"{t.plant}: {'+'.join(t.effects)} ~ {'+'.join(t.rival)}")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("tie", TIES, ids=lambda t: f"{t.plant}: {'+'.join(t.effects)} ~ {'+'.join(t.rival)}")
-def test_designed_ties_are_ties(tie):
-    case = draw(tie.plant, tie.effects, tie.sizes, 1, tie.options)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@each_tie
+def test_designed_ties_are_ties(tie, seed):
+    case = draw(tie.plant, tie.effects, tie.sizes, seed, tie.options)
     rival, none = sorted(tie_class(case, [tie.rival, ("none",)]), key=lambda r: not r.effects)
     assert rival.tied
     assert not none.tied
+
+
+@pytest.mark.slow
+@each_tie
+def test_designed_ties_can_be_settled(tie):
+    """Recorded beside the others, some input that is no larger makes the rival differ by more than the floor."""
+    case = draw(tie.plant, tie.effects, tie.sizes, 1, tie.options)
+    known = menu(max(float(np.abs(r.command).max()) for r in case.recordings), case.bench.interval)
+    assert any(after(case, tie.rival, *known[kind][1:]) > FLOOR for kind in ("reversal", "prbs_20ms", "ramp", "push"))
+
+
+def after(case, rival, time, drive):
+    """Distance of a rival on an input that is held out, once it was fitted to the same input and the training ones."""
+    train, interval = case.bench.training(), case.bench.interval
+    command = np.interp(interval * np.arange(round(time[-1] / interval)), time, drive)
+    quiet = np.zeros(len(command) + 1)
+    bench = replace(
+        train,
+        commands=(*train.commands, command, command),
+        held_out=(*train.held_out, False, True),
+        slow=(*train.slow, quiet, quiet),
+        start=(*train.start, 0.0, 0.0),
+        released=(*train.released, 0.0, 0.0),
+    )
+    return tie_class(replace(case, bench=bench), [rival])[0].distance
 
 
 def test_pairs_can_be_drawn():

@@ -103,8 +103,10 @@ def test_the_experiment_drives_the_motor(tied):
 def test_there_is_a_prediction_for_every_rival_and_signal(tied):
     found, folder, _ = tied
     table = columns(folder / "next-experiment-predictions.csv")
-    rivals = [found.study.chosen, *found.rivals][: len(found.proposal.separates)]
-    assert list(table) == ["t [s]", *(f"{SIGNAL} with {t.label} [rad/s]" for t in rivals)]
+    rivals = found.proposal.separates
+    assert rivals[0] == found.study.chosen.label
+    assert set(rivals) <= {t.label for t in (found.study.chosen, *found.rivals)}
+    assert list(table) == ["t [s]", *(f"{SIGNAL} with {label} [rad/s]" for label in rivals)]
     full = columns(folder / "next-experiment.csv")["t [s]"]
     np.testing.assert_allclose(table["t [s]"], full[::THINNED], atol=1e-9)
 
