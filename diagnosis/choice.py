@@ -238,11 +238,11 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
     # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.
     richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + LEAST) * chosen.merit]
     rows += [t for t in richer if better(t, chosen)]
-    rows = [t for t in rows if not any(_contains(t, s) and not better(t, s) for s in rows if s is not t)]
-    best: dict[frozenset[str], Trial] = {}
+    found: dict[frozenset[str], Trial] = {}
     for t in sorted(rows, key=lambda t: t.merit):
-        best.setdefault(frozenset(c.key for c in t.effects), t)
-    return tuple(best.values())
+        found.setdefault(frozenset(c.key for c in t.effects), t)
+    rows = list(found.values())
+    return tuple(t for t in rows if not any(_contains(t, s) and not better(t, s) for s in rows if s is not t))
 
 
 def better(one: Trial, other: Trial) -> bool:

@@ -33,8 +33,9 @@ COURSES = 12
 SAMPLES = 4_000
 """About so many samples of the fitted recordings are looked at."""
 
-ALIKE, KEPT = 2, 2
-"""Of two effects, the pairs at so many places, each from the best so many pairs of sizes."""
+ALIKE, KEPT, NEARLY = 2, 2, 0.8
+"""Of two effects, the pairs at so many places, each from so many pairs of sizes that gain this share of the best gain.
+"""
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def promising(shop: Workshop, refit: Trial, effects: Sequence[Candidate], count:
     table = np.column_stack([c.values for c in courses])
     table -= basis @ (basis.T @ table)
     gram, pull = table.T @ table, -table.T @ (r - basis @ (basis.T @ r))
-    return list(itertools.islice(_ranked(courses, _gains(gram, pull)), count))
+    return list(itertools.islice(_ranked(courses, *_gains(gram, pull)), count))
 
 
 def _courses(shop: Workshop, refit: Trial, effect: Candidate, r: Array, every: int) -> Iterator[Course]:
@@ -106,45 +107,45 @@ def _courses(shop: Workshop, refit: Trial, effect: Candidate, r: Array, every: i
                 yield Course(effect, entry.sizes[0], values)
 
 
-def _gains(gram: Array, pull: Array) -> Array:
-    """For each pair of courses, how much of the cost they take away; nothing where a factor is out of reach."""
+def _gains(gram: Array, pull: Array) -> tuple[Array, Array]:
+    """For each pair of courses, how much of the cost they take away, and how far their factors are from 1.
+
+    Nothing where a factor is out of reach; the distance is the sum of the logarithms' magnitudes.
+    """
     own = np.diag(gram)
     whole = np.outer(own, own)
     determinant = whole - gram**2
     determinant = np.where(determinant > 1e-9 * whole, determinant, np.inf)
     first = (own[None, :] * pull[:, None] - gram * pull[None, :]) / determinant
     second = first.T
-    gains = first * pull[:, None] + second * pull[None, :]
     able = (first > 1 / FACTOR) & (first < FACTOR) & (second > 1 / FACTOR) & (second < FACTOR)
-    return np.where(able, gains, 0.0)
+    gains = np.where(able, first * pull[:, None] + second * pull[None, :], 0.0)
+    far = np.abs(np.log(np.where(able, first, 1.0))) + np.abs(np.log(np.where(able, second, 1.0)))
+    return gains, far
 
 
-def _ranked(courses: Sequence[Course], gains: Array) -> Iterator[tuple[Candidate, ...]]:
-    """Pairs of different effects, best first, a few of a kind."""
-    rows, columns = np.triu_indices(len(courses), 1)
-    order = np.argsort(-gains[rows, columns], kind="stable")
-    starts: dict[tuple[str, str], list[tuple[Sizes, Sizes]]] = {}
+def _ranked(courses: Sequence[Course], gains: Array, far: Array) -> Iterator[tuple[Candidate, ...]]:
+    """Pairs of different effects, best first, a few of a kind, with the sizes nearest to those that are asked for."""
+    keys = [c.effect.key for c in courses]
+    groups: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for a, b in zip(*np.nonzero(np.triu(gains, 1) > 0), strict=True):
+        if courses[a].effect.effect != courses[b].effect.effect:
+            groups.setdefault((keys[a], keys[b]), []).append((int(a), int(b)))
+    best = {key: max(float(gains[at]) for at in group) for key, group in groups.items()}
     places: dict[frozenset[str], int] = {}
-    ranked: list[tuple[Candidate, Candidate]] = []
-    for a, b in zip(rows[order], columns[order], strict=True):
-        if gains[a, b] <= 0:
-            break
-        one, other = courses[a].effect, courses[b].effect
-        key = (one.key, other.key)
-        if one.effect == other.effect:
-            continue
-        if key in starts:
-            if len(starts[key]) < KEPT:
-                starts[key].append((courses[a].sizes, courses[b].sizes))
-            continue
+    for key in sorted(groups, key=lambda key: -best[key]):
+        one, other = (courses[k].effect for k in groups[key][0])
         kind = frozenset((one.effect, other.effect))
-        if places.get(kind, 0) < ALIKE:
-            places[kind] = places.get(kind, 0) + 1
-            starts[key] = [(courses[a].sizes, courses[b].sizes)]
-            ranked.append((one, other))
-    for one, other in ranked:
-        pairs = starts[(one.key, other.key)]
-        yield tuple(
-            replace(effect, starts=tuple({str(p[k]): p[k] for p in pairs}.values()), bold=())
-            for k, effect in enumerate((one, other))
-        )
+        places[kind] = places.get(kind, 0) + 1
+        if places[kind] > ALIKE:
+            continue
+        able = [at for at in groups[key] if gains[at] > NEARLY * best[key]]
+        chosen = sorted(able, key=lambda at: far[at])[:KEPT]
+        rows = [(courses[a].sizes, courses[b].sizes) for a, b in chosen]
+        yield tuple(_begun(effect, [row[k] for row in rows]) for k, effect in enumerate((one, other)))
+
+
+def _begun(effect: Candidate, sizes: Sequence[Sizes]) -> Candidate:
+    """The effect to start from some of its sizes; a wave, at every order as well."""
+    starts = {str(s): s for s in [*sizes, *(effect.wave.starts[:1] if effect.wave else ())]}
+    return replace(effect, starts=tuple(starts.values()), bold=())

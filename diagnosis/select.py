@@ -39,14 +39,15 @@ from engine.errors import FlexarmError
 from engine.spread import Spread
 from scenarios.load import Scenario
 
-FINISHED, PROMISING = 15, 0.2
-"""At most so many effects are fitted to the end, of those that gained this share of what the best gained."""
+FINISHED, PROMISING, EXCHANGED = 15, 0.2, 6
+"""At most so many effects are fitted to the end, of those that gained this share of what the best gained; of those that
+take the place of half a pair, so many."""
 
 SECONDS, LEADERS = 12, 2
 """A second effect is sought among all others beside the first of so many leaders, among so many beside the rest."""
 
-TOGETHER = 20
-"""So many pairs are fitted that look best taken together."""
+TOGETHER, ROUNDS = 20, 2
+"""So many pairs are fitted that look best taken together, and halves are exchanged so often at most."""
 
 SWAPS = 0.2
 """Share of the held-out excess that the best pair must take away for its halves to be exchanged."""
@@ -60,6 +61,9 @@ SECONDS_AT_TABLES, LEADERS_AT_TABLES = 3, 1
 
 UNSEEN = 0.5
 """Held-out excess, in floors, that calls for another recording to be fitted where the fitted ones are at the floor."""
+
+AGAIN = 1.02
+"""A pair that ended so many times as dear as the best is tried again from where the best one's half ended."""
 
 PART = 0.5
 """Length (s) of the parts into which a recording is cut that alone shows a mismatch."""
@@ -256,15 +260,15 @@ def _second(
     left = chosen.hold_out - floor(chosen)
     if not pairs or not (pays(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > SWAPS * left):
         return chosen, pairs
-    for kept, moved in (pairs[0].effects, pairs[0].effects[::-1]):
-        near = [t for t in singles if t.effects[0].place == moved.place]
-        near += [t for t in singles[:SECONDS] if t not in near]
-        pairs += _beside(shop, pairs[0], kept, near, pairs, progress)
-    pairs.sort(key=lambda t: (t.merit, t.size))
-    if not pays(pairs[0], chosen):
-        return chosen, pairs
-    pairs += _elsewhere(shop, pairs[0], singles, pairs, progress)
-    pairs.sort(key=lambda t: (t.merit, t.size))
+    for _ in range(ROUNDS):
+        best, nearest = pairs[0], min(pairs, key=lambda t: t.fit.cost)
+        for pair in [best] if best is nearest or reached(refit, best) else [best, nearest]:
+            pairs += _around(shop, refit, pair, singles, pairs, progress)
+        pairs.sort(key=lambda t: (t.merit, t.size))
+        if not pays(pairs[0], chosen):
+            return chosen, pairs
+        if pairs[0] is best:
+            break
     best = choose(chosen, pairs)
     # One of the two may only have helped the other out of a local optimum.
     alone: list[Trial] = []
@@ -300,6 +304,7 @@ def _beside(
     singles: Sequence[Trial],
     done: Sequence[Trial],
     progress: Progress | None,
+    finished: int = FINISHED,
 ) -> list[Trial]:
     """One effect kept, every other one beside it."""
     known = {frozenset(c.key for c in t.effects) for t in done}
@@ -310,25 +315,39 @@ def _beside(
     wanted = [(begun, t.effects[0]) for t in others]
     if shop.tables:
         wanted = [(begun, ended(t, t.effects[0])) for t in others[:SECONDS_AT_TABLES]]
-    return _try_all(shop, wanted, start.fit, progress)[0]
+    return _try_all(shop, wanted, start.fit, progress, finished)[0]
 
 
-def _elsewhere(
-    shop: Workshop, pair: Trial, singles: Sequence[Trial], done: Sequence[Trial], progress: Progress | None
+def _around(
+    shop: Workshop,
+    refit: Trial,
+    pair: Trial,
+    singles: Sequence[Trial],
+    done: Sequence[Trial],
+    progress: Progress | None,
 ) -> list[Trial]:
-    """A pair with one of its effects at another place: alone, the other places may have looked poor."""
-    known = {frozenset(c.key for c in t.effects) for t in done}
-    wanted = []
+    """A pair with each half exchanged: for what acts at its place, for what does best alone, for itself elsewhere.
+
+    Beside another effect a wide law may be a narrow one, and alone other places may have looked poor.
+    """
+    found: list[Trial] = []
+    # What ended above it may have been in a local optimum, and is tried again from here.
+    known = [t for t in done if t.fit.cost < AGAIN * pair.fit.cost]
+    begun = replace(pair, fit=replace(pair.fit, cost=refit.fit.cost))  # what they gain is counted from there
     for kept, moved in (pair.effects, pair.effects[::-1]):
-        for t in singles:
-            (other,) = t.effects
-            if other.effect == moved.effect and frozenset((kept.key, other.key)) not in known and not shop.tables:
-                wanted.append((ended(pair, kept), other))
-    return _try_all(shop, wanted, pair.fit, progress)[0] if wanted else []
+        alike = [t for t in singles if moved.place == t.effects[0].place or moved.effect == t.effects[0].effect]
+        others = [*([] if shop.tables else alike), *singles[:SECONDS]]
+        unlike = list({id(t): t for t in others}.values())
+        found += _beside(shop, begun, kept, unlike, [*known, *found], progress, EXCHANGED)
+    return found
 
 
 def _try_all(
-    shop: Workshop, combinations: Sequence[tuple[Candidate, ...]], start: Fit, progress: Progress | None
+    shop: Workshop,
+    combinations: Sequence[tuple[Candidate, ...]],
+    start: Fit,
+    progress: Progress | None,
+    finished: int = FINISHED,
 ) -> tuple[list[Trial], list[tuple[str, str]]]:
     drafts: list[Draft] = []
     failures: list[tuple[str, str]] = []
@@ -349,7 +368,7 @@ def _try_all(
                 progress("trying effects", done, len(combinations))
         drafts.sort(key=lambda draft: draft.entry.cost)
         best = start.cost - drafts[0].entry.cost if drafts else 0.0
-        promising = [d for d in drafts[:FINISHED] if start.cost - d.entry.cost > PROMISING * best]
+        promising = [d for d in drafts[:finished] if start.cost - d.entry.cost > PROMISING * best]
         left = [MOST if k < len(promising) else 0 for k in range(len(drafts))]
         trials = []
         tasks = zip(drafts, left, strict=True)

@@ -44,7 +44,7 @@ FINER = (0.5, 0.25, 0.125, 0.0625)
 """Distances, in samples, at which a size that is only chosen is looked for next to the best."""
 
 SOLVED, REORDERED = 5, 3
-"""So many orders of a wave are fitted from the linear solution, and so many again once the effect beside it is."""
+"""So many orders of a wave are fitted from the linear solution, and so many beside another effect."""
 
 SOLUTION = 2.0
 """Mean squared residual up to which what the linear solution gives is taken for the solution."""
@@ -172,7 +172,10 @@ class Workshop:
         # A wave that goes on from where a fit ended needs no other start.
         waves = [k for k, c in enumerate(effects) if c.wave and len(c.starts) > 1]
         if waves and not self.tables:
-            begun = [entry for k in waves for entry in solved(self, effects, k, parent)[:SOLVED]]
+            single = len(effects) == 1
+            begun = [e for k in waves for e in solved(self, effects, k, parent)[: SOLVED if single else REORDERED]]
+            if not single:
+                return [*begun, *_spread(entries)[:1]]
             # A wave that moves the model far is not solved for by tangents: then every order is tried from the others.
             near = any(entry.cost < SOLUTION * _count(entry.problem) for entry in begun)
             return [*begun, *_spread(entries)[: STARTS if near else None]]
@@ -218,7 +221,7 @@ class Workshop:
         """The work of `finish`, done anew whatever is kept and not scored."""
         draft = self._descended(self._refined(draft), iterations)
         for k, effect in enumerate(draft.effects):
-            if effect.wave and len(draft.effects) > 1 and not self.tables:
+            if effect.wave and len(effect.starts) == 1 and len(draft.effects) > 1 and not self.tables:
                 draft = self._reordered(draft, k, iterations)
         return draft
 

@@ -361,6 +361,13 @@ def test_a_rival_that_only_contains_another_rival_is_none(silent):
     assert choice.rivals(chosen, refit, [delay, better]) == (better, delay)
 
 
+def test_a_rival_that_was_fitted_twice_is_told_once(silent):
+    refit, chosen = trial(50.0), trial(2.0, effect("direction_dependent_friction", knobs=2))
+    pair = trial(2.0, effect("coulomb_friction"), effect("offset", "u -> a"))
+    again = trial(2.001, effect("offset", "u -> a"), effect("coulomb_friction"))
+    assert choice.rivals(chosen, refit, [again, pair]) == (pair,)
+
+
 def test_a_spring_that_is_at_rest_far_away_is_no_rival_of_a_constant(silent):
     refit, chosen = trial(50.0), trial(1.0, effect("offset", "u -> a"))
     spring, other = trial(1.0, effect("stray_spring", "b.shaft", knobs=2)), trial(1.0, effect("gravity", knobs=2))
