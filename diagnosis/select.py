@@ -62,9 +62,6 @@ SECONDS_AT_TABLES, LEADERS_AT_TABLES = 3, 1
 UNSEEN = 0.5
 """Held-out excess, in floors, that calls for another recording to be fitted where the fitted ones are at the floor."""
 
-AGAIN = 1.02
-"""A pair that ended so many times as dear as the best is tried again from where the best one's half ended."""
-
 PART = 0.5
 """Length (s) of the parts into which a recording is cut that alone shows a mismatch."""
 
@@ -332,7 +329,7 @@ def _around(
     """
     found: list[Trial] = []
     # What ended above it may have been in a local optimum, and is tried again from here.
-    known = [t for t in done if t.fit.cost < AGAIN * pair.fit.cost]
+    known = [t for t in done if t.fit.cost <= pair.fit.cost]
     begun = replace(pair, fit=replace(pair.fit, cost=refit.fit.cost))  # what they gain is counted from there
     for kept, moved in (pair.effects, pair.effects[::-1]):
         alike = [t for t in singles if moved.place == t.effects[0].place or moved.effect == t.effects[0].effect]
