@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,6 +35,9 @@ FIXED = frozenset({"order", "modes", "sharpness", "unloading_share", "share", "r
 
 ADDITIVE = frozenset({"offset", "bias", "phase", "hanging_angle"})
 """Parameters that may change sign; the others keep it, and move on a logarithmic scale."""
+
+ENOUGH = 0.01
+"""Squared distance, in floors, that is as good as none: the search ends."""
 
 SHARES = (0.03, 0.3, 3.0)
 DRAWS = 4
@@ -99,7 +102,7 @@ def tie_class(case: Case, rivals: Iterable[Sequence[str]] | None = None) -> list
         chosen = [tuple(find(case.plant, part) for part in rival if part != "none") for rival in rivals]
     nearest = refit(bench, base, target)
     own_count = sum(len(_free(c, base)) for c in case.truth.concealed)
-    found = [fit_rival(bench, nearest, target, rival, _in_other_words(case.truth, rival)) for rival in chosen]
+    found = [fit_rival(bench, nearest, target, rival, case.truth) for rival in chosen]
     return sorted((replace(r, more=r.more - own_count) for r in found), key=lambda rival: rival.distance)
 
 
@@ -107,26 +110,22 @@ def _recorded(bench: Bench, site: Site) -> bool:
     return site.effect.kind != "sensor" or site.place in bench.signals
 
 
-def _in_other_words(truth: Truth, rival: Sequence[Site]) -> tuple[Concealed, ...]:
-    """The truth said by a rival that is the same law: gravity is a torque ripple of order one."""
-    said = []
-    for site in rival:
-        for c in truth.concealed:
-            p = c.parameters
-            if c.place == site.place and c.effect == site.effect.name:
-                said.append(c)
-            elif c.place == site.place and (c.effect, site.effect.name) == ("gravity", "torque_ripple"):
-                ripple = {"amplitude": p["moment"], "order": 1.0, "phase": math.pi - p["hanging_angle"]}
-                said.append(Concealed("torque_ripple", c.place, ripple))
-            elif c.place == site.place and (c.effect, site.effect.name) == ("torque_ripple", "gravity"):
-                said.append(
-                    Concealed("gravity", c.place, {"moment": p["amplitude"], "hanging_angle": math.pi - p["phase"]})
-                )
-    return tuple(said) if len(said) == len(rival) == len(truth.concealed) else ()
+def _in_other_words(truth: Truth, site: Site) -> Concealed | None:
+    """What a truth conceals at a site, if a law says it that is the same: gravity is a torque ripple of order one."""
+    for c in truth.concealed:
+        p = c.parameters
+        if c.place == site.place and c.effect == site.effect.name:
+            return c
+        if c.place == site.place and (c.effect, site.effect.name) == ("gravity", "torque_ripple"):
+            ripple = {"amplitude": p["moment"], "order": 1.0, "phase": math.pi - p["hanging_angle"]}
+            return Concealed("torque_ripple", c.place, ripple)
+        if c.place == site.place and (c.effect, site.effect.name) == ("torque_ripple", "gravity"):
+            return Concealed("gravity", c.place, {"moment": p["amplitude"], "hanging_angle": math.pi - p["phase"]})
+    return None
 
 
 def fit_rival(
-    bench: Bench, nearest: Truth, target: Sequence[Array], rival: Sequence[Site], known: tuple[Concealed, ...] = ()
+    bench: Bench, nearest: Truth, target: Sequence[Array], rival: Sequence[Site], truth: Truth | None = None
 ) -> Rival:
     """Fit an explanation to noise-free outputs.
 
@@ -135,7 +134,7 @@ def fit_rival(
         nearest: the nominal model refitted to them, where the search begins.
         target: outputs in units of the floor.
         rival: effects at places; none of them for the nominal model.
-        known: a start for it, if one is known.
+        truth: if known, the search begins at its parameters too, and what both conceal, at its size there.
     """
     names = tuple((site.effect.name, site.place) for site in rival)
     if not rival:
@@ -143,11 +142,12 @@ def fit_rival(
     train = bench.training()
     wanted = [y for y, hold in zip(target, bench.held_out, strict=True) if not hold]
     best, fitted = math.inf, None
-    begun = _best_starts(Small(train, nearest, wanted), _starts(train, nearest, rival))
-    for start in [*begun, *([replace(nearest, concealed=known)] if known else [])]:
+    for start in _begun(train, nearest, wanted, rival, truth):
         made, cost = _descend(train, start, wanted)
         if cost < best:
             best, fitted = cost, made
+        if cost < ENOUGH * sum(np.size(y) for y in wanted):
+            break
     if fitted is None:
         return Rival(names, math.inf, ())
     try:
@@ -158,8 +158,18 @@ def fit_rival(
     return Rival(names, distance, tuple(dict(c.parameters) for c in fitted.concealed), count)
 
 
-def _starts(train: Bench, nearest: Truth, rival: Sequence[Site]) -> list[Truth]:
-    """The rival at several sizes, with several draws of its features."""
+def _begun(
+    train: Bench, nearest: Truth, wanted: Sequence[Array], rival: Sequence[Site], truth: Truth | None
+) -> Iterator[Truth]:
+    """Where the search begins: at the truth's own parameters, if it is known, then at the refitted ones."""
+    if truth is not None:
+        there = replace(nearest, parameters=truth.parameters)
+        yield from _best_starts(Small(train, there, wanted), _starts(train, there, rival, truth))
+    yield from _best_starts(Small(train, nearest, wanted), _starts(train, nearest, rival))
+
+
+def _starts(train: Bench, nearest: Truth, rival: Sequence[Site], truth: Truth | None = None) -> list[Truth]:
+    """The rival at several sizes, with several draws of its features; what a truth conceals too, as it is there."""
     rng = default_rng(20)
     each: list[list[Concealed]] = []
     for site in rival:
@@ -167,7 +177,8 @@ def _starts(train: Bench, nearest: Truth, rival: Sequence[Site]) -> list[Truth]:
         drawn = [site.effect.draw(rng, here) for _ in range(DRAWS)]
         unlike = [f for k, f in enumerate(drawn) if f not in drawn[:k]]
         sizes = [1.0] if site.effect.natural else [share * site.effect.first(here) for share in SHARES]
-        each.append([conceal(site, size, f, here) for size in sizes for f in unlike])
+        said = _in_other_words(truth, site) if truth is not None else None
+        each.append([said] if said else [conceal(site, size, f, here) for size in sizes for f in unlike])
     return [replace(nearest, concealed=parts) for parts in itertools.product(*each)][:: max(1, len(each[0]) // 64)]
 
 
