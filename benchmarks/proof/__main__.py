@@ -27,6 +27,7 @@ def main(arguments: list[str] | None = None) -> int:
     seeds.add_argument("--seeds", type=int, nargs="+", default=[1])
     seeds.add_argument("--frozen", action="store_true", help="seeds from the frozen commit; refuses if rules changed")
     running.add_argument("--count", type=int, default=5, help="seeds of each suite, with --frozen")
+    running.add_argument("--first", type=int, default=0, metavar="K", help="leave out the first K of these seeds")
     _folder(running)
     _workers(running)
     running.add_argument("--plant", help="only cases of this plant")
@@ -37,6 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     showing.set_defaults(act=_show)
     paging = commands.add_parser("page", help="score, and write the page and its data file")
     paging.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder of the results; absent: the data file")
+    paging.add_argument("--add", action="store_true", help="keep the data file's other cases of the same frozen commit")
     paging.add_argument("--page", type=Path, default=frozen.ROOT / "docs" / "proof.md")
     paging.add_argument("--data", type=Path, default=data.DATA)
     paging.set_defaults(act=_page)
@@ -82,7 +84,7 @@ def _run(given: argparse.Namespace) -> int:
     names = [name for name in SUITES if name != "quick"] if "all" in given.suite else given.suite
     specs: list[Spec] = []
     for name in names:
-        specs += SUITES[name](frozen.seeds(commit, name, given.count) if commit else given.seeds)
+        specs += SUITES[name](frozen.seeds(commit, name, given.count)[given.first :] if commit else given.seeds)
     if given.plant:
         specs = [s for s in specs if s.plant == given.plant]
     if given.effect:
@@ -113,7 +115,8 @@ def _show(given: argparse.Namespace) -> int:
 
 def _page(given: argparse.Namespace) -> int:
     if given.output:
-        data.save(data.gather(given.output), given.data)
+        made = data.gather(given.output)
+        data.save(data.together(made, data.load(given.data)) if given.add else made, given.data)
     proof = data.load(given.data)
     page.write(proof, given.page, data.causes())
     print(f"{given.page}: {len(proof.rows)} cases, {sum(r.right for r in proof.rows)} right; data in {given.data}")

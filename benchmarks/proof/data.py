@@ -85,6 +85,23 @@ def about() -> dict[str, Any]:
     return told
 
 
+def together(proof: Proof, earlier: Proof) -> Proof:
+    """Cases, and with them those of an earlier score whose seeds follow from the same commit.
+
+    The full form takes hours: it can go on another day, on another machine.
+
+    Raises:
+        FlexarmError: no rules are frozen.
+    """
+    made = frozen.frozen()
+    if made is None:
+        raise FlexarmError("no rules are frozen", remedy="leave '--add' out")
+    rows = {row.name: row for row in earlier.rows if row.frozen == made.commit and row.outcome != "not run"}
+    rows |= {row.name: row for row in proof.rows if row.name not in rows or row.outcome != "not run"}
+    sindy = {name: found for name, found in earlier.sindy.items() if name in rows}
+    return Proof(proof.about, [rows[name] for name in sorted(rows)], sindy | proof.sindy)
+
+
 def save(proof: Proof, path: Path = DATA) -> None:
     """Write the data file: a line for each case."""
     rows = ",\n".join(json.dumps(asdict(row)) for row in proof.rows)

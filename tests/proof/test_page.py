@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from benchmarks.proof import data, page
+from benchmarks.proof import data, frozen, page
 from benchmarks.proof.__main__ import main
 from tests.proof.made import INPUT, finding, put
 
@@ -66,6 +68,24 @@ def test_the_command_shows_and_writes(folder, tmp_path, capsys):
     assert main(["page", *files]) == 0
     assert (tmp_path / "p.md").read_text() == first
     assert main(["page", "-o", str(tmp_path / "nowhere"), *files]) == 1
+
+
+def test_a_score_goes_on_with_earlier_cases_of_the_same_commit_alone(folder, tmp_path):
+    """Of two scores with one case in common, the later result counts; other commits' cases do not."""
+    commit = frozen.frozen().commit
+    proof = data.gather(folder)
+    both, old, other = (replace(r, frozen=c) for r, c in zip(proof.rows, (commit, commit, "another"), strict=False))
+    now = replace(both, outcome="wrong")
+    more = replace(both, name="core-new", frozen=commit)
+    unfinished = replace(old, outcome="not run")
+    earlier = replace(proof, rows=[both, old, other], sindy={both.name: {"right": True}, other.name: {}})
+    made = data.together(replace(proof, rows=[now, more, unfinished], sindy={}), earlier)
+    assert {r.name: r.outcome for r in made.rows} == {
+        now.name: "wrong",
+        more.name: more.outcome,
+        old.name: old.outcome,
+    }
+    assert made.sindy == {both.name: {"right": True}}
 
 
 def test_an_empty_proof_is_a_page_too(tmp_path):
