@@ -80,6 +80,13 @@ def _say(line: str) -> None:
 
 
 def _run(given: argparse.Namespace) -> int:
+    if given.first and not given.frozen:
+        raise FlexarmError("'--first' counts the seeds of the frozen commit", remedy="give '--frozen' too")
+    if given.frozen and not 0 <= given.first < given.count:
+        raise FlexarmError(
+            f"of {given.count} seeds of each suite, all but the first {given.first} are none",
+            remedy=f"give '--count' more than {given.first}, or '--first' less than {given.count}",
+        )
     commit = frozen.insist().commit if given.frozen else ""
     names = [name for name in SUITES if name != "quick"] if "all" in given.suite else given.suite
     specs: list[Spec] = []
@@ -114,6 +121,8 @@ def _show(given: argparse.Namespace) -> int:
 
 
 def _page(given: argparse.Namespace) -> int:
+    if given.add and not given.output:
+        raise FlexarmError("'--add' joins the results of a folder to the data file", remedy="give the folder by '-o'")
     if given.output:
         made = data.gather(given.output)
         data.save(data.together(made, data.load(given.data)) if given.add else made, given.data)

@@ -88,6 +88,21 @@ def test_a_score_goes_on_with_earlier_cases_of_the_same_commit_alone(folder, tmp
     assert made.sindy == {both.name: {"right": True}}
 
 
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("run none --frozen --count 1 --first 1 -o DIR", "give '--count' more than 1"),
+        ("run none --frozen --count 2 --first -1 -o DIR", "all but the first -1 are none"),
+        ("run none --first 1 -o DIR", "give '--frozen' too"),
+        ("page --add", "give the folder by '-o'"),
+    ],
+)
+def test_options_that_ask_for_nothing_are_refused(line, told, tmp_path, capsys):
+    assert main(line.replace("DIR", str(tmp_path / "out")).split()) == 1
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_empty_proof_is_a_page_too(tmp_path):
     (tmp_path / "results").mkdir()
     assert "| nothing concealed | false alarms <= 5 % | not run | - |" in written(tmp_path, tmp_path)
