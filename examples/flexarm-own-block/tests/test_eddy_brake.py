@@ -12,6 +12,7 @@ TORQUE, CRITICAL, INERTIA, START = 0.5, 50.0, 0.01, 200.0
 
 @pytest.fixture(scope="module")
 def run():
+    """The flywheel's run-down."""
     return flexarm.simulate(flexarm.load(Path(__file__).parent.parent / "run-down.yaml"))
 
 
@@ -23,12 +24,14 @@ def test_the_run_down_follows_its_closed_form(run):
 
 
 def test_the_torque_is_greatest_at_the_critical_speed(run):
+    """-2 Tm u / (1 + u^2) has its extreme, -Tm, at u = 1."""
     slowest = np.argmin(run["brake.torque"])
     assert run["brake.torque"][slowest] == pytest.approx(-TORQUE, rel=1e-6)
     assert run["wheel.shaft.speed"][slowest] == pytest.approx(CRITICAL, rel=5e-3)
 
 
 def test_the_energy_of_the_wheel_goes_into_the_brake():
+    """J (w0^2 - w1^2) / 2, and nothing is left over in the balance."""
     scenario = flexarm.load(Path(__file__).parent.parent / "run-down.yaml")
     books = flexarm.simulate(scenario.build(energy=True), 8.0, 1e-3)
     end = books["wheel.shaft.speed"][-1]
@@ -37,6 +40,7 @@ def test_the_energy_of_the_wheel_goes_into_the_brake():
 
 
 def test_slow_it_is_a_viscous_damper():
+    """Near rest the torque is -2 Tm w / wc, so that the wheel's pole is -2 Tm / (wc J)."""
     linear = flexarm.linearise(
         flexarm.load(Path(__file__).parent / "slow.yaml"), inputs=["drive.torque"], outputs=["wheel.shaft.speed"]
     )
