@@ -11,7 +11,7 @@ from numpy.random import SeedSequence, default_rng
 
 from benchmarks.concealed.bench import Bench
 from benchmarks.concealed.drawing import Options, choose_sensors, hide, make_bench, true_parameters
-from benchmarks.concealed.nuisance import nuisance
+from benchmarks.concealed.nuisance import nuisance, smaller
 from benchmarks.concealed.plants import PLANTS
 from benchmarks.concealed.plants.base import Plant, Sensor
 from benchmarks.concealed.recording import Recorded, record
@@ -129,9 +129,11 @@ def draw(
     bench, kinds = make_bench(base, nominal, sensors, commands, options)
     amplitude, concealed, found = hide(bench, base, chosen, asked, features)
     bench = bench.scaled(amplitude)
-    # The background is the plant's: as large as on its usual recordings, whatever it is driven by here.
-    usual = make_bench(base, nominal, sensors, others, replace(options, kinds=()))[0] if options.kinds else bench
-    background = nuisance(usual, base, disturbances, options.nuisance)
+    background = nuisance(bench, base, disturbances, options.nuisance)
+    if options.kinds:
+        # The background is the plant's, and small on its usual recordings too, to which an experiment may lead.
+        usual = make_bench(base, nominal, sensors, others, replace(options, kinds=()))[0]
+        background = smaller(background, nuisance(usual, base, others, options.nuisance))
     truth = replace(base, concealed=concealed, nuisance=background)
     recordings = record(bench, truth, sensors, kinds, noise)
     bench = replace(bench, commands=tuple(r.command for r in recordings))

@@ -74,6 +74,17 @@ def nuisance(bench: Bench, base: Truth, rng: Generator, level: float) -> Nuisanc
     )
 
 
+def smaller(one: Nuisance, other: Nuisance) -> Nuisance:
+    """The first, with each of its torques no larger than in the second."""
+    ripple = min((one.ripple, other.ripple), key=lambda waves: max((abs(a) for a, *_ in waves), default=0.0))
+    return replace(
+        one,
+        ripple=ripple,
+        warm_up=min(one.warm_up, other.warm_up),
+        drift=min(one.drift, other.drift),
+    )
+
+
 def _times(one: Nuisance, torque: float) -> Nuisance:
     """A disturbance of unit torque, scaled."""
     return replace(

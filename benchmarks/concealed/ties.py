@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,8 +33,33 @@ FLOOR = 1.0
 FIXED = frozenset({"order", "modes", "sharpness", "unloading_share", "share", "rectified", "forward"})
 """Parameters that a fit leaves alone."""
 
-ADDITIVE = frozenset({"offset", "bias", "phase", "hanging_angle"})
+ADDITIVE = frozenset({"offset", "bias", "phase", "hanging_angle", "rest_angle"})
 """Parameters that may change sign; the others keep it, and move on a logarithmic scale."""
+
+FURTHER = {"stray_spring": {"rest_angle": 0.0}}
+"""Parameters that a rival has and a truth does not."""
+
+SAME: dict[tuple[str, str], Callable[[Mapping[str, float]], dict[str, float]]] = {
+    ("gravity", "torque_ripple"): lambda p: {
+        "amplitude": p["moment"],
+        "order": 1.0,
+        "phase": math.pi - p["hanging_angle"],
+    },
+    ("torque_ripple", "gravity"): lambda p: {"moment": p["amplitude"], "hanging_angle": math.pi - p["phase"]},
+    ("joint_flexibility", "hardening_spring"): lambda p: {**p, "cubic_stiffness": 0.0},
+    ("joint_flexibility", "backlash"): lambda p: {**p, "half_gap": 0.0},
+    ("coulomb_friction", "direction_dependent_friction"): lambda p: {
+        **p,
+        "coulomb_friction_backward": p["coulomb_friction"],
+    },
+    ("coulomb_friction", "stribeck_friction"): lambda p: {
+        **p,
+        "static_friction": p["coulomb_friction"],
+        "stribeck_velocity": 1.0,
+    },
+}
+"""(truth, rival): the rival's parameters that make it the truth, where some do: gravity is a torque ripple of order one
+(and such a ripple is gravity), and what contains the truth has a size that may be nothing."""
 
 ENOUGH = 0.01
 """Squared distance, in floors, that is as good as none: the search ends."""
@@ -111,16 +136,15 @@ def _recorded(bench: Bench, site: Site) -> bool:
 
 
 def _in_other_words(truth: Truth, site: Site) -> Concealed | None:
-    """What a truth conceals at a site, if a law says it that is the same: gravity is a torque ripple of order one."""
+    """What a truth conceals at a site, if a law says it that is the same, or has the same as a special case."""
     for c in truth.concealed:
-        p = c.parameters
         if c.place == site.place and c.effect == site.effect.name:
             return c
-        if c.place == site.place and (c.effect, site.effect.name) == ("gravity", "torque_ripple"):
-            ripple = {"amplitude": p["moment"], "order": 1.0, "phase": math.pi - p["hanging_angle"]}
-            return Concealed("torque_ripple", c.place, ripple)
-        if c.place == site.place and (c.effect, site.effect.name) == ("torque_ripple", "gravity"):
-            return Concealed("gravity", c.place, {"moment": p["amplitude"], "hanging_angle": math.pi - p["phase"]})
+        same = SAME.get((c.effect, site.effect.name))
+        if c.place == site.place and same:
+            if c.effect == "torque_ripple" and c.parameters["order"] != 1.0:
+                continue
+            return Concealed(site.effect.name, c.place, same(c.parameters))
     return None
 
 
@@ -178,7 +202,9 @@ def _starts(train: Bench, nearest: Truth, rival: Sequence[Site], truth: Truth | 
         unlike = [f for k, f in enumerate(drawn) if f not in drawn[:k]]
         sizes = [1.0] if site.effect.natural else [share * site.effect.first(here) for share in SHARES]
         said = _in_other_words(truth, site) if truth is not None else None
-        each.append([said] if said else [conceal(site, size, f, here) for size in sizes for f in unlike])
+        more = FURTHER.get(site.effect.name, {})
+        fresh = [conceal(site, size, f, here) for size in sizes for f in unlike]
+        each.append([said] if said else [replace(c, parameters={**c.parameters, **more}) for c in fresh])
     return [replace(nearest, concealed=parts) for parts in itertools.product(*each)][:: max(1, len(each[0]) // 64)]
 
 

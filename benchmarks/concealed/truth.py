@@ -278,6 +278,8 @@ def _gravity(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
 
 def _stray(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
     mechanism.spring(port, p["stiffness"])
+    if p.get("rest_angle"):  # a ripple of order zero is constant
+        mechanism.add(native.RIPPLE, port, p["stiffness"] * p["rest_angle"], 0.0, math.pi / 2)
 
 
 def _ripple(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:

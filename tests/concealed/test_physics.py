@@ -194,6 +194,14 @@ def test_stribeck_stop_distance_is_the_integral_over_the_curve():
     assert y[-1, 0] == pytest.approx(expected, rel=1e-5)
 
 
+def test_a_stray_spring_pulls_to_where_it_is_at_rest():
+    plant = PLANTS["srv02-flexible"]
+    spring = Concealed("stray_spring", "motor.shaft", {"stiffness": 1e-3, "rest_angle": -0.4})
+    made = simulator(Truth(plant, plant.nominal(), concealed=(spring,)), ["link.hub.angle"], DT)
+    run = Simulator(made.mechanism, made.readouts, DT, 1).run(np.zeros(20_001))
+    assert run.clean[-1, 0] == pytest.approx(-0.4 / 70, rel=1e-3)
+
+
 def test_two_frictions_on_one_spring_stick_together():
     """Two bodies on a spring, both rubbing: the wound spring is held as long as neither level is exceeded."""
     m = Mechanism()
