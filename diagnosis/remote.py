@@ -14,8 +14,9 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from diagnosis.candidate import Candidate
+from diagnosis.draft import Draft
 from diagnosis.recording import Recorded
-from diagnosis.workshop import Draft, Workshop
+from diagnosis.workshop import Workshop
 from engine.errors import FlexarmError
 from engine.spread import Spread, Store
 from scenarios.files import Shipment, packed, unpacked

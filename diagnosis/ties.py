@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from diagnosis.candidate import Candidate
-from diagnosis.workshop import ended
+from diagnosis.draft import ended
 
 if TYPE_CHECKING:
     from diagnosis.trial import Trial

@@ -20,7 +20,8 @@ from diagnosis.problem import Array, Problem, prior
 from engine.errors import SimulationError
 
 if TYPE_CHECKING:
-    from diagnosis.workshop import Entry, Workshop
+    from diagnosis.draft import Entry
+    from diagnosis.workshop import Workshop
 
 FARTHEST = 3.0
 """So many tolerances at most may a parameter move in the linear solution."""

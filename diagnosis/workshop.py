@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from diagnosis.candidate import Candidate, Sizes
+from diagnosis.draft import Draft, Entry, ended, ended_at
 from diagnosis.fit import Fit, descend, fit
 from diagnosis.prepare import problem, resolved
 from diagnosis.problem import Array, Problem, prior
@@ -40,7 +42,7 @@ FIRST, MOST = 6, 25
 POLISHED = 150
 """Steps at most of the chosen model's last fit."""
 
-FINER = (0.5, 0.25, 0.125, 0.0625)
+FINER = (0.5, 0.25, 0.125, 0.0625, 0.03125)
 """Distances, in samples, at which a size that is only chosen is looked for next to the best."""
 
 SOLVED, REORDERED = 5, 3
@@ -234,6 +236,8 @@ class Workshop:
         with ThreadPoolExecutor(1) as pool:
             training = made.chosen("train", "repeat")
             x, cost, converged = descend(made, entry.x, training, pool, iterations=iterations)
+        if not math.isfinite(cost):
+            return draft  # it stands where the model cannot be differentiated
         return Draft(draft.effects, replace(entry, problem=made, x=x, cost=cost), converged)
 
     def _reordered(self, draft: Draft, k: int, iterations: int) -> Draft:
@@ -277,52 +281,9 @@ class Workshop:
         training = made.problem.chosen("train", "repeat")
         with ThreadPoolExecutor(self.workers) as pool:
             x, cost, converged = descend(made.problem, made.x, training, pool, iterations=POLISHED)
+        if not cost < made.cost:
+            return trial  # it ended where the model cannot be differentiated
         return self._trial(Draft(trial.effects, Entry(cost, made.problem, x, trial.sizes, trial.sizes), converged))
-
-
-@dataclass(frozen=True)
-class Entry:
-    """Where a fit may start: a model, a search vector, its cost there, the effects' sizes, and those it was built with.
-
-    The search vector counts from the sizes that the model was built with.
-    """
-
-    cost: float
-    problem: Problem
-    x: Array
-    sizes: tuple[Sizes, ...]
-    built: tuple[Sizes, ...]
-
-
-@dataclass(frozen=True)
-class Draft:
-    """Effects put in, after a few steps of their fit."""
-
-    effects: tuple[Candidate, ...]
-    entry: Entry
-    converged: bool
-
-    def row(self) -> dict[str, Any]:
-        """As numbers, for `Workshop.revived`."""
-        return {
-            "x": self.entry.x.tolist(),
-            "cost": self.entry.cost,
-            "converged": self.converged,
-            "sizes": self.entry.sizes,
-            "built": self.entry.built,
-            "internal_step": self.entry.problem.internal_step,
-        }
-
-
-def ended(trial: Trial, effect: Candidate) -> Candidate:
-    """An effect of a trial, to start only from where the trial ended."""
-    return ended_at(effect, trial.fit.parameters(), trial.sizes[trial.effects.index(effect)])
-
-
-def ended_at(effect: Candidate, values: dict[str, float], sizes: Sizes) -> Candidate:
-    """An effect, to start only from where a fit that began at some sizes has it."""
-    there = {key: values.get(f"{effect.name}.{key}", value) for key, value in sizes.items()}
-    return replace(effect, starts=(there,), bold=())
 
 
 def _count(made: Problem) -> int:

@@ -11,9 +11,10 @@ from scipy.integrate import solve_ivp
 
 from diagnosis.api import gather
 from diagnosis.catalogue import candidates
+from diagnosis.draft import ended
 from diagnosis.surroundings import surroundings
 from diagnosis.waves import solved
-from diagnosis.workshop import Workshop, ended
+from diagnosis.workshop import Workshop
 from scenarios.load import load
 from tests.diagnosis import plants
 from tests.diagnosis.plants import case

@@ -1,0 +1,40 @@
+"""Where models are fitted: what a fit that runs away leaves, and what is given and not fitted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from diagnosis import workshop
+from diagnosis.api import gather
+from diagnosis.catalogue import candidates
+from diagnosis.surroundings import surroundings
+from diagnosis.workshop import Workshop
+from scenarios.load import load
+from tests.diagnosis.plants import case
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory):
+    """A motor with 25 mV of dead zone, integrated without flexarm."""
+    scenario = load(case(tmp_path_factory.mktemp("motor"), dead=0.025))
+    return Workshop(scenario, gather(scenario, [], []), 1)
+
+
+@pytest.fixture(scope="module")
+def listed(shop):
+    return candidates(surroundings(shop.base))
+
+
+def test_a_fit_that_runs_away_is_left_at_its_last_good_place(shop, listed, monkeypatch):
+    """Where a model cannot be differentiated, descending gives no cost."""
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    draft = replace(shop.draft((zone,), shop.refit().fit), converged=False)
+    before = shop.finish(draft, 0)
+    assert before.hold_out < 1.2  # it is a good place
+    monkeypatch.setattr(workshop, "descend", lambda problem, x, *rest, **more: (x + 9.0, math.inf, False))
+    for after in (shop.finish(draft), shop.polish(before)):
+        assert after.fit.cost == before.fit.cost
+        assert after.added() == before.added()
