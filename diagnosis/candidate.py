@@ -106,7 +106,9 @@ class Candidate:
                 continue
             value, name = start[knob.parameter], f"{self.name}.{knob.parameter}"
             if knob.signed:
-                rows.append(Free(name, value, max(0.2 * abs(value), 0.02 * knob.reference), False, prior=False))
+                end = knob.most * knob.reference if knob.most else math.inf
+                scale = max(0.2 * abs(value), 0.02 * knob.reference)
+                rows.append(Free(name, value, scale, False, -end, end, prior=False))
             else:
                 largest = math.copysign(knob.most * knob.reference, value) if knob.most else 1e6 * value
                 low, high = sorted((0.0, largest))

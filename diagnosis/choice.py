@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.candidate import Candidate
+from diagnosis.problem import Array
 from diagnosis.recording import Recorded, Recording
 from diagnosis.sines import Sines
 from diagnosis.ties import KNOWN
@@ -17,7 +18,8 @@ DECISIVE = 10.0
 """Difference in cost, twice the log likelihood ratio, beyond which one change is preferred to another."""
 
 NEAR = 0.05
-"""Models whose held-out errors differ by less than this share do equally well."""
+"""Models whose held-out errors differ by less than this share do equally well, or by less than the best one itself
+leaves over: what a right law leaves is what is not modelled, and that favours one law or another."""
 
 RICHER = 0.02
 """A richer law that does better by more than this share is a rival of the simpler one that was preferred."""
@@ -45,6 +47,12 @@ EXPLAINS = 0.6
 PAYS, PAYS_AGAIN = 0.3, 0.5
 """Share of the held-out excess that a first and a second effect must take away."""
 
+PIECE, ROWS = 0.2, 32
+"""Length (s) of the pieces of a residual of which the median tells its noise, and how many rows they have at least."""
+
+BENT = 5.0
+"""Tolerances; an effect that needs a parameter of the user's so far out, where the refit did not, is not named."""
+
 RELIEVES = 0.6
 """A single change relieves the strain on the tolerances if it leaves at most this share of it."""
 
@@ -60,14 +68,15 @@ NESTED = {
 """Effect: those that contain it, so that equal merit speaks for it."""
 
 NESTED_ANYWHERE = {"offset": ("stray_spring",)}
-"""The same wherever they are: a soft spring that is at rest far away is a constant torque."""
+"""The same wherever they are: a soft spring at rest outside the range of its angle is nearly a constant torque."""
 
 
 def floor(trial: Trial) -> float:
     """Mean squared residual that is noise, in units of the stated variance: that stated, or more where it shows more.
 
-    White noise is what second differences leave of a residual: a model's errors are smooth at the rate of the samples.
-    What a signal did not record counts for nothing.
+    White noise is what second differences leave of a residual: a model's errors are smooth at the rate of the samples,
+    save where a friction or a contact that is not quite right makes kinks, so that it is the median of pieces that
+    counts. What a signal did not record counts for nothing.
     """
     problem = trial.fit.problem
     held = problem.chosen("hold_out") or problem.chosen("train", "repeat")
@@ -79,8 +88,18 @@ def floor(trial: Trial) -> float:
             there = np.flatnonzero(np.isfinite(y))
             bend = np.diff(r[there], 2)[np.diff(there, 2) == 0]
             if len(bend):
-                levels.append(np.mean(bend**2) / 6)
+                pieces = min(round(float(e.time[-1] - e.time[0]) / PIECE), len(bend) // ROWS)
+                levels.append(_typical(bend**2, pieces) / 6)
     return max(1.0, float(np.mean(levels))) if levels else 1.0
+
+
+def _typical(squares: Array, pieces: int) -> float:
+    """Mean of squared second differences of white noise, from the median of the means of so many pieces."""
+    if pieces < 3:
+        return float(squares.mean())
+    middle = float(np.median([part.mean() for part in np.array_split(squares, pieces)]))
+    # Neighbours correlate by -2/3 and 1/6, so that a mean of n is a chi-square of 18/35 n freedoms (Wilson-Hilferty).
+    return middle / (1 - 2 / (9 * len(squares) / pieces * 18 / 35)) ** 3
 
 
 def unexplained(trial: Trial, ground: float) -> bool:
@@ -145,8 +164,20 @@ def accounted(recordings: Sequence[Recorded], refit: Trial, chosen: Trial) -> bo
     least = EXPLAINS if unexplained(refit, floor(chosen)) else 1 - RELIEVES
     if not chosen.effects or explained(refit, chosen) < least:
         return False
+    if beyond(refit, chosen):
+        return False
     stated = all(isinstance(r, Recording) and all(c.noise is not None for c in r.measurements) for r in recordings)
     return reached(refit, chosen) if stated else True
+
+
+def beyond(refit: Trial, chosen: Trial) -> list[str]:
+    """What stands far from what it can be for a model to do as it does, where it does not for the refit."""
+    return [*at_end(chosen), *sorted(_bent(chosen) - _bent(refit))]
+
+
+def _bent(trial: Trial) -> set[str]:
+    """Parameters of the user's that stand far outside their tolerances."""
+    return {f.name for f, x in zip(trial.fit.problem.free, trial.fit.x, strict=True) if f.prior and abs(x) > BENT}
 
 
 def price(trial: Trial) -> float:
@@ -164,10 +195,10 @@ def near(best: Trial, trials: Sequence[Trial], before: Trial) -> list[Trial]:
         trials: models.
         before: the model without what they add.
     """
-    rows = []
+    rows, left = [], min(max(best.hold_out - floor(best), 0.0), LEAST)
     for t in trials:
         apart = (t.merit - best.merit) * best.samples / max(best.hold_out, 1.0)
-        if t.merit - best.merit < NEAR * best.merit or gain_band(best, t)[0] <= 0 or apart < DECISIVE:
+        if t.merit - best.merit < max(NEAR * best.merit, left) or gain_band(best, t)[0] <= 0 or apart < DECISIVE:
             rows.append(t)
     if _of_tables(best):
         return rows
@@ -187,6 +218,9 @@ def choose(parent: Trial, trials: Sequence[Trial]) -> Trial:
         return parent
     if not parent.effects and not unexplained(parent, floor(trials[0])):
         return _freed(parent, trials) if strained(parent) else parent
+    able = [t for t in trials if not at_end(t)]
+    if able and reached(parent, able[0]):
+        trials = able  # an effect that ended where it is another one does well because it is like something
     best = min(near(trials[0], trials, parent), key=lambda t: (price(t), t.merit))
     return best if pays(best, parent) else parent
 

@@ -77,7 +77,8 @@ def at_shaft(around: Surroundings, flange: str) -> Iterator[Candidate]:
         {"stiffness": "N.m/rad", "rest_angle": "rad"},
         grid(stiffness=shares(torque / angle, *LEVELS), rest_angle=[0.01 * angle]),
         Knob("stiffness", torque / angle),
-        Knob("rest_angle", angle, signed=True),
+        # One that is at rest farther away pulls evenly: an offset, which is another effect.
+        Knob("rest_angle", angle, signed=True, most=3.0),
     )
     yield made(
         "payload",
@@ -217,7 +218,8 @@ def at_joints(around: Surroundings) -> Iterator[Candidate]:
                 for share in (0.3,)
             )
             slips = (stiff, Knob("yield_twist", angle), Knob("residual_share", 0.5), loss)
-            yield _joint("hysteresis", "BoucWenSpring", block, place, cut, loops, slips)
+            shape = ("sharpness", "unloading_share")
+            yield _joint("hysteresis", "BoucWenSpring", block, place, cut, loops, slips, held=shape)
 
 
 def _joint(
@@ -228,6 +230,7 @@ def _joint(
     cut: str,
     starts: tuple[Sizes, ...],
     knobs: tuple[Knob, ...],
+    held: tuple[str, ...] = (),
     **fixed: Any,
 ) -> Candidate:
     name = f"{NAME}_{effect}"
@@ -236,7 +239,7 @@ def _joint(
         given = {key: with_unit(values[key], _UNITS[key]) for key in _UNITS if key in values}
         return [Between(name, kind, cut, "a", "b", {**fixed, **given})]
 
-    return Candidate(effect, place, block, name, edits, knobs, starts)
+    return Candidate(effect, place, block, name, edits, knobs, starts, held=held)
 
 
 def _drives(kind: str, port: str) -> bool:

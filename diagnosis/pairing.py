@@ -3,7 +3,7 @@
 Two effects that are missing may hide each other, so that neither is among the leaders alone. Near the refitted model an
 effect of a given size adds a known course to the residual, and what the model's own parameters can do is its tangents;
 so the best pair of sizes is a linear least-squares problem of two unknowns, solved for all pairs from one Gram matrix.
-The order says only which pairs are fitted first, beside those of the leaders: nothing is dropped because of it.
+The order says which pairs are fitted first: those of the leaders follow unless one of these leaves nothing to explain.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ from diagnosis.choice import (
     relieved,
     unexplained,
 )
+from diagnosis.draft import Draft, ended
 from diagnosis.fit import Fit
 from diagnosis.laws import laws
 from diagnosis.pairing import promising
@@ -34,7 +35,7 @@ from diagnosis.surroundings import Surroundings, surroundings
 from diagnosis.suspects import pairs, suspects
 from diagnosis.ties import lookalike, same_laws
 from diagnosis.trial import Trial, at_end
-from diagnosis.workshop import MOST, Draft, Workshop, ended
+from diagnosis.workshop import MOST, Workshop
 from engine.errors import FlexarmError
 from engine.spread import Spread
 from scenarios.load import Scenario
@@ -46,6 +47,9 @@ take the place of half a pair, so many."""
 SECONDS, LEADERS = 12, 2
 """A second effect is sought among all others beside the first of so many leaders, among so many beside the rest."""
 
+SECONDS_AT_TABLES, LEADERS_AT_TABLES = 3, 1
+"""The same for tables, which are dear to simulate for the few numbers they give."""
+
 TOGETHER, ROUNDS = 20, 2
 """So many pairs are fitted that look best taken together, and halves are exchanged so often at most."""
 
@@ -55,9 +59,6 @@ SWAPS = 0.2
 BLIND = 5.0
 """Held-out excess, in floors, that calls for another recording to be fitted where one effect brings the fitted ones to
 the floor."""
-
-SECONDS_AT_TABLES, LEADERS_AT_TABLES = 3, 1
-"""The same for tables, which are dear to simulate for the few numbers they give."""
 
 UNSEEN = 0.5
 """Held-out excess, in floors, that calls for another recording to be fitted where the fitted ones are at the floor."""
@@ -174,7 +175,9 @@ def _unnamed(shop: Workshop, study: Study, progress: Progress | None) -> Study:
     curves = [(c,) for c in laws(replace(study, chosen=refit))]
     found, _ = _try_all(shop, curves, refit.fit, progress)
     found = [t for t in sorted(found, key=lambda t: t.merit) if pays(t, study.chosen)]
-    return replace(study, chosen=shop.polish(found[0])) if found else study
+    if not found:
+        return study
+    return replace(study, chosen=min(shop.polish(found[0]), found[0], key=lambda t: t.hold_out))
 
 
 def exchanged(shop: Workshop, refit: Trial, slack: float = FITTED) -> tuple[list[Recorded], str] | None:
@@ -249,7 +252,7 @@ def _second(
         together = promising(shop, refit, [t.effects[0] for t in singles], TOGETHER)
         pairs = _try_all(shop, together, refit.fit, progress)[0]
         pairs.sort(key=lambda t: (t.merit, t.size))
-    if not (pairs and reached(refit, pairs[0])):
+    if not (pairs and _settled(refit, pairs[0])):
         for k, leader in enumerate(_leaders(shop, chosen, singles)):
             others = singles if k == 0 else singles[:SECONDS]
             pairs += _beside(shop, leader, leader.effects[0], others, pairs, progress)
@@ -259,7 +262,7 @@ def _second(
         return chosen, pairs
     for _ in range(ROUNDS):
         best, nearest = pairs[0], min(pairs, key=lambda t: t.fit.cost)
-        for pair in [best] if best is nearest or reached(refit, best) else [best, nearest]:
+        for pair in [best] if best is nearest or _settled(refit, best) else [best, nearest]:
             pairs += _around(shop, refit, pair, singles, pairs, progress)
         pairs.sort(key=lambda t: (t.merit, t.size))
         if not pays(pairs[0], chosen):
@@ -281,6 +284,11 @@ def _second(
     alone += _try_all(shop, again, alone[0].fit, progress)[0]
     alone.sort(key=lambda t: (t.merit, t.size))
     return choose(refit, alone), [*alone, *pairs]
+
+
+def _settled(refit: Trial, pair: Trial) -> bool:
+    """Whether a pair leaves nothing to look for."""
+    return reached(refit, pair) and not unexplained(pair, floor(pair))
 
 
 def _leaders(shop: Workshop, chosen: Trial, singles: Sequence[Trial]) -> list[Trial]:

@@ -113,11 +113,11 @@ def strained(refit: Trial) -> list[str]:
     return [f.name for f, x in pairs if f.prior and abs(x) > STRAIN]
 
 
-def at_end(trial: Trial) -> bool:
-    """Whether a size went as far as it may, beyond which its effect is another one."""
+def at_end(trial: Trial) -> list[str]:
+    """Sizes that went as far as they may, beyond which their effect is another one."""
     ends = {f"{c.effect}.{k.parameter}": k.most * k.reference for c in trial.effects for k in c.knobs if k.most}
     found = trial.added() if ends else {}
-    return any(abs(found[name]) > 0.98 * most for name, most in ends.items())
+    return [name for name, most in ends.items() if abs(found[name]) > 0.98 * most]
 
 
 def log_evidence(trial: Trial, best: Trial) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.candidate import Candidate, Knob
-from diagnosis.choice import EXPLAINS, accounted, explained, floor, reached, rivals
+from diagnosis.choice import EXPLAINS, accounted, beyond, explained, floor, reached, rivals
 from diagnosis.evidence import Curve, Evidence, place_of, recover
 from diagnosis.experiment import Proposal, propose
 from diagnosis.fit import Fit, known
@@ -291,6 +291,9 @@ def _sentence(effect: str, place: str, status: str, explained: float, study: Stu
         what = f"{what.capitalize()} at {place} would explain {explained:.0%}"
         if accounted(study.recordings, study.refit, study.chosen):
             return f"{what}, but a recording looks wrong: see the warnings."
+        far = beyond(study.refit, study.chosen)
+        if far:
+            return f"{what}, but only with {', '.join(far)} far from what it can be: something like it is missing."
         return f"{what}, but leaves more than noise ({after:.3g} times the floor): something like it is missing."
     if status == "unknown":
         return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."

@@ -114,6 +114,14 @@ def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(t
 def test_a_size_that_went_as_far_as_it_may_is_noticed(size, ended):
     body = Candidate("extra_mode", "a", "a", "found", lambda v: [], (Knob("inertia", 1.0, most=2.0), Knob("k", 1.0)))
     trial = SimpleNamespace(effects=(body,), added=lambda: {"extra_mode.inertia": size, "extra_mode.k": 1e9})
-    assert at_end(trial) is ended
+    assert at_end(trial) == (["extra_mode.inertia"] if ended else [])
     free = replace(body, knobs=(Knob("inertia", 1.0),))
-    assert at_end(SimpleNamespace(effects=(free,), added=trial.added)) is False
+    assert at_end(SimpleNamespace(effects=(free,), added=trial.added)) == []
+
+
+@pytest.mark.parametrize("start", [-0.5, 0.5])
+def test_a_size_of_either_sign_goes_as_far_as_it_may(start):
+    spring = Candidate("stray_spring", "a", "a", "found", lambda v: [], (Knob("rest", 2.0, signed=True, most=3.0),))
+    (row,) = spring.free({"rest": start})
+    assert (row.low, row.high) == (-6.0, 6.0)
+    assert (row.value(-1e3), row.value(0.0), row.value(1e3)) == (-6.0, start, 6.0)
