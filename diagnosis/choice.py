@@ -41,6 +41,9 @@ UNCERTAIN, AT_MOST_THEN = 0.25, 5.0
 """Where the fitted data are at the floor, this share of the mismatch may be what the parameters are uncertain by, and
 at most so many floors."""
 
+UNKNOWN = 1.0
+"""Held-out excess over the floor, in floors, beyond which something is missing even if no effect accounts for it."""
+
 EXPLAINS = 0.6
 """A name must account for at least this share of the held-out excess over the floor."""
 
@@ -111,6 +114,11 @@ def unexplained(trial: Trial, ground: float) -> bool:
     left = trial.hold_out - ground
     fitted = trial.fit.chi2 - ground > FITTED * ground
     return (fitted or left > FAR * ground) and left > max(LEAST * ground, by_chance(trial))
+
+
+def missing(refit: Trial) -> bool:
+    """Whether so much is left over that something is missing, even if no effect accounts for it."""
+    return refit.hold_out - floor(refit) > max(UNKNOWN, by_chance(refit))
 
 
 def pays(better: Trial, worse: Trial) -> bool:

@@ -19,6 +19,7 @@ from diagnosis.choice import (
     better,
     choose,
     floor,
+    missing,
     near,
     pays,
     reached,
@@ -168,10 +169,15 @@ def study(
 
 
 def _unnamed(shop: Workshop, study: Study, progress: Progress | None) -> Study:
-    """The study with a law without a name, where none with a name accounts for what the refit leaves over."""
+    """The study with a law without a name, where none with a name accounts for what the refit leaves over.
+
+    If that is little, nothing is.
+    """
     refit = study.refit
     if not unexplained(refit, floor(refit)):
         return study
+    if not missing(refit):
+        return replace(study, chosen=refit)
     curves = [(c,) for c in laws(replace(study, chosen=refit))]
     found, _ = _try_all(shop, curves, refit.fit, progress)
     found = [t for t in sorted(found, key=lambda t: t.merit) if pays(t, study.chosen)]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.candidate import Candidate, Knob
-from diagnosis.choice import EXPLAINS, accounted, beyond, explained, floor, reached, rivals
+from diagnosis.choice import EXPLAINS, accounted, beyond, explained, floor, missing, reached, rivals
 from diagnosis.evidence import Curve, Evidence, place_of, recover
 from diagnosis.experiment import Proposal, propose
 from diagnosis.fit import Fit, known
@@ -18,14 +18,11 @@ from diagnosis.screening import Remark, screen
 from diagnosis.select import Study
 from diagnosis.sines import Sines
 from diagnosis.sines_report import absorbed, remarks
-from diagnosis.trial import Trial, by_chance, log_evidence
+from diagnosis.trial import Trial, log_evidence
 from diagnosis.uncertainty import TIMING
 
 WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
 """Statuses of findings, the weakest first."""
-
-UNKNOWN = 1.0
-"""Held-out excess over the floor, in floors, beyond which something is missing even if no effect accounts for it."""
 
 LEFT = 2.0
 """Held-out error, in floors, beyond which a sentence about a tie says what is left."""
@@ -171,7 +168,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     found = screen(refit.fit.problem)
     warnings = (*study.notes, *(remark.text for remark in found), *_warnings(study))
     if not chosen.effects:
-        status = "unknown" if refit.hold_out - floor(refit) > max(UNKNOWN, by_chance(refit)) else "none"
+        status = "unknown" if missing(refit) else "none"
         near = study.trials[0].effects[0] if status == "unknown" and study.trials else None
         force = recover(study, *place_of(near, study)) if near else None
         return Diagnosis(study, status, (_nothing(study, status, near),), (), None, warnings, made, force)
@@ -254,7 +251,7 @@ def _nothing(study: Study, status: str, near: Candidate | None) -> dict[str, Any
     sentence = (
         f"Nothing is missing that these recordings show: with its parameters fitted within their tolerances the model "
         f"stands at {study.refit.hold_out:.2f} times the noise floor on held-out data, and no effect of the catalogue "
-        f"does better."
+        f"accounts for more."
         if status == "none"
         else f"Something is missing (held-out error {study.refit.hold_out:.1f} times the floor), but no effect of the "
         f"catalogue accounts for it{f'; the best, {name_of(near.effect)}, is at {near.place}' if near else ''}."

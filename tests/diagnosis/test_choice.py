@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from diagnosis import choice
+from diagnosis import choice, select
 from diagnosis.candidate import Candidate, Knob
 from diagnosis.fit import Fit
 from diagnosis.problem import Experiment, Free
@@ -419,6 +419,21 @@ def test_a_size_that_went_as_far_as_it_may_is_another_effect(silent):
     assert choice.beyond(refit, far) == ["stray_spring.rest_angle"]
     assert not choice.accounted([], refit, far)
     assert choice.accounted([], refit, near)
+
+
+def test_where_little_is_left_over_that_no_effect_accounts_for_nothing_is_missing(silent, monkeypatch):
+    """Otherwise a curve is looked for."""
+    monkeypatch.setattr(select, "floor", lambda t: 1.0)
+    monkeypatch.setattr(select, "laws", lambda study: 1 / 0)
+    half = trial(1.2, effect("e"))
+    refit = trial(1 + 0.9 * choice.UNKNOWN)
+    study = select.Study(None, (), (9.0, 9.0), refit, (half,), half, None, ())
+    assert not choice.missing(refit)
+    assert select._unnamed(None, study, None).chosen is refit
+    much = trial(1 + 1.1 * choice.UNKNOWN)
+    assert choice.missing(much)
+    with pytest.raises(ZeroDivisionError):
+        select._unnamed(None, replace(study, refit=much), None)
 
 
 def test_what_needs_a_parameter_far_from_what_was_given_has_no_name(silent):
