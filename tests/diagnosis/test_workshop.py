@@ -7,6 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.concealed.case import draw
+from benchmarks.concealed.drawing import Options
+from benchmarks.concealed.scenario import write
 from diagnosis import workshop
 from diagnosis.api import gather
 from diagnosis.catalogue import candidates
@@ -38,3 +41,18 @@ def test_a_fit_that_runs_away_is_left_at_its_last_good_place(shop, listed, monke
     for after in (shop.finish(draft), shop.polish(before)):
         assert after.fit.cost == before.fit.cost
         assert after.added() == before.added()
+
+
+def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path):
+    """Of a Bouc-Wen joint recordings tell stiffness, yield, what is left of it and losses (the shape hardly shows)."""
+    write(draw("pendulum", [], [], 1, Options(seconds=0.5, nuisance=0.0)), tmp_path / "case", tmp_path / "sealed")
+    scenario = load(tmp_path / "case" / "scenario.yaml")
+    made = Workshop(scenario, gather(scenario, [], []), 1)
+    yields = next(c for c in candidates(surroundings(made.base)) if c.key == "hysteresis at gear.output -> arm.shaft")
+    names = [f.name.rpartition(".") for f in made.build((yields,), (yields.starts[0],)).free]
+    assert {key for block, _, key in names if block == yields.name} == {
+        "stiffness",
+        "damping",
+        "yield_twist",
+        "residual_share",
+    }
