@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from diagnosis.api import diagnose, fit
     from diagnosis.compare import Comparison
-    from diagnosis.recording import FrequencyTable, Recording
+    from diagnosis.recordings.mapping import FrequencyTable, Recording
     from engine.assemble import build
     from engine.batch import batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
@@ -41,11 +41,11 @@ _PLACES = {
     "Connection": "engine.system",
     "Drive": "engine.simulate",
     "FlexarmError": "engine.errors",
-    "FrequencyTable": "diagnosis.recording",
+    "FrequencyTable": "diagnosis.recordings.mapping",
     "LinearModel": "engine.linearise",
     "Model": "engine.model",
     "Net": "engine.net",
-    "Recording": "diagnosis.recording",
+    "Recording": "diagnosis.recordings.mapping",
     "Result": "engine.simulate",
     "Scenario": "scenarios.load",
     "System": "engine.system",

@@ -127,8 +127,8 @@ def _loose(system: System) -> list[str]:
 def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
     """Read and assemble a scenario with its analyses and recordings, and report problems."""
     from diagnosis.compare import verify
-    from diagnosis.location import VARIABLE, at_hand
-    from diagnosis.recording import FrequencyTable, from_scenario
+    from diagnosis.recordings.mapping import FrequencyTable, from_scenario
+    from diagnosis.recordings.paths import VARIABLE, at_hand
     from flexarm.api import cut
     from flexarm.api import linearise as linear_model
     from flexarm.text import columns, plural

@@ -12,8 +12,8 @@ import typer
 from flexarm.options import ScenarioArgument, SetOption
 
 if TYPE_CHECKING:
-    from diagnosis.fit import Fit
-    from diagnosis.verdict import Diagnosis
+    from diagnosis.estimation.least_squares import Fit
+    from diagnosis.verdict.verdict import Diagnosis
 
 RecordingsArgument = Annotated[
     list[str] | None,
@@ -69,7 +69,7 @@ def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
 
 def fit_page(made: Fit, scores: dict[str, float]) -> str:
     """A fit as text: values, intervals, scores and what the data do not settle."""
-    from diagnosis.fit import span
+    from diagnosis.estimation.least_squares import span
     from flexarm.text import columns, number
 
     rows = [
@@ -111,7 +111,7 @@ def diagnose(
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from diagnosis.api import diagnose as run
-    from diagnosis.files import write
+    from diagnosis.verdict.write import write
     from flexarm.interrupt import heard
 
     console = Console(stderr=True)
@@ -158,8 +158,8 @@ def diagnose(
 
 def page(found: Diagnosis) -> str:
     """The verdict in plain sentences."""
-    from diagnosis.fit import span
-    from diagnosis.verdict import place_odds
+    from diagnosis.estimation.least_squares import span
+    from diagnosis.verdict.verdict import place_odds
     from flexarm.text import columns, number, plural
 
     study = found.study

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.figures import models
-from diagnosis.sines import Sines
+from diagnosis.frequency_response.table_experiment import Sines
+from diagnosis.verdict.figures import models
 from flexarm.report.series import Chart, Panel, Trace
 
 if TYPE_CHECKING:
-    from diagnosis.experiment import Proposal
-    from diagnosis.fit import Fit
-    from diagnosis.problem import Experiment
-    from diagnosis.verdict import Diagnosis
+    from diagnosis.estimation.least_squares import Fit
+    from diagnosis.estimation.problem import Experiment
+    from diagnosis.verdict.experiment_design import Proposal
+    from diagnosis.verdict.verdict import Diagnosis
     from engine.model import Model
 
 ROLES = {"train": "fitted", "repeat": "fitted (repeat)", "hold_out": "held out"}

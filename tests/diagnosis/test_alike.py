@@ -11,13 +11,13 @@ import pytest
 
 from diagnosis import verdict
 from diagnosis.api import gather
-from diagnosis.candidate import Candidate, Knob
-from diagnosis.catalogue import candidates
-from diagnosis.select import PART, exchanged, halves
-from diagnosis.surroundings import surroundings
-from diagnosis.ties import same_laws
-from diagnosis.uncertainty import TIMING
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate, Knob
+from diagnosis.effects.scales import surroundings
+from diagnosis.estimation.covariance import TIMING
+from diagnosis.search.equivalent_effects import same_laws
+from diagnosis.search.fitter import Workshop
+from diagnosis.search.search import PART, exchanged, halves
 from engine.errors import FlexarmError
 from scenarios.load import load
 from tests.diagnosis import plants

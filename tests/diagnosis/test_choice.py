@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from diagnosis import choice, select
-from diagnosis.candidate import Candidate, Knob
-from diagnosis.fit import Fit
-from diagnosis.problem import Experiment, Free
-from diagnosis.recording import Channel, Recording
-from diagnosis.trial import CHANCE, STRAIN, Trial, by_chance, gain_band, strained
+from diagnosis.effects.effect import Candidate, Knob
+from diagnosis.estimation.least_squares import Fit
+from diagnosis.estimation.problem import Experiment, Free
+from diagnosis.recordings.mapping import Channel, Recording
+from diagnosis.search.scored_model import CHANCE, STRAIN, Trial, by_chance, gain_band, strained
 
 N = 20_000
 """Rows of a long residual: its mean square is known to about one per cent."""

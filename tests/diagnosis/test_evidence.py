@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.catalogue import candidates
-from diagnosis.evidence import BINS, KNOT, place_of, recover
-from diagnosis.select import study
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.search.fitter import Workshop
+from diagnosis.search.force_recovery import BINS, KNOT, place_of, recover
+from diagnosis.search.search import study
 from scenarios.load import load
 from tests.diagnosis.plants import INERTIA, RESISTANCE, case
 

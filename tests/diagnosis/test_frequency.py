@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from diagnosis.frequency import half_range, periodic, settling_time, sine_model
-from diagnosis.recording import FrequencyTable, from_scenario
+from diagnosis.frequency_response.sine_model import half_range, periodic, settling_time, sine_model
+from diagnosis.recordings.mapping import FrequencyTable, from_scenario
 from tests.diagnosis.test_orbit import PUSHING, TwoMassesWithPlay, decibels, table
 from tests.diagnosis.test_sines import scenario
 

@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from diagnosis.api import gather
-from diagnosis.catalogue import candidates
-from diagnosis.experiment import NOTHING, menu, propose
-from diagnosis.surroundings import surroundings
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.scales import surroundings
+from diagnosis.search.fitter import Workshop
+from diagnosis.verdict.experiment_design import NOTHING, menu, propose
 from scenarios.load import load
 from tests.diagnosis import plants
 

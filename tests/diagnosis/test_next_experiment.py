@@ -11,7 +11,7 @@ import pytest
 import flexarm
 from diagnosis import experiment
 from diagnosis.api import diagnose
-from diagnosis.files import EXPERIMENT, THINNED, write
+from diagnosis.verdict.write import EXPERIMENT, THINNED, write
 from scenarios.load import load
 from tests.diagnosis import plants
 

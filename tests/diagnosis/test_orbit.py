@@ -10,9 +10,9 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, fsolve
 
 from diagnosis.api import gather
-from diagnosis.period import extremes, quiet_row
-from diagnosis.prepare import problem
-from diagnosis.sines import STEP
+from diagnosis.frequency_response.period import extremes, quiet_row
+from diagnosis.frequency_response.table_experiment import STEP
+from diagnosis.problems import problem
 from scenarios.load import load
 
 PUSHING = ["contact.law=push_only", "contact.half_gap=0.03", "friction.coulomb_friction=0"]

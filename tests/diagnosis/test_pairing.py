@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.candidate import Candidate, Knob
-from diagnosis.catalogue import candidates
-from diagnosis.pairing import FACTOR, _gains, promising
-from diagnosis.problem import ALIKE, prior
-from diagnosis.surroundings import surroundings
-from diagnosis.trial import at_end
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate, Knob
+from diagnosis.effects.scales import surroundings
+from diagnosis.estimation.problem import ALIKE, prior
+from diagnosis.search.fitter import Workshop
+from diagnosis.search.promising_pairs import FACTOR, _gains, promising
+from diagnosis.search.scored_model import at_end
 from scenarios.load import load
 from tests.diagnosis import plants
 from tests.diagnosis.plants import case

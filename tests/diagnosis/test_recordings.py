@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 from diagnosis.api import fit
 from diagnosis.compare import compare, find_recording
-from diagnosis.loop import plant_inputs
-from diagnosis.prepare import problem
-from diagnosis.surroundings import surroundings
+from diagnosis.effects.scales import surroundings
+from diagnosis.problems import problem
+from diagnosis.recordings.feedback import plant_inputs
 from engine.errors import FlexarmError
 from scenarios.load import load
 

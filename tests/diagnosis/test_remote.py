@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from diagnosis.api import diagnose, gather
-from diagnosis.remote import Order, Task, perform
-from diagnosis.workshop import Workshop
+from diagnosis.search.dask_fitter import Order, Task, perform
+from diagnosis.search.fitter import Workshop
 from engine.errors import FlexarmError
 from scenarios.files import packed
 from scenarios.load import load

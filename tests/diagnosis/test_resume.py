@@ -12,9 +12,9 @@ import time
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.select import study
-from diagnosis.verdict import judge
-from diagnosis.workshop import Workshop
+from diagnosis.search.fitter import Workshop
+from diagnosis.search.search import study
+from diagnosis.verdict.verdict import judge
 from engine.errors import FlexarmError
 from engine.spread import JsonStore
 from flexarm.diagnose_command import INTERRUPTED, PROGRESS

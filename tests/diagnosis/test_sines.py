@@ -9,13 +9,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from diagnosis.api import diagnose, fit, gather
-from diagnosis.catalogue import candidates
-from diagnosis.files import write
-from diagnosis.prepare import problem
-from diagnosis.sines import STEP, Sines, quantum, scatter
-from diagnosis.surroundings import surroundings
-from diagnosis.suspects import suspects
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.scales import surroundings
+from diagnosis.frequency_response.table_experiment import STEP, Sines, quantum, scatter
+from diagnosis.problems import problem
+from diagnosis.search.fitter import Workshop
+from diagnosis.search.wrong_parameters import suspects
+from diagnosis.verdict.write import write
 from engine.errors import FlexarmError
 from scenarios.load import load
 

@@ -10,11 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from diagnosis.api import gather
-from diagnosis.catalogue import candidates
-from diagnosis.draft import ended
-from diagnosis.surroundings import surroundings
-from diagnosis.waves import solved
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.scales import surroundings
+from diagnosis.search.fitter import Workshop
+from diagnosis.search.partial_fit import ended
+from diagnosis.search.wave_starts import solved
 from scenarios.load import load
 from tests.diagnosis import plants
 from tests.diagnosis.plants import case

@@ -12,9 +12,9 @@ from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.scenario import write
 from diagnosis import workshop
 from diagnosis.api import gather
-from diagnosis.catalogue import candidates
-from diagnosis.surroundings import surroundings
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.scales import surroundings
+from diagnosis.search.fitter import Workshop
 from scenarios.load import load
 from tests.diagnosis.plants import case
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from diagnosis.api import gather
-from diagnosis.candidate import Candidate
-from diagnosis.catalogue import candidates
-from diagnosis.surroundings import surroundings
-from diagnosis.trial import Trial
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate
+from diagnosis.effects.scales import surroundings
+from diagnosis.search.fitter import Workshop
+from diagnosis.search.scored_model import Trial
 from scenarios.load import load
 
 

@@ -10,7 +10,7 @@ from scipy.signal import butter, filtfilt
 
 from diagnosis.api import diagnose
 from diagnosis.compare import find_recording
-from diagnosis.trial import Trial, gain_band
+from diagnosis.search.scored_model import Trial, gain_band
 from scenarios.load import load
 from tests.real.bench import Bench, bench
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from diagnosis.api import diagnose
-from diagnosis.trial import Trial
+from diagnosis.search.scored_model import Trial
 from tests.real.bench import Bench, bench
 
 
