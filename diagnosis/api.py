@@ -14,8 +14,8 @@ from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.least_squares import fit as fit_problem
 from diagnosis.problems import problem
 from diagnosis.recordings.mapping import Recorded
-from diagnosis.search.dask_fitter import RemoteWorkshop
-from diagnosis.search.fitter import Workshop
+from diagnosis.search.dask_fitter import DaskFitter
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import Progress, study
 from diagnosis.verdict.verdict import Diagnosis, judge
 from engine.errors import FlexarmError
@@ -118,7 +118,7 @@ def diagnose(
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
         if scheduler:
             spread = stack.enter_context(Spread(workers, scheduler))
-            shop: Workshop = RemoteWorkshop(scenario, recorded, spread, seed, store)
+            fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, seed, store)
         else:
-            shop = Workshop(scenario, recorded, workers or cores(), seed, store)
-        return judge(study(shop, without=without, progress=progress), seed)
+            fitter = CandidateFitter(scenario, recorded, workers or cores(), seed, store)
+        return judge(study(fitter, without=without, progress=progress), seed)

@@ -11,8 +11,8 @@ import numpy as np
 
 from diagnosis.compare import Plan, grid, plan
 from diagnosis.estimation.initial_states import free_starts, starting_values
-from diagnosis.estimation.problem import Array, Experiment, Free, Problem
-from diagnosis.frequency_response.table_experiment import Sines, prepared
+from diagnosis.estimation.problem import Array, Experiment, FreeParameter, Problem
+from diagnosis.frequency_response.table_experiment import TableExperiment, prepared
 from diagnosis.recordings.columns import RecordingError
 from diagnosis.recordings.mapping import FrequencyTable, Recorded, Recording
 from engine.errors import FlexarmError, ParameterError, nearest
@@ -106,7 +106,7 @@ def resampled(given: Experiment, interval: float) -> Experiment:
     return replace(given, time=time, measured=np.column_stack(columns), step=step, every=parts, uneven=False)
 
 
-def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[Free]:
+def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[FreeParameter]:
     """Every parameter with a tolerance, that of ``tolerances`` or the declared one, moved in units of it."""
     rows = []
     for parameter in model.parameters:
@@ -116,14 +116,14 @@ def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[Free]
             continue
         logarithmic = low >= 0 and parameter.value > 0
         scale = tolerance if logarithmic else tolerance * abs(parameter.value)
-        rows.append(Free(parameter.name, parameter.value, scale, logarithmic, low, high))
+        rows.append(FreeParameter(parameter.name, parameter.value, scale, logarithmic, low, high))
     return rows
 
 
 def problem(
     scenario: Scenario,
     recordings: Sequence[Recorded],
-    extra: Sequence[Free] = (),
+    extra: Sequence[FreeParameter] = (),
     sigma: Array | None = None,
     held: Collection[str] = (),
 ) -> Problem:
@@ -200,7 +200,7 @@ def resolved(made: Problem, x: Array) -> Problem | None:
     asked = made.scenario.simulation.internal_step if made.scenario.simulation else None
     if asked is not None:
         return replace(made, internal_step=asked)
-    if any(isinstance(e, Sines) for e in made.experiments):
+    if any(isinstance(e, TableExperiment) for e in made.experiments):
         return made
     model, step = made.model, min(e.step for e in made.experiments)
     p = model.parameter_vector(made.values(x)[0])

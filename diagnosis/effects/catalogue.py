@@ -12,30 +12,30 @@ from dataclasses import replace
 from blocks.registry import registry
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.mounts import at_mounts
-from diagnosis.effects.scales import Surroundings
+from diagnosis.effects.scales import OperatingScales
 from diagnosis.effects.shaft import at_joints, at_links, at_shaft, at_turns
 from diagnosis.effects.signal import at_input, at_sensor
 from diagnosis.effects.translational import along_slide, slides
 from scenarios.amend import Edit, Set
 
 
-def candidates(around: Surroundings) -> list[Candidate]:
+def candidates(scales: OperatingScales) -> list[Candidate]:
     """Every effect of the catalogue at every place of the scenario where it can act."""
     rows: list[Candidate] = []
-    for target, size in around.inputs.items():
-        rows += at_input(around, target, size)
-    for flange in around.groups:
-        rows += at_shaft(around, flange)
-        rows += at_turns(around, flange)
-    rows += at_joints(around)
-    rows += at_mounts(around)
-    rows = [along_slide(c) if slides(around.problem.scenario.system, c) else c for c in rows]
-    rows += at_links(around)
-    rows += _parameters(around)
-    for channel in around.problem.model.outputs:
-        rows += at_sensor(around, channel.name)
+    for target, size in scales.inputs.items():
+        rows += at_input(scales, target, size)
+    for flange in scales.groups:
+        rows += at_shaft(scales, flange)
+        rows += at_turns(scales, flange)
+    rows += at_joints(scales)
+    rows += at_mounts(scales)
+    rows = [along_slide(c) if slides(scales.problem.scenario.system, c) else c for c in rows]
+    rows += at_links(scales)
+    rows += _parameters(scales)
+    for channel in scales.problem.model.outputs:
+        rows += at_sensor(scales, channel.name)
     known = registry()
-    seen = [c for c in rows if c.effect not in around.unseen]
+    seen = [c for c in rows if c.effect not in scales.unseen]
     return [c for c in seen if all(_type(e) in known for e in c.edits(c.starts[0]))]
 
 
@@ -43,9 +43,9 @@ def _type(edit: Edit) -> str:
     return "Gain" if isinstance(edit, Set) else edit.type
 
 
-def _parameters(around: Surroundings) -> Iterator[Candidate]:
+def _parameters(scales: OperatingScales) -> Iterator[Candidate]:
     """Each parameter with a tolerance, let go of it."""
-    for f in around.problem.free:
+    for f in scales.problem.free:
         if f.recording:
             continue
         block = f.name.rpartition(".")[0]
@@ -56,6 +56,6 @@ def _parameters(around: Surroundings) -> Iterator[Candidate]:
             block or f.name,
             block or f.name,
             lambda values: [],
-            starts=({}, *({f.name.rpartition(".")[2]: factor * f.start} for factor in around.factors)),
-            loosened=free,
+            starts=({}, *({f.name.rpartition(".")[2]: factor * f.start} for factor in scales.factors)),
+            freed=free,
         )

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from diagnosis.estimation.problem import Free
+from diagnosis.estimation.problem import FreeParameter
 from scenarios.amend import Edit
 
 NAME = "found"
@@ -17,20 +17,20 @@ Sizes = dict[str, float]
 
 
 @dataclass(frozen=True)
-class Knob:
+class EffectParameter:
     """A parameter of an inserted effect.
 
     Attributes:
-        parameter: of the inserted or changed block.
+        name: of the parameter of the inserted or changed block.
         reference: a size that matters (SI).
         signed: whether it may change its sign; else it keeps that of its start and moves on a logarithmic scale.
         fixed: whether it is only chosen among its starting sizes: the model has no derivative with respect to it.
         unit: of one that is only chosen.
         most: multiple of ``reference`` that it cannot exceed, if there is one: beyond it is another effect.
-        like: another knob that is about as large, which speaks for it where the recordings do not reach it.
+        like: another parameter that is about as large, which speaks for it where the recordings do not reach it.
     """
 
-    parameter: str
+    name: str
     reference: float
     signed: bool = False
     fixed: bool = False
@@ -63,9 +63,9 @@ class Candidate:
         block: the block of the user's scenario it belongs to.
         name: of the block that is put in or changed.
         edits: what to do to the scenario, with starting sizes in place of its parameters.
-        knobs: its parameters.
+        parameters: its own, to be fitted or chosen.
         starts: sizes to start from, the least effect first, so that no fit ends worse than without the effect.
-        loosened: for ``wrong_parameter``, the parameter that may leave its tolerance.
+        freed: for ``wrong_parameter``, the parameter that may leave its tolerance.
         finer: for sizes that are only chosen, further ones at a distance from the best, halved from time to time.
         bold: starts that are fitted however bad they look: the model's own parameters have to make room for them.
         held: further parameters of the block, which are given and not fitted.
@@ -77,9 +77,9 @@ class Candidate:
     block: str
     name: str
     edits: Callable[[Sizes], list[Edit]]
-    knobs: tuple[Knob, ...] = ()
+    parameters: tuple[EffectParameter, ...] = ()
     starts: tuple[Sizes, ...] = ({},)
-    loosened: Free | None = None
+    freed: FreeParameter | None = None
     finer: Callable[[Sizes, float], Sequence[Sizes]] | None = None
     bold: tuple[Sizes, ...] = ()
     held: tuple[str, ...] = ()
@@ -92,28 +92,28 @@ class Candidate:
 
     def structures(self) -> list[list[Sizes]]:
         """The starts, those together that share one model: they differ in parameters that are fitted alone."""
-        fixed = [k.parameter for k in self.knobs if k.fixed]
+        fixed = [k.name for k in self.parameters if k.fixed]
         groups: dict[tuple[float, ...], list[Sizes]] = {}
         for start in self.starts:
             groups.setdefault(tuple(start[name] for name in fixed), []).append(start)
         return list(groups.values())
 
-    def free(self, start: Sizes) -> list[Free]:
+    def free(self, start: Sizes) -> list[FreeParameter]:
         """The parameters to fit, from given starting sizes."""
-        rows = [self.loosened] if self.loosened else []
-        for knob in self.knobs:
-            if knob.fixed:
+        rows = [self.freed] if self.freed else []
+        for parameter in self.parameters:
+            if parameter.fixed:
                 continue
-            value, name = start[knob.parameter], f"{self.name}.{knob.parameter}"
-            if knob.signed:
-                end = knob.most * knob.reference if knob.most else math.inf
-                scale = max(0.2 * abs(value), 0.02 * knob.reference)
-                rows.append(Free(name, value, scale, False, -end, end, prior=False))
+            value, name = start[parameter.name], f"{self.name}.{parameter.name}"
+            if parameter.signed:
+                end = parameter.most * parameter.reference if parameter.most else math.inf
+                scale = max(0.2 * abs(value), 0.02 * parameter.reference)
+                rows.append(FreeParameter(name, value, scale, False, -end, end, prior=False))
             else:
-                largest = math.copysign(knob.most * knob.reference, value) if knob.most else 1e6 * value
+                largest = math.copysign(parameter.most * parameter.reference, value) if parameter.most else 1e6 * value
                 low, high = sorted((0.0, largest))
-                like = f"{self.name}.{knob.like}" if knob.like else ""
-                rows.append(Free(name, value, 0.3, True, low, high, prior=False, like=like))
+                like = f"{self.name}.{parameter.like}" if parameter.like else ""
+                rows.append(FreeParameter(name, value, 0.3, True, low, high, prior=False, like=like))
         return rows
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from blocks.registry import registry
 from diagnosis.estimation.problem import Array, Experiment, Problem
-from diagnosis.frequency_response.table_experiment import UNSEEN, Sines
+from diagnosis.frequency_response.table_experiment import UNSEEN, TableExperiment
 from diagnosis.recordings.feedback import plant_inputs
 from engine.assemble import build
 from engine.block import MOTION, ROTATIONAL, TRANSLATIONAL
@@ -27,7 +27,7 @@ FACTORS = (0.3, 0.5, 2.0, 3.0)
 
 
 @dataclass
-class Surroundings:
+class OperatingScales:
     """What the recordings say about sizes at the places of a system.
 
     Attributes:
@@ -61,7 +61,7 @@ class Surroundings:
     @property
     def unseen(self) -> tuple[str, ...]:
         """Effects that recordings of this kind do not show."""
-        return UNSEEN if any(isinstance(e, Sines) for e in self.problem.experiments) else ()
+        return UNSEEN if any(isinstance(e, TableExperiment) for e in self.problem.experiments) else ()
 
     @property
     def factors(self) -> tuple[float, ...]:
@@ -70,7 +70,7 @@ class Surroundings:
 
     def spins(self, flange: str) -> bool:
         """Whether a flange turns over by whole turns at a table's lowest frequency: gravity then averages out there."""
-        lowest = [float(e.frequency.min()) for e in self.problem.experiments if isinstance(e, Sines)]
+        lowest = [float(e.frequency.min()) for e in self.problem.experiments if isinstance(e, TableExperiment)]
         return bool(lowest) and self.speed[flange] / min(lowest) > math.pi
 
     def ratio(self, one: str, other: str) -> float:
@@ -81,16 +81,16 @@ class Surroundings:
         return b / a if a > 0 and b > 0 else 1.0
 
 
-def surroundings(problem: Problem) -> Surroundings:
+def operating_scales(problem: Problem) -> OperatingScales:
     """Simulate the nominal model on the training recordings and see how large things are."""
-    found = Surroundings(problem)
+    found = OperatingScales(problem)
     experiments = problem.chosen("train", "repeat")
     for k, variable in enumerate(problem.model.inputs):
         values = [
             np.asarray(e.drive.values, dtype=float).reshape(-1, len(problem.model.inputs))
             for e in experiments
             if e.drive
-        ] + [e.amplitude[:, None] for e in experiments if isinstance(e, Sines)]
+        ] + [e.amplitude[:, None] for e in experiments if isinstance(e, TableExperiment)]
         found.inputs[variable.name] = max((float(np.abs(v[:, k]).max()) for v in values), default=1.0) or 1.0
         found.units[variable.name] = variable.unit
     system = problem.scenario.system
@@ -162,7 +162,7 @@ def _inertia(problem: Problem, flange: str) -> float:
     return 1 / gain if gain > 0 else 1.0
 
 
-def _sizes(found: Surroundings, experiments: Sequence[Experiment]) -> None:
+def _sizes(found: OperatingScales, experiments: Sequence[Experiment]) -> None:
     problem = found.problem
     system, driven = problem.scenario.system, [v.name for v in problem.model.inputs]
     wanted = {}
@@ -175,7 +175,7 @@ def _sizes(found: Surroundings, experiments: Sequence[Experiment]) -> None:
     model = build(system, driven, list(dict.fromkeys(names)))
     top = dict.fromkeys(names, 0.0)
     for e in experiments:
-        if isinstance(e, Sines):
+        if isinstance(e, TableExperiment):
             for name, (spanned, rms) in e.sizes(problem.scenario, names).items():
                 top[name] = max(top[name], spanned if name.endswith((".angle", ".position")) else rms)
             continue

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.effects.effect import NAME, Candidate, Knob, Sizes, grid, shares, with_unit
-from diagnosis.effects.scales import Surroundings
+from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, grid, shares, with_unit
+from diagnosis.effects.scales import OperatingScales
 from scenarios.amend import Edit, InSignal, OnSensor, Set
 
 FEW = (1e-3, 5e-3, 0.02, 0.08, 0.2)
@@ -18,18 +18,23 @@ CORNERS = (1.0, 3.0, 10.0, 30.0)
 """Lags are tried with time constants of so many samples."""
 
 
-def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candidate]:
+def at_input(scales: OperatingScales, target: str, size: float) -> Iterator[Candidate]:
     """What may lie between a driven signal and the block it drives; ``size`` is the largest value it takes."""
-    unit = around.units[target]
-    system = around.problem.scenario.system
+    unit = scales.units[target]
+    system = scales.problem.scenario.system
     block = system.split(target)[0]
     node = next((c for c in system.connections if target in c.ends), None)
     source = next((end for end in node.ends if end != target), "signal") if node is not None else "signal"
     place = f"{source} -> {target}"
-    sample = around.sample
+    sample = scales.sample
 
     def made(
-        effect: str, kind: str, units: dict[str, str], knobs: tuple[Knob, ...], starts: tuple[Sizes, ...], **more: Any
+        effect: str,
+        kind: str,
+        units: dict[str, str],
+        parameters: tuple[EffectParameter, ...],
+        starts: tuple[Sizes, ...],
+        **more: Any,
     ) -> Candidate:
         name = f"{NAME}_{effect}"
 
@@ -37,21 +42,28 @@ def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candida
             given = {key: with_unit(values[key], units[key]) for key in units if key in values}
             return [InSignal(name, kind, target, {**more, **given})]
 
-        return Candidate(effect, place, block, name, edits, knobs, starts)
+        return Candidate(effect, place, block, name, edits, parameters, starts)
 
     ends = {"lower": unit, "upper": unit}
-    both = (Knob("lower", size), Knob("upper", size, like="lower"))
+    both = (EffectParameter("lower", size), EffectParameter("upper", size, like="lower"))
     yield made("dead_zone", "DeadZone", ends, both, tuple({"lower": -s, "upper": s} for s in shares(size, *FEW)))
     limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.999, 0.99, 0.975, 0.95, 0.9, 0.8, 0.7, 0.55, 0.4))
     yield made("saturation", "Saturation", ends, both, limits)
     offsets = grid(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02))
-    yield made("offset", "Offset", {"offset": unit}, (Knob("offset", size, signed=True),), offsets)
+    yield made("offset", "Offset", {"offset": unit}, (EffectParameter("offset", size, signed=True),), offsets)
     uneven = grid(backward=(0.99, 1.01, 0.95, 1.05))
     yield made(
-        "uneven_gain", "UnevenGain", {"forward": "1", "backward": "1"}, (Knob("backward", 1.0),), uneven, forward=1.0
+        "uneven_gain",
+        "UnevenGain",
+        {"forward": "1", "backward": "1"},
+        (EffectParameter("backward", 1.0),),
+        uneven,
+        forward=1.0,
     )
     corners = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
-    yield made("lag", "LowPass", {"corner_frequency": "rad/s"}, (Knob("corner_frequency", 1 / sample),), corners)
+    yield made(
+        "lag", "LowPass", {"corner_frequency": "rad/s"}, (EffectParameter("corner_frequency", 1 / sample),), corners
+    )
     yield _delay(place, block, target, sample)
     motor = system.blocks[block]
     if type(motor).__name__ == "DCMotor" and motor.values["inductance"] == 0:
@@ -61,7 +73,7 @@ def at_input(around: Surroundings, target: str, size: float) -> Iterator[Candida
             return [Set(block, "inductance", with_unit(values["inductance"], "H"))]
 
         sizes = grid(inductance=shares(reference, 0.3, 1.0, 5.0))
-        yield Candidate("inductance", block, block, block, coil, (Knob("inductance", reference),), sizes)
+        yield Candidate("inductance", block, block, block, coil, (EffectParameter("inductance", reference),), sizes)
 
 
 def _delay(place: str, block: str, target: str, sample: float) -> Candidate:
@@ -78,29 +90,36 @@ def _delay(place: str, block: str, target: str, sample: float) -> Candidate:
 
     waits = grid(delay=shares(sample, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 14, 20))
     return Candidate(
-        "delay", place, block, name, edits, (Knob("delay", sample, fixed=True, unit="s"),), waits, finer=finer
+        "delay",
+        place,
+        block,
+        name,
+        edits,
+        (EffectParameter("delay", sample, fixed=True, unit="s"),),
+        waits,
+        finer=finer,
     )
 
 
-def at_sensor(around: Surroundings, signal: str) -> Iterator[Candidate]:
+def at_sensor(scales: OperatingScales, signal: str) -> Iterator[Candidate]:
     """What may lie between a signal and what was recorded of it."""
-    unit = next(v.unit for v in around.problem.model.outputs if v.name == signal)
-    k = [v.name for v in around.problem.model.outputs].index(signal)
-    training = around.problem.chosen("train", "repeat")
+    unit = next(v.unit for v in scales.problem.model.outputs if v.name == signal)
+    k = [v.name for v in scales.problem.model.outputs].index(signal)
+    training = scales.problem.chosen("train", "repeat")
     measured = [e.measured[:, k] for e in training]
     size = max(float(np.nanmax(np.abs(m))) for m in measured) or 1.0
-    sample = around.sample
+    sample = scales.sample
     biases, gains = grid(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02)), grid(gain=(1.01, 0.99, 1.05, 0.95))
     lags = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
     rows = [
-        ("sensor_bias", "Offset", "offset", unit, Knob("offset", size, signed=True), biases),
-        ("sensor_scale", "Gain", "gain", "1", Knob("gain", 1.0), gains),
-        ("sensor_lag", "LowPass", "corner_frequency", "rad/s", Knob("corner_frequency", 1 / sample), lags),
+        ("sensor_bias", "Offset", "offset", unit, EffectParameter("offset", size, signed=True), biases),
+        ("sensor_scale", "Gain", "gain", "1", EffectParameter("gain", 1.0), gains),
+        ("sensor_lag", "LowPass", "corner_frequency", "rad/s", EffectParameter("corner_frequency", 1 / sample), lags),
     ]
     if all(np.nanmin(m) > -0.05 * size for m in measured):
-        scale = Knob("sensitivity", 1.0)
+        scale = EffectParameter("sensitivity", 1.0)
         rows.append(("rectified_sensor", "RectifiedSensor", "sensitivity", "1", scale, grid(sensitivity=(1.0,))))
-    for effect, kind, key, key_unit, knob, starts in rows:
+    for effect, kind, key, key_unit, parameter, starts in rows:
         name = f"{NAME}_{effect}"
 
         def edits(
@@ -108,4 +127,4 @@ def at_sensor(around: Surroundings, signal: str) -> Iterator[Candidate]:
         ) -> list[Edit]:
             return [OnSensor(name, kind, signal, {key: with_unit(values[key], unit)})]
 
-        yield Candidate(effect, signal, signal, name, edits, (knob,), starts)
+        yield Candidate(effect, signal, signal, name, edits, (parameter,), starts)

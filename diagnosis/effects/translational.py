@@ -59,7 +59,9 @@ def along_slide(candidate: Candidate) -> Candidate:
     return replace(
         candidate,
         edits=edits,
-        knobs=tuple(replace(knob, parameter=NAMES.get(knob.parameter, knob.parameter)) for knob in candidate.knobs),
+        parameters=tuple(
+            replace(parameter, name=NAMES.get(parameter.name, parameter.name)) for parameter in candidate.parameters
+        ),
         starts=tuple({NAMES.get(key, key): value for key, value in start.items()} for start in candidate.starts),
     )
 

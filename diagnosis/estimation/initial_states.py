@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from diagnosis.estimation.problem import HUGE, Array, Experiment, Free, Problem
+from diagnosis.estimation.problem import HUGE, Array, Experiment, FreeParameter, Problem
 from diagnosis.recordings.columns import RecordingError
 from diagnosis.recordings.mapping import Recording
 from engine.block import MOTION
@@ -63,12 +63,12 @@ def _first(model: Model, name: str, recording: Recording, measured: Array, other
     return otherwise
 
 
-def free_starts(experiment: Experiment) -> list[Free]:
+def free_starts(experiment: Experiment) -> list[FreeParameter]:
     """The free starting values of an experiment, as parameters with a wide prior."""
     rows = []
     for name in experiment.free:
         value = experiment.initial.get(name, 0.0)
-        rows.append(Free(name, value, max(0.1 * abs(value), USUAL), False, recording=experiment.name))
+        rows.append(FreeParameter(name, value, max(0.1 * abs(value), USUAL), False, recording=experiment.name))
     return rows
 
 

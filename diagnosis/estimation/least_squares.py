@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.estimation.covariance import Flat, uncertainty
-from diagnosis.estimation.problem import Array, Experiment, Free, Problem, prior
+from diagnosis.estimation.problem import Array, Experiment, FreeParameter, Problem, prior
 from engine.errors import SimulationError
 
 Progress = Callable[[str], None]
@@ -93,7 +93,7 @@ class Fit:
         return total / max(count, 1)
 
 
-def _reached(f: Free, end: float) -> float:
+def _reached(f: FreeParameter, end: float) -> float:
     """The parameter at the end of its interval, infinite where there is none; one that keeps its sign stops at zero."""
     if math.isfinite(end):
         return f.value(end)

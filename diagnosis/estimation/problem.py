@@ -29,7 +29,7 @@ HUGE = 1e6
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeParameter:
     """A parameter that a fit may move.
 
     Attributes:
@@ -146,7 +146,7 @@ class Experiment:
         return run.values
 
     def linearised(
-        self, model: Model, free: Sequence[Free], x: Array, starts: dict[str, float], longest: float | None
+        self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None
     ) -> tuple[Array, Array]:
         """Residual, flat, and its Jacobian with respect to the search vector, by tangents.
 
@@ -212,7 +212,7 @@ class Problem:
     scenario: Scenario
     model: Model
     experiments: tuple[Experiment, ...]
-    free: tuple[Free, ...]
+    free: tuple[FreeParameter, ...]
     internal_step: float | None = None
 
     def chosen(self, *roles: str) -> list[Experiment]:

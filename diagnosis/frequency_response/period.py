@@ -34,7 +34,7 @@ CLEAR = 0.6
 
 
 @dataclass
-class Orbit:
+class PeriodicSolution:
     """A periodic answer.
 
     Attributes:
@@ -53,11 +53,11 @@ class Orbit:
     inverse: Array = None
     span: Array = None
     settled: bool = True
-    run: Pass | None = None
+    run: PeriodRun | None = None
 
 
 @dataclass
-class Pass:
+class PeriodRun:
     """A run over a period, for neighbours to begin from.
 
     Attributes:

@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from diagnosis.frequency_response.period import Orbit, Pass, Runs, quiet_row, renewed, switches
+from diagnosis.frequency_response.period import PeriodicSolution, PeriodRun, Runs, quiet_row, renewed, switches
 from diagnosis.frequency_response.sine_model import SineModel, periodic, settling_time
 from engine.errors import SimulationError
 from engine.model import FRICTION, SWITCH, Model, Vector
@@ -64,7 +64,7 @@ def rows_pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="row")
 
 
-class Orbits:
+class PeriodicSolver:
     """Periodic answers of one model.
 
     Args:
@@ -79,8 +79,8 @@ class Orbits:
         self.sharp = self.model.count(SWITCH) > 0
 
     def solve(
-        self, parameters: dict[str, float], frequency: Vector, amplitude: Vector, near: Mapping[int, Orbit]
-    ) -> list[Orbit]:
+        self, parameters: dict[str, float], frequency: Vector, amplitude: Vector, near: Mapping[int, PeriodicSolution]
+    ) -> list[PeriodicSolution]:
         """The periodic answers to sines, simulated side by side on all cores.
 
         Args:
@@ -92,14 +92,14 @@ class Orbits:
         Raises:
             SimulationError: there is none, or the simulation diverged.
         """
-        found: list[Orbit | None] = self._closed(parameters, frequency, amplitude)
-        left = [k for k, orbit in enumerate(found) if orbit is None]
+        found: list[PeriodicSolution | None] = self._closed(parameters, frequency, amplitude)
+        left = [k for k, solution in enumerate(found) if solution is None]
         if not left:
-            return [orbit for orbit in found if orbit is not None]
+            return [solution for solution in found if solution is not None]
         p = self.model.parameter_vector(parameters)
         # Quantised, so that neighbouring parameters share their grid and differences between them are smooth.
         rate = fastest(self.model, p, start_values(self.model, p)).rate
-        near = {k: orbit for k, orbit in near.items() if orbit.x is not None}
+        near = {k: solution for k, solution in near.items() if solution.x is not None}
         rate = 2.0 ** (math.ceil(2 * math.log2(max(rate, 1e-6))) / 2)
         settle = settling_time(self.model, p, SLOW)
         jobs = {
@@ -109,7 +109,7 @@ class Orbits:
             for k in left
         }
         try:
-            return [jobs[k].result() if orbit is None else orbit for k, orbit in enumerate(found)]
+            return [jobs[k].result() if solution is None else solution for k, solution in enumerate(found)]
         except BaseException:
             for job in jobs.values():
                 job.cancel()
@@ -118,7 +118,7 @@ class Orbits:
     def near(
         self,
         parameters: Sequence[dict[str, float]],
-        base: Sequence[Orbit],
+        base: Sequence[PeriodicSolution],
         frequency: Vector,
         amplitude: Vector,
     ) -> Array:
@@ -138,13 +138,13 @@ class Orbits:
         """
         count = len(parameters)
         found = np.zeros((count, len(base), len(self.model.outputs)))
-        whole = [k for k, orbit in enumerate(base) if orbit.run is None]
+        whole = [k for k, solution in enumerate(base) if solution.run is None]
         for i, values in enumerate(parameters if whole else ()):
             starts = {j: base[k] for j, k in enumerate(whole)}
-            for j, orbit in enumerate(self.solve(values, frequency[whole], amplitude[whole], starts)):
-                found[i, whole[j]] = orbit.amplitudes
+            for j, solution in enumerate(self.solve(values, frequency[whole], amplitude[whole], starts)):
+                found[i, whole[j]] = solution.amplitudes
         vectors = [self.model.parameter_vector(values) for values in parameters]
-        rest = [k for k, orbit in enumerate(base) if orbit.run is not None]
+        rest = [k for k, solution in enumerate(base) if solution.run is not None]
         jobs = [
             (k, rows_pool().submit(self._neighbours, vectors, base[k], float(frequency[k]), float(amplitude[k])))
             for k in rest
@@ -158,7 +158,9 @@ class Orbits:
             raise
         return found
 
-    def _neighbours(self, vectors: Sequence[Vector], base: Orbit, frequency: float, amplitude: float) -> Array:
+    def _neighbours(
+        self, vectors: Sequence[Vector], base: PeriodicSolution, frequency: float, amplitude: float
+    ) -> Array:
         run = base.run
         assert run is not None
         driven = [self._at(p, frequency, amplitude) for p in vectors]
@@ -192,7 +194,7 @@ class Orbits:
             rows.append(base.amplitudes + change)
         return np.array(rows)
 
-    def _forgetful(self, p: Vector, x: Vector, run: Pass) -> Vector:
+    def _forgetful(self, p: Vector, x: Vector, run: PeriodRun) -> Vector:
         """Amplitudes where the start is soon forgotten: only the ends of the range are run, from shortly before."""
         width = 16
         if 2 * len(run.windows) * (run.lead + 2 * width) >= run.rows + run.lead:
@@ -239,9 +241,11 @@ class Orbits:
         run = simulate(self.plain, 1e-6, 1e-6, log_capacity=0)
         return np.asarray(run.final_modes)
 
-    def _closed(self, parameters: dict[str, float], frequency: Vector, amplitude: Vector) -> list[Orbit | None]:
+    def _closed(
+        self, parameters: dict[str, float], frequency: Vector, amplitude: Vector
+    ) -> list[PeriodicSolution | None]:
         """C (iw - A)^-1 B + D where the model is linear, for the rows whose answer stays clear of every switch."""
-        nothing: list[Orbit | None] = [None] * len(frequency)
+        nothing: list[PeriodicSolution | None] = [None] * len(frequency)
         if self._linear is None:
             return nothing
         slopes, rest = self._linear
@@ -261,7 +265,7 @@ class Orbits:
         x = np.linalg.solve(below, B[None].astype(complex))[:, :, 0] * amplitude[:, None]
         y = np.abs(x @ C.T + amplitude[:, None] * D[:, 0])
         meets = self._switches(p, m, x, rest_at, amplitude) if self.sharp else np.zeros(len(y), dtype=bool)
-        return [None if bad else Orbit(row, row / math.sqrt(2)) for row, bad in zip(y, meets, strict=True)]
+        return [None if bad else PeriodicSolution(row, row / math.sqrt(2)) for row, bad in zip(y, meets, strict=True)]
 
     def _switches(self, p: Vector, m: Vector, x: Array, rest: Vector, amplitude: Vector) -> Array:
         """For each row, whether some guard is violated along the closed form about ``rest``."""
@@ -273,8 +277,8 @@ class Orbits:
         return np.asarray(found.reshape(len(found), len(x), PHASES).max(axis=(0, 2)) > 0)
 
     def _simulated(
-        self, p: Vector, rate: float, settle: float, frequency: float, amplitude: float, near: Orbit | None
-    ) -> Orbit:
+        self, p: Vector, rate: float, settle: float, frequency: float, amplitude: float, near: PeriodicSolution | None
+    ) -> PeriodicSolution:
         period, p = 2 * math.pi / frequency, self._at(p, frequency, amplitude)
         slow = period >= settle
         longest = period / (POINTS_AT_CONTACTS if self.sharp else POINTS)
@@ -286,12 +290,12 @@ class Orbits:
         if self.model.clocks:
             values = {q.name: float(v) for q, v in zip(self.model.parameters, p, strict=True)}
             found, settled = periodic(self.model, values, frequency, settle, self.largest_step)
-            return Orbit(found, found / math.sqrt(2), settled=settled)
+            return PeriodicSolution(found, found / math.sqrt(2), settled=settled)
         if slow:
             return self._slow(p, x, step, rows, math.ceil(settle / step) + 1)
         return self._newton(p, x, step, rows, settle, near)
 
-    def _slow(self, p: Vector, x: Vector | None, step: float, rows: int, lead: int) -> Orbit:
+    def _slow(self, p: Vector, x: Vector | None, step: float, rows: int, lead: int) -> PeriodicSolution:
         """A period longer than anything the model remembers: run it, and read it after the start is forgotten."""
         Q = self.runs.kept
         for _ in range(6):
@@ -303,15 +307,17 @@ class Orbits:
             first = self.runs.half_range(job, found, 0, rows)
             high, low, ends = self.runs.extremes(job, found, lead)
             last = (high - low) / 2
-            made = Orbit(last, found.y[lead + 1 :].std(axis=0), x)
+            made = PeriodicSolution(last, found.y[lead + 1 :].std(axis=0), x)
             places = tuple(((lead + a, found.states[a]), (lead + b, found.states[b])) for a, b in ends.T.tolist())
-            made.run = Pass(p, step, rows, 0, x, lead, places)
+            made.run = PeriodRun(p, step, rows, 0, x, lead, places)
             if away < FORGOTTEN and np.all(np.abs(last - first) <= 0.02 * last):
                 return made
         made.settled = False
         return made
 
-    def _newton(self, p: Vector, x: Vector | None, step: float, rows: int, settle: float, near: Orbit | None) -> Orbit:
+    def _newton(
+        self, p: Vector, x: Vector | None, step: float, rows: int, settle: float, near: PeriodicSolution | None
+    ) -> PeriodicSolution:
         inverse, span = (near.inverse, near.span) if near is not None and x is not None else (None, None)
         if x is None:
             x = self.runs.run(self.runs.job(p, None, step, rows)).x1
@@ -333,8 +339,10 @@ class Orbits:
             if size < CLOSE:
                 assert found.states is not None
                 begin = quiet_row(found.y, switches(job, found))
-                run = Pass(p, step, rows, begin, found.states[begin])
-                return Orbit(self.runs.half_range(job, found), found.y[1:].std(axis=0), x, inverse, span, run=run)
+                run = PeriodRun(p, step, rows, begin, found.states[begin])
+                return PeriodicSolution(
+                    self.runs.half_range(job, found), found.y[1:].std(axis=0), x, inverse, span, run=run
+                )
             if size > 4 * last:
                 break
             if size > 1.0:
@@ -343,7 +351,7 @@ class Orbits:
             x = x + back @ (span * move)
         return self._patient(p, x, step, rows, settle)
 
-    def _patient(self, p: Vector, x: Vector, step: float, rows: int, settle: float) -> Orbit:
+    def _patient(self, p: Vector, x: Vector, step: float, rows: int, settle: float) -> PeriodicSolution:
         """Let the answer settle by itself."""
         cycles = max(2, min(math.ceil(settle / (step * rows)), PATIENCE // rows))
         before: Vector | None = None
@@ -351,7 +359,9 @@ class Orbits:
             job = self.runs.job(p, x, step, cycles * rows)
             found = self.runs.run(job)
             x = found.x1
-            made = Orbit(self.runs.half_range(job, found, (cycles - 1) * rows), found.y[-rows:].std(axis=0), x)
+            made = PeriodicSolution(
+                self.runs.half_range(job, found, (cycles - 1) * rows), found.y[-rows:].std(axis=0), x
+            )
             if before is not None and np.all(np.abs(made.amplitudes - before) <= 2e-4 * made.amplitudes):
                 return made
             before = made.amplitudes

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.estimation.problem import HUGE, Array, Experiment, Free
-from diagnosis.frequency_response.period import Orbit
-from diagnosis.frequency_response.periodic_solver import Orbits
+from diagnosis.estimation.problem import HUGE, Array, Experiment, FreeParameter
+from diagnosis.frequency_response.period import PeriodicSolution
+from diagnosis.frequency_response.periodic_solver import PeriodicSolver
 from diagnosis.frequency_response.sine_model import sine_model
 from diagnosis.recordings.columns import RecordingError
 from diagnosis.recordings.mapping import FrequencyTable
@@ -50,7 +50,7 @@ FEWEST = 4
 """Rows that a table needs at least to be fitted to."""
 
 
-class Slope:
+class BroydenJacobian:
     """A Jacobian that is kept over a few short steps and brought up to date from the residuals alone (Broyden)."""
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class Slope:
 
 
 @dataclass(frozen=True)
-class Sines(Experiment):
+class TableExperiment(Experiment):
     """Rows of a frequency-response table.
 
     ``measured`` is in dB re the input's amplitude, ``time`` counts the rows, ``sigma`` is the median noise in dB.
@@ -95,20 +95,20 @@ class Sines(Experiment):
     frequency: Array = field(default_factory=lambda: np.zeros(0))
     amplitude: Array = field(default_factory=lambda: np.zeros(0))
     relative: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    answers: Orbits | None = None
+    answers: PeriodicSolver | None = None
     input: str = ""
     unit: str = ""
     note: str = ""
-    orbits: dict[int, Orbit] = field(default_factory=dict, compare=False)
-    slope: Slope = field(default_factory=Slope, compare=False)
-    latest: dict[Any, list[Orbit]] = field(default_factory=dict, compare=False)
+    solutions: dict[int, PeriodicSolution] = field(default_factory=dict, compare=False)
+    slope: BroydenJacobian = field(default_factory=BroydenJacobian, compare=False)
+    latest: dict[Any, list[PeriodicSolution]] = field(default_factory=dict, compare=False)
 
     @property
     def shortest(self) -> float:
         """The shortest time (s) that it resolves: a third of a radian at the highest frequency."""
         return 1 / (3 * float(self.frequency.max()))
 
-    def cut(self, until: float) -> Sines:
+    def cut(self, until: float) -> TableExperiment:
         """The same: there is no horizon to grow."""
         return self
 
@@ -119,7 +119,7 @@ class Sines(Experiment):
         size = np.abs(r)
         return np.where(size < CREDIBLE, size**2, 2 * CREDIBLE * size - CREDIBLE**2)
 
-    def rows(self, keep: NDArray[np.int64]) -> Sines:
+    def rows(self, keep: NDArray[np.int64]) -> TableExperiment:
         """Some of the rows."""
         return _part(self, keep, self.name, self.role, self.note)
 
@@ -135,9 +135,9 @@ class Sines(Experiment):
         Raises:
             SimulationError: the model diverges.
         """
-        return self.decibels(self.solved(parameters, self.orbits))
+        return self.decibels(self.solved(parameters, self.solutions))
 
-    def solved(self, parameters: dict[str, float], near: dict[int, Orbit]) -> list[Orbit]:
+    def solved(self, parameters: dict[str, float], near: dict[int, PeriodicSolution]) -> list[PeriodicSolution]:
         """The periodic answer of each row; the latest ones are kept, for a fit asks for them twice."""
         assert self.answers is not None
         key = tuple(sorted(parameters.items()))
@@ -149,15 +149,15 @@ class Sines(Experiment):
             self.latest[key] = found
         return found
 
-    def decibels(self, orbits: Sequence[Orbit]) -> Array:
+    def decibels(self, solutions: Sequence[PeriodicSolution]) -> Array:
         """Amplitudes in dB re the input's; an answer of zero is far below every reading."""
-        return self._decibels(np.array([o.amplitudes for o in orbits]))
+        return self._decibels(np.array([o.amplitudes for o in solutions]))
 
     def _decibels(self, amplitudes: Array) -> Array:
         return np.asarray(DECIBEL * np.log(np.maximum(amplitudes / self.amplitude[:, None], 1e-30)))
 
     def linearised(
-        self, model: Model, free: Sequence[Free], x: Array, starts: dict[str, float], longest: float | None
+        self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None
     ) -> tuple[Array, Array]:
         """Residual, flat, and its Jacobian by differences.
 
@@ -168,9 +168,9 @@ class Sines(Experiment):
         def at(there: Array) -> dict[str, float]:
             return {f.name: f.value(v) for f, v in zip(free, there, strict=True) if not f.recording}
 
-        base = self.solved(at(x), self.orbits)
+        base = self.solved(at(x), self.solutions)
         near = dict(enumerate(base))
-        self.orbits.update(near)
+        self.solutions.update(near)
         r = self.residual(self.decibels(base)).ravel()
         J = self.slope.moved(x, r)
         if J is not None:
@@ -197,7 +197,7 @@ class Sines(Experiment):
     def sizes(self, scenario: Scenario, names: Sequence[str]) -> dict[str, tuple[float, float]]:
         """Range and root mean square of signals in the nominal model's answers, as a mean over the rows' logarithms."""
         answers = _answers(scenario, self.input, self.unit, list(names), None)
-        found = replace(self, answers=answers, orbits={}, latest={}).solved({}, {})
+        found = replace(self, answers=answers, solutions={}, latest={}).solved({}, {})
         ranges = np.array([2 * o.amplitudes for o in found])
         rms = np.array([o.rms for o in found])
         tops = [np.exp(np.mean(np.log(np.maximum(values, 1e-30)), axis=0)) for values in (ranges, rms)]
@@ -220,13 +220,13 @@ class Sines(Experiment):
         )
 
 
-def _answers(scenario: Scenario, drive: str, unit: str, signals: list[str], step: float | None) -> Orbits:
+def _answers(scenario: Scenario, drive: str, unit: str, signals: list[str], step: float | None) -> PeriodicSolver:
     """The model with and without a sine on its input."""
     from diagnosis.recordings.mapping import Channel
 
     channels = tuple(Channel(name, "", np.zeros(0)) for name in signals)
     table = FrequencyTable("", "", drive, np.zeros(0), np.zeros(0), unit, channels)
-    return Orbits(scenario.build([drive], signals), sine_model(scenario, table), step)
+    return PeriodicSolver(scenario.build([drive], signals), sine_model(scenario, table), step)
 
 
 def prepared(scenario: Scenario, tables: Sequence[FrequencyTable]) -> tuple[Model, list[Experiment]]:
@@ -268,7 +268,7 @@ def _finest(tables: Sequence[FrequencyTable]) -> float | None:
     return min((t.largest_step for t in tables if t.largest_step is not None), default=None)
 
 
-def _part(whole: Sines, keep: NDArray[np.int64], name: str, role: str, note: str) -> Sines:
+def _part(whole: TableExperiment, keep: NDArray[np.int64], name: str, role: str, note: str) -> TableExperiment:
     return replace(
         whole,
         name=name,
@@ -279,13 +279,13 @@ def _part(whole: Sines, keep: NDArray[np.int64], name: str, role: str, note: str
         frequency=whole.frequency[keep],
         amplitude=whole.amplitude[keep],
         relative=whole.relative[keep],
-        orbits={},
-        slope=Slope(),
+        solutions={},
+        slope=BroydenJacobian(),
         latest={},
     )
 
 
-def _experiment(table: FrequencyTable, answers: Orbits) -> Sines:
+def _experiment(table: FrequencyTable, answers: PeriodicSolver) -> TableExperiment:
     rows = len(table.frequency)
     if rows < FEWEST:
         raise RecordingError(f"table '{table.name}' has {rows} rows", remedy=f"a fit needs at least {FEWEST}")
@@ -303,7 +303,7 @@ def _experiment(table: FrequencyTable, answers: Orbits) -> Sines:
             grain = quantum(channel.values) / math.sqrt(12) * DECIBEL / channel.values
             noise.append(np.hypot(grain, scatter(table.frequency, level)))
     sigma = np.array([float(np.median(n)) for n in noise])
-    return Sines(
+    return TableExperiment(
         name=table.name,
         role=table.role,
         time=np.arange(rows, dtype=float),

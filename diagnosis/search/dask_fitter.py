@@ -1,4 +1,4 @@
-"""A workshop whose fits are done by the workers of a dask cluster.
+"""A candidate fitter whose fits are done by the workers of a dask cluster.
 
 What travels is the scenario's files, the recordings, and for each fit the effects and the numbers to start from;
 numbers come back. The models are built on both sides, so that the verdict is that of a study on one machine.
@@ -15,8 +15,8 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.recordings.mapping import Recorded
-from diagnosis.search.fitter import Workshop
-from diagnosis.search.partial_fit import Draft
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.partial_fit import PartialFit
 from engine.errors import FlexarmError
 from engine.spread import Spread, Store
 from scenarios.files import Shipment, packed, unpacked
@@ -26,7 +26,7 @@ STUDIES = 2
 """Studies whose models a worker keeps."""
 
 _building = threading.Lock()
-_shops: dict[str, Workshop] = {}
+_shops: dict[str, CandidateFitter] = {}
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,16 @@ class Order:
 
 @dataclass(frozen=True)
 class Task:
-    """A fit: of effects at their starting sizes from ``parent``'s parameters, or of a draft that is gone on with."""
+    """A fit: of effects at their starting sizes from ``parent``'s parameters, or one begun elsewhere that is gone on with."""
 
     effects: tuple[Candidate, ...]
     parent: dict[str, float]
-    draft: dict[str, Any] | None = None
+    begun: dict[str, Any] | None = None
     iterations: int = 0
 
 
-class RemoteWorkshop(Workshop):
-    """A workshop that leaves its fits to a cluster; arguments as of `Workshop`.
+class DaskFitter(CandidateFitter):
+    """A candidate fitter that leaves its fits to a cluster; arguments as of `CandidateFitter`.
 
     Args:
         spread: the cluster.
@@ -65,20 +65,20 @@ class RemoteWorkshop(Workshop):
         order = Order(packed(scenario), tuple(scenario.overrides), self.recordings, seed, self.digest)
         self.order = spread.shared(order)
 
-    def again(self, recordings: Sequence[Recorded]) -> RemoteWorkshop:
+    def again(self, recordings: Sequence[Recorded]) -> DaskFitter:
         """The same with other recordings."""
-        return RemoteWorkshop(self.scenario, recordings, self.spread, self.seed, self.store)
+        return DaskFitter(self.scenario, recordings, self.spread, self.seed, self.store)
 
-    def drafted(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> Draft:
-        """As of `Workshop`, on a worker."""
+    def compute_partial_fit(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> PartialFit:
+        """As of `CandidateFitter`, on a worker."""
         return self._done(Task(effects, parent))
 
-    def finished(self, draft: Draft, iterations: int) -> Draft:
-        """As of `Workshop`, on a worker."""
-        return self._done(Task(draft.effects, {}, draft.row(), iterations))
+    def compute_finish(self, partial: PartialFit, iterations: int) -> PartialFit:
+        """As of `CandidateFitter`, on a worker."""
+        return self._done(Task(partial.effects, {}, partial.row(), iterations))
 
-    def _done(self, task: Task) -> Draft:
-        return self.revived(task.effects, self.spread.call(perform, (self.order, task)))
+    def _done(self, task: Task) -> PartialFit:
+        return self.restored(task.effects, self.spread.call(perform, (self.order, task)))
 
 
 def perform(given: tuple[Order, Task]) -> dict[str, Any]:
@@ -89,18 +89,18 @@ def perform(given: tuple[Order, Task]) -> dict[str, Any]:
     """
     order, task = given
     with threadpool_limits(1):
-        shop = _shop(order)
-        if task.draft is None:
-            made = shop.drafted(task.effects, task.parent)
+        fitter = _shop(order)
+        if task.begun is None:
+            made = fitter.compute_partial_fit(task.effects, task.parent)
         else:
-            made = shop.finished(shop.revived(task.effects, task.draft), task.iterations)
+            made = fitter.compute_finish(fitter.restored(task.effects, task.begun), task.iterations)
     return made.row()
 
 
-def _shop(order: Order) -> Workshop:
+def _shop(order: Order) -> CandidateFitter:
     with _building:  # a worker may have several threads
         if order.digest not in _shops:
-            made = Workshop(load(unpacked(order.files), order.overrides), order.recordings, 1, order.seed)
+            made = CandidateFitter(load(unpacked(order.files), order.overrides), order.recordings, 1, order.seed)
             if made.digest != order.digest:
                 raise FlexarmError(
                     "a worker builds another model from the same scenario",

@@ -18,7 +18,7 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.search.partial_fit import ended
 
 if TYPE_CHECKING:
-    from diagnosis.search.scored_model import Trial
+    from diagnosis.search.scored_model import ScoredModel
 
 KNOWN = {
     "direction_dependent_friction": ("coulomb_friction", "offset"),
@@ -31,7 +31,7 @@ GRAVITY = 9.81
 """m/s2, as in `blocks.actuators.gravity_torque`."""
 
 
-def lookalike(chosen: Trial, trials: Sequence[Trial]) -> tuple[Candidate, ...]:
+def lookalike(chosen: ScoredModel, trials: Sequence[ScoredModel]) -> tuple[Candidate, ...]:
     """The pair that a single effect may be taken for, each at the place where it does best; empty if there is none.
 
     Args:
@@ -45,7 +45,7 @@ def lookalike(chosen: Trial, trials: Sequence[Trial]) -> tuple[Candidate, ...]:
     return tuple(c for c in found if c is not None) if all(c is not None for c in found) else ()
 
 
-def same_laws(chosen: Trial, listed: Sequence[Candidate]) -> list[tuple[Candidate, ...]]:
+def same_laws(chosen: ScoredModel, listed: Sequence[Candidate]) -> list[tuple[Candidate, ...]]:
     """The models in which one effect of the chosen one is another that is the same law, to start where it ended.
 
     Gravity, -m g r sin(angle - hanging_angle) with r = 1 m, is a ripple A sin(angle + phase) of order one.

@@ -15,11 +15,11 @@ import numpy as np
 from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.problem import Array, Problem, prior
-from diagnosis.frequency_response.table_experiment import Sines, renamed
+from diagnosis.frequency_response.table_experiment import TableExperiment, renamed
 from diagnosis.problems import problem, resolved
 from diagnosis.recordings.mapping import FrequencyTable, Recorded
-from diagnosis.search.partial_fit import Draft, Entry, ended, ended_at
-from diagnosis.search.scored_model import Trial, scored
+from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, ended_at
+from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.wave_starts import solved
 from engine.errors import FlexarmError
 from engine.spread import Store
@@ -55,7 +55,7 @@ HARDLY = 3e-3
 """A first step that gains less than this share of the cost is the last."""
 
 
-class Workshop:
+class CandidateFitter:
     """Builds and fits models of a study, with a bounded number of threads.
 
     Args:
@@ -79,47 +79,47 @@ class Workshop:
         self.text = without(scenario.path.read_text(encoding="utf-8"), "recordings", "analyses")
         self.base = problem(scenario, self.recordings)
         self.sigma = np.array([e.sigma for e in self.base.experiments])
-        self.tables = any(isinstance(e, Sines) for e in self.base.experiments)
+        self.tables = any(isinstance(e, TableExperiment) for e in self.base.experiments)
         self.digest = _digest(self.base, seed)
 
-    def again(self, recordings: Sequence[Recorded]) -> Workshop:
+    def again(self, recordings: Sequence[Recorded]) -> CandidateFitter:
         """The same with other recordings."""
-        return Workshop(self.scenario, recordings, self.workers, self.seed, self.store)
+        return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store)
 
-    def refit(self) -> Trial:
+    def refit(self) -> ScoredModel:
         """The user's own model, its parameters fitted from several starts."""
 
-        def compute() -> Draft:
+        def compute() -> PartialFit:
             made = fit(self.base, random_starts=2, seed=self.seed, workers=self.workers)
-            return Draft((), Entry(made.cost, self.base, made.x, (), ()), made.converged)
+            return PartialFit((), StartingPoint(made.cost, self.base, made.x, (), ()), made.converged)
 
-        draft = self._kept("refit", (), compute)
-        return self._trial(draft)
+        partial = self._kept("refit", (), compute)
+        return self._trial(partial)
 
-    def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], Draft]) -> Draft:
+    def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:
         """What ``compute`` gives, or what it gave before under the same key."""
         key = f"{self.digest} {key}"
         if self.store is None or key not in self.store:
-            draft = compute()
+            partial = compute()
             if self.store is not None:
-                self.store[key] = draft.row()
-            return draft
-        return self.revived(effects, self.store[key])
+                self.store[key] = partial.row()
+            return partial
+        return self.restored(effects, self.store[key])
 
-    def revived(self, effects: tuple[Candidate, ...], row: dict[str, Any]) -> Draft:
-        """The draft that was written down by `Draft.row`."""
+    def restored(self, effects: tuple[Candidate, ...], row: dict[str, Any]) -> PartialFit:
+        """The partial fit that was written down by `PartialFit.row`."""
         made = self.build(effects, row["built"]) if effects else self.base
         made = replace(made, internal_step=row["internal_step"])
-        entry = Entry(row["cost"], made, np.array(row["x"]), tuple(row["sizes"]), tuple(row["built"]))
-        return Draft(effects, entry, row["converged"])
+        point = StartingPoint(row["cost"], made, np.array(row["x"]), tuple(row["sizes"]), tuple(row["built"]))
+        return PartialFit(effects, point, row["converged"])
 
-    def _trial(self, draft: Draft) -> Trial:
-        """A draft as it is, scored."""
-        made, x = draft.entry.problem, draft.entry.x
-        chi2 = (draft.entry.cost - float(np.sum(prior(made, x)[0] ** 2))) / max(_count(made), 1)
+    def _trial(self, partial: PartialFit) -> ScoredModel:
+        """A partial fit as it is, scored."""
+        made, x = partial.point.problem, partial.point.x
+        chi2 = (partial.point.cost - float(np.sum(prior(made, x)[0] ** 2))) / max(_count(made), 1)
         n = len(x)
-        found = Fit(made, x, draft.entry.cost, chi2, draft.converged, np.zeros((n, n)))
-        return scored(found, draft.effects, draft.entry.sizes)
+        found = Fit(made, x, partial.point.cost, chi2, partial.converged, np.zeros((n, n)))
+        return scored(found, partial.effects, partial.point.sizes)
 
     def build(self, effects: Sequence[Candidate], starts: Sequence[dict[str, float]]) -> Problem:
         """The problem with effects put in at starting values.
@@ -137,39 +137,41 @@ class Workshop:
         experiments = tuple(replace(e, sigma=s) for e, s in zip(made.experiments, self.sigma, strict=True))
         return replace(made, experiments=experiments)
 
-    def draft(self, effects: tuple[Candidate, ...], start: Fit) -> Draft:
+    def partial_fit(self, effects: tuple[Candidate, ...], start: Fit) -> PartialFit:
         """Put effects in, try their starting sizes from the parent's optimum, and take a few steps from the best.
 
         Raises:
             FlexarmError: the amended model has no meaning.
         """
-        key = " ".join(["draft", *(c.key for c in effects), *(repr(c.starts) for c in effects), _hash(start.x)])
-        return self._kept(key, effects, lambda: self.drafted(effects, start.parameters()))
+        key = " ".join(["partial fit", *(c.key for c in effects), *(repr(c.starts) for c in effects), _hash(start.x)])
+        return self._kept(key, effects, lambda: self.compute_partial_fit(effects, start.parameters()))
 
-    def drafted(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> Draft:
-        """The work of `draft`, done anew whatever is kept.
+    def compute_partial_fit(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> PartialFit:
+        """The work of `partial_fit`, done anew whatever is kept.
 
         Raises:
             FlexarmError: the amended model has no meaning.
         """
-        entries = []
+        points = []
         for chosen in itertools.product(*(c.structures() for c in effects)):
-            entries += self.entries(effects, chosen, parent)
-        if not entries:
+            points += self.points(effects, chosen, parent)
+        if not points:
             raise FlexarmError("at every size it would move faster than these recordings can show")
-        entries.sort(key=lambda entry: entry.cost)
-        bold = self.entries(effects, [effects[0].bold], parent) if len(effects) == 1 and effects[0].bold else []
+        points.sort(key=lambda point: point.cost)
+        bold = self.points(effects, [effects[0].bold], parent) if len(effects) == 1 and effects[0].bold else []
         tried = []
         with ThreadPoolExecutor(1) as pool:
-            begun = [*self._begun(effects, entries, parent), *bold]
-            most = SETTLES if len({id(entry.problem.model) for entry in begun}) > 1 else FIRST
-            for entry in begun:
-                training = entry.problem.chosen("train", "repeat")
-                x, cost, converged = descend(entry.problem, entry.x, training, pool, iterations=most, least=HARDLY)
-                tried.append(Draft(effects, replace(entry, x=x, cost=cost), converged))
-        return min(tried, key=lambda draft: draft.entry.cost)
+            begun = [*self._begun(effects, points, parent), *bold]
+            most = SETTLES if len({id(point.problem.model) for point in begun}) > 1 else FIRST
+            for point in begun:
+                training = point.problem.chosen("train", "repeat")
+                x, cost, converged = descend(point.problem, point.x, training, pool, iterations=most, least=HARDLY)
+                tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
+        return min(tried, key=lambda partial: partial.point.cost)
 
-    def _begun(self, effects: tuple[Candidate, ...], entries: Sequence[Entry], parent: dict[str, float]) -> list[Entry]:
+    def _begun(
+        self, effects: tuple[Candidate, ...], points: Sequence[StartingPoint], parent: dict[str, float]
+    ) -> list[StartingPoint]:
         """The entries to fit; ``entries`` begin from the parent's parameters, best first."""
         # A wave that goes on from where a fit ended needs no other start.
         waves = [k for k, c in enumerate(effects) if c.wave and len(c.starts) > 1]
@@ -177,21 +179,21 @@ class Workshop:
             single = len(effects) == 1
             begun = [e for k in waves for e in solved(self, effects, k, parent)[: SOLVED if single else REORDERED]]
             if not single:
-                return [*begun, *_spread(entries)[:1]]
+                return [*begun, *_spread(points)[:1]]
             # A wave that moves the model far is not solved for by tangents: then every order is tried from the others.
-            near = any(entry.cost < SOLUTION * _count(entry.problem) for entry in begun)
-            return [*begun, *_spread(entries)[: STARTS if near else None]]
+            near = any(point.cost < SOLUTION * _count(point.problem) for point in begun)
+            return [*begun, *_spread(points)[: STARTS if near else None]]
         if not self.tables or len(effects) > 1:
-            return _spread(entries)
+            return _spread(points)
         # A few rows let the refit bend parameters that the effect would leave as they were given: begin there too.
-        given: list[Entry] = []
+        given: list[StartingPoint] = []
         for chosen in itertools.product(*(c.structures() for c in effects)):
-            given += self.entries(effects, chosen, {})
-        return [entries[0], min(given, key=lambda entry: entry.cost)]
+            given += self.points(effects, chosen, {})
+        return [points[0], min(given, key=lambda point: point.cost)]
 
-    def entries(
+    def points(
         self, effects: tuple[Candidate, ...], groups: Sequence[Sequence[Sizes]], parent: dict[str, float]
-    ) -> list[Entry]:
+    ) -> list[StartingPoint]:
         """Starting sizes that share one model, each with its cost."""
         built = tuple(group[0] for group in groups)
         made, rows = self.build(effects, built), []
@@ -199,81 +201,81 @@ class Workshop:
             x = _placed(made, parent, effects, sizes)
             stepped = resolved(made, x)
             if stepped is not None:
-                rows.append(Entry(_glance(stepped, x), stepped, x, sizes, built))
+                rows.append(StartingPoint(_glance(stepped, x), stepped, x, sizes, built))
         return rows
 
-    def reduced(self, trial: Trial, kept: Candidate) -> Trial:
+    def reduced(self, trial: ScoredModel, kept: Candidate) -> ScoredModel:
         """One effect of a trial alone, from where the trial ended.
 
         Raises:
             FlexarmError: the amended model has no meaning.
         """
         alone = ended(trial, kept)
-        made = self.finish(self.draft((alone,), trial.fit))
+        made = self.finish(self.partial_fit((alone,), trial.fit))
         return replace(made, effects=(kept,))
 
-    def finish(self, draft: Draft, iterations: int = MOST) -> Trial:
-        """Fit a draft until it converges, and score it; with no iterations left it is scored as it is."""
+    def finish(self, partial: PartialFit, iterations: int = MOST) -> ScoredModel:
+        """Finish a partial fit until it converges, and score it; with no iterations left it is scored as it is."""
         if not iterations:
-            return self._trial(draft)
-        key = " ".join(["finish", *(c.key for c in draft.effects), str(iterations), _hash(draft.entry.x)])
-        return self._trial(self._kept(key, draft.effects, lambda: self.finished(draft, iterations)))
+            return self._trial(partial)
+        key = " ".join(["finish", *(c.key for c in partial.effects), str(iterations), _hash(partial.point.x)])
+        return self._trial(self._kept(key, partial.effects, lambda: self.compute_finish(partial, iterations)))
 
-    def finished(self, draft: Draft, iterations: int) -> Draft:
+    def compute_finish(self, partial: PartialFit, iterations: int) -> PartialFit:
         """The work of `finish`, done anew whatever is kept and not scored."""
-        draft = self._descended(self._refined(draft), iterations)
-        for k, effect in enumerate(draft.effects):
-            if effect.wave and len(effect.starts) == 1 and len(draft.effects) > 1 and not self.tables:
-                draft = self._reordered(draft, k, iterations)
-        return draft
+        partial = self._descended(self._refined(partial), iterations)
+        for k, effect in enumerate(partial.effects):
+            if effect.wave and len(effect.starts) == 1 and len(partial.effects) > 1 and not self.tables:
+                partial = self._reordered(partial, k, iterations)
+        return partial
 
-    def _descended(self, draft: Draft, iterations: int) -> Draft:
-        """The draft fitted until it converges."""
-        if draft.converged:
-            return draft
-        entry = draft.entry
-        made = resolved(entry.problem, entry.x) or entry.problem
+    def _descended(self, partial: PartialFit, iterations: int) -> PartialFit:
+        """The partial fit fitted until it converges."""
+        if partial.converged:
+            return partial
+        point = partial.point
+        made = resolved(point.problem, point.x) or point.problem
         with ThreadPoolExecutor(1) as pool:
             training = made.chosen("train", "repeat")
-            x, cost, converged = descend(made, entry.x, training, pool, iterations=iterations)
+            x, cost, converged = descend(made, point.x, training, pool, iterations=iterations)
         if not math.isfinite(cost):
-            return draft  # it stands where the model cannot be differentiated
-        return Draft(draft.effects, replace(entry, problem=made, x=x, cost=cost), converged)
+            return partial  # it stands where the model cannot be differentiated
+        return PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
 
-    def _reordered(self, draft: Draft, k: int, iterations: int) -> Draft:
-        """The draft with its wave solved for anew beside the other effect, or as it is if no order does better.
+    def _reordered(self, partial: PartialFit, k: int, iterations: int) -> PartialFit:
+        """The partial fit with its wave solved for anew beside the other effect, or as it is if no order does better.
 
         Alone, a wave may fit best at an order that makes up for what the other effect does.
         """
-        entry, effects = draft.entry, draft.effects
-        values = entry.problem.values(entry.x)[0]
-        there = [ended_at(c, values, sizes) for c, sizes in zip(effects, entry.sizes, strict=True)]
-        tried = [draft]
+        point, effects = partial.point, partial.effects
+        values = point.problem.values(point.x)[0]
+        there = [ended_at(c, values, sizes) for c, sizes in zip(effects, point.sizes, strict=True)]
+        tried = [partial]
         for begun in solved(self, there, k, values)[:REORDERED]:
             training = begun.problem.chosen("train", "repeat")
             with ThreadPoolExecutor(1) as pool:
                 x, cost, converged = descend(begun.problem, begun.x, training, pool, iterations=SETTLES, least=HARDLY)
-            tried.append(Draft(effects, replace(begun, x=x, cost=cost), converged))
-        best = min(tried, key=lambda made: made.entry.cost)
-        return best if best is draft else self._descended(best, iterations)
+            tried.append(PartialFit(effects, replace(begun, x=x, cost=cost), converged))
+        best = min(tried, key=lambda made: made.point.cost)
+        return best if best is partial else self._descended(best, iterations)
 
-    def _refined(self, draft: Draft) -> Draft:
-        """The draft with sizes that are only chosen, such as a delay, moved to where they fit best."""
-        for k, effect in enumerate(draft.effects):
+    def _refined(self, partial: PartialFit) -> PartialFit:
+        """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""
+        for k, effect in enumerate(partial.effects):
             for share in FINER if effect.finer else ():
-                best = draft.entry
+                best = partial.point
                 for sizes in effect.finer(best.sizes[k], share) if effect.finer else ():
                     chosen = tuple(sizes if j == k else s for j, s in enumerate(best.sizes))
                     built = tuple(sizes if j == k else s for j, s in enumerate(best.built))
-                    made = self.build(draft.effects, built)
+                    made = self.build(partial.effects, built)
                     training = made.chosen("train", "repeat")
                     with ThreadPoolExecutor(1) as pool:
                         x, cost, converged = descend(made, best.x, training, pool, iterations=FIRST, least=HARDLY)
-                    if cost < draft.entry.cost:
-                        draft = Draft(draft.effects, Entry(cost, made, x, chosen, built), converged)
-        return draft
+                    if cost < partial.point.cost:
+                        partial = PartialFit(partial.effects, StartingPoint(cost, made, x, chosen, built), converged)
+        return partial
 
-    def polish(self, trial: Trial) -> Trial:
+    def polish(self, trial: ScoredModel) -> ScoredModel:
         """The same model, fitted until it converges."""
         made = trial.fit
         if made.converged:
@@ -283,7 +285,9 @@ class Workshop:
             x, cost, converged = descend(made.problem, made.x, training, pool, iterations=POLISHED)
         if not cost < made.cost:
             return trial  # it ended where the model cannot be differentiated
-        return self._trial(Draft(trial.effects, Entry(cost, made.problem, x, trial.sizes, trial.sizes), converged))
+        return self._trial(
+            PartialFit(trial.effects, StartingPoint(cost, made.problem, x, trial.sizes, trial.sizes), converged)
+        )
 
 
 def _count(made: Problem) -> int:
@@ -311,21 +315,21 @@ def _glance(made: Problem, x: Array) -> float:
     return sum(float(np.sum(made.residual(x, e) ** 2)) for e in training) + float(np.sum(prior(made, x)[0] ** 2))
 
 
-def _spread(entries: Sequence[Entry]) -> list[Entry]:
+def _spread(points: Sequence[StartingPoint]) -> list[StartingPoint]:
     """The best entries that do not lie next to each other; of sizes that are only chosen, the best of the best few."""
-    models: dict[int, Entry] = {}
-    for entry in entries:
-        models.setdefault(id(entry.problem.model), entry)
+    models: dict[int, StartingPoint] = {}
+    for point in points:
+        models.setdefault(id(point.problem.model), point)
     chosen = list(models.values())[:STRUCTURES] if len(models) > 1 else []
-    for entry in entries:
+    for point in points:
         if len(chosen) >= STARTS:
             break
-        if all(_apart(entry, other) for other in chosen):
-            chosen.append(entry)
+        if all(_apart(point, other) for other in chosen):
+            chosen.append(point)
     return chosen
 
 
-def _apart(one: Entry, other: Entry) -> bool:
+def _apart(one: StartingPoint, other: StartingPoint) -> bool:
     return one.problem.model is not other.problem.model or float(np.abs(one.x - other.x).max()) > APART
 
 

@@ -69,7 +69,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class RecoveredForce:
     """What is missing at a place, as a force over time and as curves.
 
     Attributes:
@@ -118,7 +118,7 @@ class _Recovered:
     log_odds: float
 
 
-def recover(study: Study, flange: str, unit: str = "N.m") -> Evidence | None:
+def recover(study: Study, flange: str, unit: str = "N.m") -> RecoveredForce | None:
     """The force that is missing at a flange or an input, if the model can be linearised there.
 
     Args:
@@ -153,7 +153,7 @@ def recover(study: Study, flange: str, unit: str = "N.m") -> Evidence | None:
     curves = _curves(study, flange, unit, parameters, found)
     held = [f for f in found if f.experiment.role == "hold_out"] or found
     shown = max(held, key=lambda f: float(np.ptp(f.force)))
-    return Evidence(
+    return RecoveredForce(
         flange,
         unit,
         shown.time,
@@ -173,9 +173,9 @@ def place_of(effect: Candidate, study: Study) -> tuple[str, str]:
             return edit.target, next((v.unit for v in problem.model.inputs if v.name == edit.target), "")
         flange = edit.target if isinstance(edit, AtFlange | Between) else ""
         if isinstance(edit, Set | Replace):
-            flange = next((f for f in study.around.groups if f.startswith(f"{edit.name}.")), "")
+            flange = next((f for f in study.scales.groups if f.startswith(f"{edit.name}.")), "")
         if flange:
-            return flange, "N" if flange in study.around.slides else "N.m"
+            return flange, "N" if flange in study.scales.slides else "N.m"
     return "", ""
 
 
@@ -187,7 +187,7 @@ def _answer(study: Study, flange: str, parameters: dict[str, float], e: Experime
     if flange in inputs:
         probe, probed = flange, system
     else:
-        sliding = flange in study.around.slides
+        sliding = flange in study.scales.slides
         kind, port, effort = ("Force", "flange", "force") if sliding else ("Torque", "shaft", "torque")
         probe = f"probe.{effort}"
         blocks = {**system.blocks, "probe": registry()[kind]()}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diagnosis.effects.effect import NAME, Candidate, Knob, Sizes, with_unit
+from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, with_unit
 from diagnosis.search.force_recovery import Curve, place_of, recover
 from scenarios.amend import AtFlange, Edit, InSignal
 
@@ -34,7 +34,7 @@ def laws(study: Study) -> Iterator[Candidate]:
     places: list[tuple[str, str]] = []
     for trial in study.trials:
         found = place_of(trial.effects[0], study) if len(trial.effects) == 1 else ("", "")
-        if found[0] and found not in places and found[0] not in study.around.slides:
+        if found[0] and found not in places and found[0] not in study.scales.slides:
             places.append(found)
     for place, unit in places[:PLACES]:
         force = recover(study, place, unit)
@@ -51,16 +51,18 @@ def _law(study: Study, place: str, unit: str, curve: Curve) -> Candidate:
     size = float(np.abs(heights).max()) or 1.0
     names = [f"heights[{k + 1}]" for k in range(POINTS)]
     name, block = f"{NAME}_law", study.scenario.system.split(place)[0]
-    entry = place in study.around.inputs
+    point = place in study.scales.inputs
 
     def edits(values: Sizes) -> list[Edit]:
         rows = [with_unit(values[n], unit) for n in names]
         ends = {"lower": lower, "upper": upper}
-        if entry:
+        if point:
             given = {key: with_unit(value, curve.x_unit) for key, value in ends.items()}
             return [InSignal(name, "Curve", place, {"points": POINTS, **given, "heights": rows})]
         of = "speed" if curve.x_label.endswith(".speed") else "angle"
         return [AtFlange(name, "TorqueCurve", place, "shaft", {"of": of, "points": POINTS, **ends, "heights": rows})]
 
-    knobs = tuple(Knob(n, size, signed=True) for n in names)
-    return Candidate("unknown", place, block, name, edits, knobs, (dict(zip(names, heights.tolist(), strict=True)),))
+    parameters = tuple(EffectParameter(n, size, signed=True) for n in names)
+    return Candidate(
+        "unknown", place, block, name, edits, parameters, (dict(zip(names, heights.tolist(), strict=True)),)
+    )

@@ -7,11 +7,11 @@ from typing import Any
 
 from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.estimation.problem import Array, Problem
-from diagnosis.search.scored_model import Trial
+from diagnosis.search.scored_model import ScoredModel
 
 
 @dataclass(frozen=True)
-class Entry:
+class StartingPoint:
     """Where a fit may start: a model, a search vector, its cost there, the effects' sizes, and those it was built with.
 
     The search vector counts from the sizes that the model was built with.
@@ -25,26 +25,26 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Draft:
+class PartialFit:
     """Effects put in, after a few steps of their fit."""
 
     effects: tuple[Candidate, ...]
-    entry: Entry
+    point: StartingPoint
     converged: bool
 
     def row(self) -> dict[str, Any]:
-        """As numbers, for `Workshop.revived`."""
+        """As numbers, for `CandidateFitter.revived`."""
         return {
-            "x": self.entry.x.tolist(),
-            "cost": self.entry.cost,
+            "x": self.point.x.tolist(),
+            "cost": self.point.cost,
             "converged": self.converged,
-            "sizes": self.entry.sizes,
-            "built": self.entry.built,
-            "internal_step": self.entry.problem.internal_step,
+            "sizes": self.point.sizes,
+            "built": self.point.built,
+            "internal_step": self.point.problem.internal_step,
         }
 
 
-def ended(trial: Trial, effect: Candidate) -> Candidate:
+def ended(trial: ScoredModel, effect: Candidate) -> Candidate:
     """An effect of a trial, to start only from where the trial ended."""
     return ended_at(effect, trial.fit.parameters(), trial.sizes[trial.effects.index(effect)])
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.problem import Array
-from diagnosis.frequency_response.table_experiment import Sines
+from diagnosis.frequency_response.table_experiment import TableExperiment
 from diagnosis.recordings.mapping import Recorded, Recording
 from diagnosis.search.equivalent_effects import KNOWN
-from diagnosis.search.scored_model import STRAIN, Trial, at_end, by_chance, gain_band, strained
+from diagnosis.search.scored_model import STRAIN, ScoredModel, at_end, by_chance, gain_band, outside_tolerances
 
 DECISIVE = 10.0
 """Difference in cost, twice the log likelihood ratio, beyond which one change is preferred to another."""
@@ -74,7 +74,7 @@ NESTED_ANYWHERE = {"offset": ("stray_spring",)}
 """The same wherever they are: a soft spring at rest outside the range of its angle is nearly a constant torque."""
 
 
-def floor(trial: Trial) -> float:
+def noise_floor(trial: ScoredModel) -> float:
     """Mean squared residual that is noise, in units of the stated variance: that stated, or more where it shows more.
 
     White noise is what second differences leave of a residual: a model's errors are smooth at the rate of the samples,
@@ -85,7 +85,7 @@ def floor(trial: Trial) -> float:
     held = problem.chosen("hold_out") or problem.chosen("train", "repeat")
     levels = []
     for e in held:
-        if isinstance(e, Sines) or len(e.time) < 64:
+        if isinstance(e, TableExperiment) or len(e.time) < 64:
             return 1.0
         for r, y in zip(problem.residual(trial.fit.x, e).T, e.measured.T, strict=True):
             there = np.flatnonzero(np.isfinite(y))
@@ -105,71 +105,71 @@ def _typical(squares: Array, pieces: int) -> float:
     return middle / (1 - 2 / (9 * len(squares) / pieces * 18 / 35)) ** 3
 
 
-def unexplained(trial: Trial, ground: float) -> bool:
+def unexplained(trial: ScoredModel, floor: float) -> bool:
     """Whether more than noise is left over, of the held-out data and of those that were fitted.
 
     Where the fitted data are at the floor, what is left of the others is what the parameters are uncertain by, unless
     it is much.
     """
-    left = trial.hold_out - ground
-    fitted = trial.fit.chi2 - ground > FITTED * ground
-    return (fitted or left > FAR * ground) and left > max(LEAST * ground, by_chance(trial))
+    left = trial.hold_out - floor
+    fitted = trial.fit.chi2 - floor > FITTED * floor
+    return (fitted or left > FAR * floor) and left > max(LEAST * floor, by_chance(trial))
 
 
-def missing(refit: Trial) -> bool:
+def missing(refit: ScoredModel) -> bool:
     """Whether so much is left over that something is missing, even if no effect accounts for it."""
-    return refit.hold_out - floor(refit) > max(UNKNOWN, by_chance(refit))
+    return refit.hold_out - noise_floor(refit) > max(UNKNOWN, by_chance(refit))
 
 
-def pays(better: Trial, worse: Trial) -> bool:
+def pays(better: ScoredModel, worse: ScoredModel) -> bool:
     """Whether what a model adds takes enough away of what another leaves over, beyond the bootstrap band."""
-    ground = floor(better)
+    floor = noise_floor(better)
     share = PAYS if len(better.effects) == 1 or not worse.effects else PAYS_AGAIN
     gain = worse.hold_out - better.hold_out
-    return gain > share * (worse.hold_out - ground) and gain_band(better, worse)[0] > 0 and unexplained(worse, ground)
+    return gain > share * (worse.hold_out - floor) and gain_band(better, worse)[0] > 0 and unexplained(worse, floor)
 
 
-def reached(refit: Trial, chosen: Trial) -> bool:
+def reached(refit: ScoredModel, chosen: ScoredModel) -> bool:
     """Whether the amended model leaves little more than noise of what it was fitted to and of what it was not.
 
     Where the fitted data are at the floor, more may be left of the others: what the parameters are uncertain by.
     """
-    ground = floor(chosen)
-    left, before = chosen.hold_out - ground, refit.hold_out - ground
-    if chosen.fit.chi2 - ground > _little(refit.fit.chi2 - ground, ground):
+    floor = noise_floor(chosen)
+    left, before = chosen.hold_out - floor, refit.hold_out - floor
+    if chosen.fit.chi2 - floor > _little(refit.fit.chi2 - floor, floor):
         return False
-    uncertain = min(UNCERTAIN * before, AT_MOST_THEN * ground)
-    at_floor = chosen.fit.chi2 - ground < FITTED * ground
-    return left < max(_little(before, ground), uncertain if at_floor else 0.0)
+    uncertain = min(UNCERTAIN * before, AT_MOST_THEN * floor)
+    at_floor = chosen.fit.chi2 - floor < FITTED * floor
+    return left < max(_little(before, floor), uncertain if at_floor else 0.0)
 
 
-def _little(before: float, ground: float) -> float:
+def _little(before: float, floor: float) -> float:
     """How much above the floor a right law may leave of what was there before."""
-    return max(REACHED * ground, min(LEFT_OVER * before, AT_MOST * ground))
+    return max(REACHED * floor, min(LEFT_OVER * before, AT_MOST * floor))
 
 
-def explained(refit: Trial, chosen: Trial) -> float:
+def explained(refit: ScoredModel, chosen: ScoredModel) -> float:
     """Share of the held-out excess over the floor that is gone; of the strain on the tolerances where there is none."""
-    ground = floor(chosen)
-    if not unexplained(refit, ground):
-        return min(max(1 - chosen.strain / max(refit.strain, 1e-9), 0.0), 1.0)
+    floor = noise_floor(chosen)
+    if not unexplained(refit, floor):
+        return min(max(1 - chosen.prior_cost / max(refit.prior_cost, 1e-9), 0.0), 1.0)
     if _of_tables(refit):
         # Parameters bent far out of their tolerances follow a few rows: that explains nothing.
-        return min(max((refit.merit - chosen.merit) / (refit.merit - ground), 0.0), 1.0)
-    return min(max((refit.hold_out - chosen.hold_out) / (refit.hold_out - ground), 0.0), 1.0)
+        return min(max((refit.merit - chosen.merit) / (refit.merit - floor), 0.0), 1.0)
+    return min(max((refit.hold_out - chosen.hold_out) / (refit.hold_out - floor), 0.0), 1.0)
 
 
-def _of_tables(trial: Trial) -> bool:
-    return any(isinstance(e, Sines) for e in trial.fit.problem.experiments)
+def _of_tables(trial: ScoredModel) -> bool:
+    return any(isinstance(e, TableExperiment) for e in trial.fit.problem.experiments)
 
 
-def accounted(recordings: Sequence[Recorded], refit: Trial, chosen: Trial) -> bool:
+def accounted(recordings: Sequence[Recorded], refit: ScoredModel, chosen: ScoredModel) -> bool:
     """Whether what was found accounts for the mismatch: to the floor where the noise was stated, else most of it.
 
     Where the noise of every signal is stated, a law that is right reaches it; one that only resembles the missing one
     leaves a share of the mismatch.
     """
-    least = EXPLAINS if unexplained(refit, floor(chosen)) else 1 - RELIEVES
+    least = EXPLAINS if unexplained(refit, noise_floor(chosen)) else 1 - RELIEVES
     if not chosen.effects or explained(refit, chosen) < least:
         return False
     if beyond(refit, chosen):
@@ -178,22 +178,22 @@ def accounted(recordings: Sequence[Recorded], refit: Trial, chosen: Trial) -> bo
     return reached(refit, chosen) if stated else True
 
 
-def beyond(refit: Trial, chosen: Trial) -> list[str]:
+def beyond(refit: ScoredModel, chosen: ScoredModel) -> list[str]:
     """What stands far from what it can be for a model to do as it does, where it does not for the refit."""
     return [*at_end(chosen), *sorted(_bent(chosen) - _bent(refit))]
 
 
-def _bent(trial: Trial) -> set[str]:
+def _bent(trial: ScoredModel) -> set[str]:
     """Parameters of the user's that stand far outside their tolerances."""
     return {f.name for f, x in zip(trial.fit.problem.free, trial.fit.x, strict=True) if f.prior and abs(x) > BENT}
 
 
-def price(trial: Trial) -> float:
+def price(trial: ScoredModel) -> float:
     """What a model costs before it explains anything: its parameters, and how far those of the user had to move."""
-    return trial.strain + trial.size * math.log(max(trial.samples, 2))
+    return trial.prior_cost + trial.size * math.log(max(trial.samples, 2))
 
 
-def near(best: Trial, trials: Sequence[Trial], before: Trial) -> list[Trial]:
+def near(best: ScoredModel, trials: Sequence[ScoredModel], before: ScoredModel) -> list[ScoredModel]:
     """The trials that do as well as the best one on held-out data, as far as the data can tell.
 
     One that misses the fitted recordings by far is none: what is missing may hardly show in those held out.
@@ -203,7 +203,7 @@ def near(best: Trial, trials: Sequence[Trial], before: Trial) -> list[Trial]:
         trials: models.
         before: the model without what they add.
     """
-    rows, left = [], min(max(best.hold_out - floor(best), 0.0), LEAST)
+    rows, left = [], min(max(best.hold_out - noise_floor(best), 0.0), LEAST)
     for t in trials:
         apart = (t.merit - best.merit) * best.samples / max(best.hold_out, 1.0)
         if t.merit - best.merit < max(NEAR * best.merit, left) or gain_band(best, t)[0] <= 0 or apart < DECISIVE:
@@ -215,7 +215,7 @@ def near(best: Trial, trials: Sequence[Trial], before: Trial) -> list[Trial]:
     return [t for t in rows if t.fit.chi2 - least < slack]
 
 
-def choose(parent: Trial, trials: Sequence[Trial]) -> Trial:
+def choose(parent: ScoredModel, trials: Sequence[ScoredModel]) -> ScoredModel:
     """The trial to prefer to its parent, or the parent: of those that do equally well the one of the least price.
 
     Args:
@@ -224,8 +224,8 @@ def choose(parent: Trial, trials: Sequence[Trial]) -> Trial:
     """
     if not trials:
         return parent
-    if not parent.effects and not unexplained(parent, floor(trials[0])):
-        return _freed(parent, trials) if strained(parent) else parent
+    if not parent.effects and not unexplained(parent, noise_floor(trials[0])):
+        return _freed(parent, trials) if outside_tolerances(parent) else parent
     able = [t for t in trials if not at_end(t)]
     if able and reached(parent, able[0]):
         trials = able  # an effect that ended where it is another one does well because it is like something
@@ -233,14 +233,14 @@ def choose(parent: Trial, trials: Sequence[Trial]) -> Trial:
     return best if pays(best, parent) else parent
 
 
-def relieved(chosen: Trial, pairs: Sequence[Trial]) -> Trial:
+def relieved(chosen: ScoredModel, pairs: Sequence[ScoredModel]) -> ScoredModel:
     """The pair with a wrong parameter that lets all others stay within their tolerances, where the best model strains.
 
     Args:
         chosen: the best model found.
         pairs: of a parameter let go of and an effect.
     """
-    if not strained(chosen) or len(chosen.effects) > 1:
+    if not outside_tolerances(chosen) or len(chosen.effects) > 1:
         return chosen
     mine = {c.key for c in chosen.effects}
     able = [t for t in pairs if mine <= {c.key for c in t.effects} and t.hold_out < 1.1 * chosen.hold_out]
@@ -248,20 +248,20 @@ def relieved(chosen: Trial, pairs: Sequence[Trial]) -> Trial:
     return best if chosen.fit.cost - best.fit.cost > DECISIVE * max(best.fit.chi2, 1.0) else chosen
 
 
-def _freed(refit: Trial, trials: Sequence[Trial]) -> Trial:
+def _freed(refit: ScoredModel, trials: Sequence[ScoredModel]) -> ScoredModel:
     """The single change that lets all other parameters stay within their tolerances, if one does."""
     able = _relieving(refit, refit, trials)
     best = min(able, key=lambda t: (t.fit.cost, t.effects[0].effect != "wrong_parameter"), default=refit)
     return best if refit.fit.cost - best.fit.cost > STRAIN**2 else refit
 
 
-def _relieving(refit: Trial, chosen: Trial, trials: Sequence[Trial]) -> list[Trial]:
+def _relieving(refit: ScoredModel, chosen: ScoredModel, trials: Sequence[ScoredModel]) -> list[ScoredModel]:
     """Single changes that take most of the strain away; what only follows the noise closer does not."""
     able = [t for t in trials if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
-    return [t for t in able if t.strain < RELIEVES * refit.strain]
+    return [t for t in able if t.prior_cost < RELIEVES * refit.prior_cost]
 
 
-def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial, ...]:
+def rivals(chosen: ScoredModel, refit: ScoredModel, trials: Sequence[ScoredModel]) -> tuple[ScoredModel, ...]:
     """Other models with as many effects that the held-out data cannot tell from the chosen one.
 
     A model that contains the chosen one, or that costs much more before it explains as much, is none.
@@ -269,35 +269,35 @@ def rivals(chosen: Trial, refit: Trial, trials: Sequence[Trial]) -> tuple[Trial,
     others = [t for t in trials if len(t.effects) == len(chosen.effects) and not _same(t, chosen)]
     pair = set(KNOWN.get(chosen.effects[0].effect, ())) if len(chosen.effects) == 1 else set()
     others += [t for t in trials if len(t.effects) > 1 and {c.effect for c in t.effects} == pair]
-    if not unexplained(refit, floor(chosen)):
+    if not unexplained(refit, noise_floor(chosen)):
         able = _relieving(refit, chosen, others)
         return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)
     alike = [t for t in near(chosen, others, refit) if not at_end(t)]
-    if _of_tables(chosen) and not strained(chosen):
+    if _of_tables(chosen) and not outside_tolerances(chosen):
         # One that needs further parameters outside their tolerances is none.
-        alike = [t for t in alike if not strained(t)]
+        alike = [t for t in alike if not outside_tolerances(t)]
     rows = [t for t in alike if not _contains(t, chosen) and price(t) - price(chosen) < 3 * DECISIVE]
     # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.
     richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + LEAST) * chosen.merit]
     rows += [t for t in richer if better(t, chosen)]
-    found: dict[frozenset[str], Trial] = {}
+    found: dict[frozenset[str], ScoredModel] = {}
     for t in sorted(rows, key=lambda t: t.merit):
         found.setdefault(frozenset(c.key for c in t.effects), t)
     rows = list(found.values())
     return tuple(t for t in rows if not any(_contains(t, s) and not better(t, s) for s in rows if s is not t))
 
 
-def better(one: Trial, other: Trial) -> bool:
+def better(one: ScoredModel, other: ScoredModel) -> bool:
     """Whether a law does clearly better than another, on held-out data beyond chance or on the fitted ones."""
     held = other.hold_out - one.hold_out > RICHER * other.hold_out and gain_band(one, other)[0] > 0
     return held or other.fit.chi2 - one.fit.chi2 > RICHER * other.fit.chi2
 
 
-def _same(one: Trial, other: Trial) -> bool:
+def _same(one: ScoredModel, other: ScoredModel) -> bool:
     return {c.key for c in one.effects} == {c.key for c in other.effects}
 
 
-def _contains(larger: Trial, smaller: Trial) -> bool:
+def _contains(larger: ScoredModel, smaller: ScoredModel) -> bool:
     """Whether each effect of one model is in the other, or in a richer effect of it."""
     return all(any(_is_in(a, b) for b in larger.effects) for a in smaller.effects)
 

@@ -17,12 +17,12 @@ import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.estimation.problem import HUGE, Array, prior
-from diagnosis.search.scored_model import Trial
+from diagnosis.search.scored_model import ScoredModel
 from engine.errors import FlexarmError, SimulationError
 from engine.spread import Spread
 
 if TYPE_CHECKING:
-    from diagnosis.search.fitter import Workshop
+    from diagnosis.search.fitter import CandidateFitter
 
 FACTOR = 30.0
 """A size is taken to be within this factor of the one whose course is known."""
@@ -39,7 +39,7 @@ ALIKE, KEPT, NEARLY = 2, 2, 0.8
 
 
 @dataclass(frozen=True)
-class Course:
+class Sensitivity:
     """What an effect of some size adds to the residual.
 
     Attributes:
@@ -52,11 +52,13 @@ class Course:
     values: Array
 
 
-def promising(shop: Workshop, refit: Trial, effects: Sequence[Candidate], count: int) -> list[tuple[Candidate, ...]]:
+def promising(
+    fitter: CandidateFitter, refit: ScoredModel, effects: Sequence[Candidate], count: int
+) -> list[tuple[Candidate, ...]]:
     """The pairs that take most of the residual away, the best first, to start from the sizes that do.
 
     Args:
-        shop: builds models.
+        fitter: builds models.
         refit: the user's model, fitted.
         effects: those to pair; a parameter that is let go of is none.
         count: at most so many pairs.
@@ -74,21 +76,23 @@ def promising(shop: Workshop, refit: Trial, effects: Sequence[Candidate], count:
         return []
     r, J = np.concatenate([*(p[0] for p in parts), own[0]]), np.vstack([*(p[1] for p in parts), own[1]])
 
-    def one(effect: Candidate) -> list[Course]:
-        return list(_courses(shop, refit, effect, r, every))
+    def one(effect: Candidate) -> list[Sensitivity]:
+        return list(_sensitivities(fitter, refit, effect, r, every))
 
-    with Spread(shop.workers, threads=True) as pool:
-        courses = [c for row in pool.map(one, [c for c in effects if not c.loosened]) for c in row]
-    if len(courses) < 2:
+    with Spread(fitter.workers, threads=True) as pool:
+        sensitivities = [c for row in pool.map(one, [c for c in effects if not c.freed]) for c in row]
+    if len(sensitivities) < 2:
         return []
     basis = np.linalg.qr(J)[0] if J.shape[1] else np.zeros((len(r), 0))
-    table = np.column_stack([c.values for c in courses])
+    table = np.column_stack([c.values for c in sensitivities])
     table -= basis @ (basis.T @ table)
     gram, pull = table.T @ table, -table.T @ (r - basis @ (basis.T @ r))
-    return list(itertools.islice(_ranked(courses, *_gains(gram, pull)), count))
+    return list(itertools.islice(_ranked(sensitivities, *_gains(gram, pull)), count))
 
 
-def _courses(shop: Workshop, refit: Trial, effect: Candidate, r: Array, every: int) -> Iterator[Course]:
+def _sensitivities(
+    fitter: CandidateFitter, refit: ScoredModel, effect: Candidate, r: Array, every: int
+) -> Iterator[Sensitivity]:
     """The courses of an effect at several of its starting sizes; none where it cannot be simulated."""
     parent, own = refit.fit.parameters(), prior(refit.fit.problem, refit.fit.x)[0]
     groups = effect.structures()
@@ -96,15 +100,15 @@ def _courses(shop: Workshop, refit: Trial, effect: Candidate, r: Array, every: i
         few = max(2, COURSES // len(groups))
         picked = [group[k] for k in np.unique(np.linspace(0, len(group) - 1, few).astype(int))]
         try:
-            entries = shop.entries((effect,), [picked], parent)
+            points = fitter.points((effect,), [picked], parent)
         except FlexarmError:
             continue
-        for entry in entries:
-            there = entry.problem.chosen("train", "repeat")
-            rows = [entry.problem.residual(entry.x, e)[::every].ravel() for e in there]
+        for point in points:
+            there = point.problem.chosen("train", "repeat")
+            rows = [point.problem.residual(point.x, e)[::every].ravel() for e in there]
             values = np.concatenate([*rows, own]) - r
             if np.abs(values).max() < HUGE / 10 and float(values @ values) > 0:
-                yield Course(effect, entry.sizes[0], values)
+                yield Sensitivity(effect, point.sizes[0], values)
 
 
 def _gains(gram: Array, pull: Array) -> tuple[Array, Array]:
@@ -124,24 +128,24 @@ def _gains(gram: Array, pull: Array) -> tuple[Array, Array]:
     return gains, far
 
 
-def _ranked(courses: Sequence[Course], gains: Array, far: Array) -> Iterator[tuple[Candidate, ...]]:
+def _ranked(sensitivities: Sequence[Sensitivity], gains: Array, far: Array) -> Iterator[tuple[Candidate, ...]]:
     """Pairs of different effects, best first, a few of a kind, with the sizes nearest to those that are asked for."""
-    keys = [c.effect.key for c in courses]
+    keys = [c.effect.key for c in sensitivities]
     groups: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for a, b in zip(*np.nonzero(np.triu(gains, 1) > 0), strict=True):
-        if courses[a].effect.effect != courses[b].effect.effect:
+        if sensitivities[a].effect.effect != sensitivities[b].effect.effect:
             groups.setdefault((keys[a], keys[b]), []).append((int(a), int(b)))
     best = {key: max(float(gains[at]) for at in group) for key, group in groups.items()}
     places: dict[frozenset[str], int] = {}
     for key in sorted(groups, key=lambda key: -best[key]):
-        one, other = (courses[k].effect for k in groups[key][0])
+        one, other = (sensitivities[k].effect for k in groups[key][0])
         kind = frozenset((one.effect, other.effect))
         places[kind] = places.get(kind, 0) + 1
         if places[kind] > ALIKE:
             continue
         able = [at for at in groups[key] if gains[at] > NEARLY * best[key]]
         chosen = sorted(able, key=lambda at: far[at])[:KEPT]
-        rows = [(courses[a].sizes, courses[b].sizes) for a, b in chosen]
+        rows = [(sensitivities[a].sizes, sensitivities[b].sizes) for a, b in chosen]
         yield tuple(_begun(effect, [row[k] for row in rows]) for k, effect in enumerate((one, other)))
 
 

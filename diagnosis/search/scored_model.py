@@ -23,7 +23,7 @@ STRAIN = 2.5
 
 
 @dataclass(frozen=True)
-class Trial:
+class ScoredModel:
     """A model with some effects put in, fitted and scored.
 
     Attributes:
@@ -45,7 +45,7 @@ class Trial:
     @property
     def size(self) -> int:
         """How many parameters the effects add."""
-        return sum(max(len(c.knobs), 1) for c in self.effects)
+        return sum(max(len(c.parameters), 1) for c in self.effects)
 
     @property
     def merit(self) -> float:
@@ -54,22 +54,22 @@ class Trial:
         The second part is nothing beside thousands of samples, but a few rows of a table follow a wrong model whose
         parameters have left their tolerances.
         """
-        return self.hold_out + self.strain / max(self.samples, 1)
+        return self.hold_out + self.prior_cost / max(self.samples, 1)
 
     def added(self) -> dict[str, float]:
         """Sizes of the effects (SI): ``effect.parameter`` -> fitted value, or the one it stays at."""
         fitted, sizes = self.fit.parameters(), self.sizes or ({},) * len(self.effects)
         rows = {}
         for effect, start in zip(self.effects, sizes, strict=True):
-            for knob in effect.knobs:
-                name = f"{effect.name}.{knob.parameter}"
-                rows[f"{effect.effect}.{knob.parameter}"] = fitted.get(name, start.get(knob.parameter, math.nan))
-            if effect.loosened:
-                rows[effect.loosened.name] = fitted[effect.loosened.name]
+            for parameter in effect.parameters:
+                name = f"{effect.name}.{parameter.name}"
+                rows[f"{effect.effect}.{parameter.name}"] = fitted.get(name, start.get(parameter.name, math.nan))
+            if effect.freed:
+                rows[effect.freed.name] = fitted[effect.freed.name]
         return rows
 
     @property
-    def strain(self) -> float:
+    def prior_cost(self) -> float:
         """What the fitted parameters cost against their tolerances."""
         return float(np.sum(prior(self.fit.problem, self.fit.x)[0] ** 2))
 
@@ -79,7 +79,7 @@ class Trial:
         return " + ".join(c.key for c in self.effects) or "nothing"
 
 
-def scored(made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, float], ...] = ()) -> Trial:
+def scored(made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, float], ...] = ()) -> ScoredModel:
     """A fit judged on the held-out recordings, or on the fitted ones where none is held out."""
     made = replace(made, x=settled(made.problem, made.x))
     held = made.problem.chosen("hold_out") or made.problem.chosen("train", "repeat")
@@ -90,10 +90,10 @@ def scored(made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, flo
         edges = np.arange(0, len(squares), length)
         sums.append(np.add.reduceat(squares, edges))
         total, count = total + float(squares.sum()), count + int(np.isfinite(e.measured).sum())
-    return Trial(effects, made, sizes, total / max(count, 1), np.concatenate(sums), count)
+    return ScoredModel(effects, made, sizes, total / max(count, 1), np.concatenate(sums), count)
 
 
-def gain_band(better: Trial, worse: Trial, seed: int = 0, draws: int = 400) -> tuple[float, float]:
+def gain_band(better: ScoredModel, worse: ScoredModel, seed: int = 0, draws: int = 400) -> tuple[float, float]:
     """95 % band of the gain in held-out chi2 from ``worse`` to ``better``, by a bootstrap over blocks of time."""
     difference = (worse.errors - better.errors) / max(better.samples, 1)
     random = np.random.default_rng(seed)
@@ -102,27 +102,27 @@ def gain_band(better: Trial, worse: Trial, seed: int = 0, draws: int = 400) -> t
     return float(np.quantile(sums, 0.025)), float(np.quantile(sums, 0.975))
 
 
-def by_chance(trial: Trial) -> float:
+def by_chance(trial: ScoredModel) -> float:
     """How far above the floor noise alone may leave held-out chi2: far for the few rows of a table."""
     return CHANCE * math.sqrt(2 / max(trial.samples, 1))
 
 
-def strained(refit: Trial) -> list[str]:
+def outside_tolerances(refit: ScoredModel) -> list[str]:
     """Parameters that the refit could only place far outside their tolerances."""
     pairs = zip(refit.fit.problem.free, refit.fit.x, strict=True)
     return [f.name for f, x in pairs if f.prior and abs(x) > STRAIN]
 
 
-def at_end(trial: Trial) -> list[str]:
+def at_end(trial: ScoredModel) -> list[str]:
     """Sizes that went as far as they may, beyond which their effect is another one."""
-    ends = {f"{c.effect}.{k.parameter}": k.most * k.reference for c in trial.effects for k in c.knobs if k.most}
+    ends = {f"{c.effect}.{k.name}": k.most * k.reference for c in trial.effects for k in c.parameters if k.most}
     found = trial.added() if ends else {}
     return [name for name, most in ends.items() if abs(found[name]) > 0.98 * most]
 
 
-def log_evidence(trial: Trial, best: Trial) -> float:
+def log_evidence(trial: ScoredModel, best: ScoredModel) -> float:
     """-BIC/2 on the training data, with chi2 relative to the best model's where that is above 1."""
     training = trial.fit.problem.chosen("train", "repeat")
     count = sum(int(np.isfinite(e.measured).sum()) for e in training)
-    floor = max(1.0, best.fit.chi2)
-    return -0.5 * (trial.fit.chi2 * count / floor + trial.size * math.log(max(count, 2)))
+    noise_floor = max(1.0, best.fit.chi2)
+    return -0.5 * (trial.fit.chi2 * count / noise_floor + trial.size * math.log(max(count, 2)))

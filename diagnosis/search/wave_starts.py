@@ -20,18 +20,20 @@ from diagnosis.estimation.problem import Array, Problem, prior
 from engine.errors import SimulationError
 
 if TYPE_CHECKING:
-    from diagnosis.search.fitter import Workshop
-    from diagnosis.search.partial_fit import Entry
+    from diagnosis.search.fitter import CandidateFitter
+    from diagnosis.search.partial_fit import StartingPoint
 
 FARTHEST = 3.0
 """So many tolerances at most may a parameter move in the linear solution."""
 
 
-def solved(shop: Workshop, effects: Sequence[Candidate], k: int, parent: dict[str, float]) -> list[Entry]:
+def solved(
+    fitter: CandidateFitter, effects: Sequence[Candidate], k: int, parent: dict[str, float]
+) -> list[StartingPoint]:
     """A start at each order of a wave, the best first; costs are those of all training recordings.
 
     Args:
-        shop: builds models.
+        fitter: builds models.
         effects: what is put in, the others at the first of their sizes.
         k: which of them is the wave.
         parent: parameters to begin from.
@@ -40,13 +42,13 @@ def solved(shop: Workshop, effects: Sequence[Candidate], k: int, parent: dict[st
     assert wave is not None
     groups = [[list(c.starts[:1])] for c in effects]
     groups[k] = replace(effects[k], starts=wave.starts).structures()
-    rows: list[Entry] = []
+    rows: list[StartingPoint] = []
     for chosen in itertools.product(*groups):
-        for entry in shop.entries(tuple(effects), chosen, parent):
-            x = _solution(entry.problem, entry.x, effects[k])
+        for point in fitter.points(tuple(effects), chosen, parent):
+            x = _solution(point.problem, point.x, effects[k])
             if x is not None:
-                rows.append(replace(entry, x=x, cost=_cost(entry.problem, x)))
-    return sorted(rows, key=lambda entry: entry.cost)
+                rows.append(replace(point, x=x, cost=_cost(point.problem, x)))
+    return sorted(rows, key=lambda point: point.cost)
 
 
 def _cost(made: Problem, x: Array) -> float:

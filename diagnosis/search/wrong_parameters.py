@@ -18,13 +18,13 @@ import numpy as np
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.least_squares import Fit, descend
 from diagnosis.estimation.problem import Array, Problem
-from diagnosis.frequency_response.table_experiment import Sines
+from diagnosis.frequency_response.table_experiment import TableExperiment
 from diagnosis.search.preference import DECISIVE
-from diagnosis.search.scored_model import Trial, strained
+from diagnosis.search.scored_model import ScoredModel, outside_tolerances
 from engine.errors import FlexarmError
 
 if TYPE_CHECKING:
-    from diagnosis.search.fitter import Workshop
+    from diagnosis.search.fitter import CandidateFitter
 
 SHARES = (0.5, 0.35)
 """Shares of the rows, those of the lowest frequencies, that are fitted: the largest one that can be met counts."""
@@ -34,7 +34,7 @@ SUSPECTS, BESIDE, TRIED = 2, 12, 3
 
 
 @dataclass(frozen=True)
-class Suspect:
+class WrongParameter:
     """A parameter that may be wrong.
 
     Attributes:
@@ -49,8 +49,8 @@ class Suspect:
 
     def told(self) -> str:
         """What the lowest rows say of it, as a sentence."""
-        assert self.candidate.loosened is not None
-        name, given = self.candidate.loosened.name, self.candidate.loosened.start
+        assert self.candidate.freed is not None
+        name, given = self.candidate.freed.name, self.candidate.freed.start
         found = self.fit.parameters()[name]
         return (
             f"the rows up to {self.highest:.3g} rad/s alone, where springs and contacts hardly act, ask for "
@@ -58,23 +58,23 @@ class Suspect:
         )
 
 
-def suspects(shop: Workshop, listed: Sequence[Candidate], refit: Trial) -> list[Suspect]:
+def suspects(fitter: CandidateFitter, listed: Sequence[Candidate], refit: ScoredModel) -> list[WrongParameter]:
     """Parameters whose being let go of lets the model meet the lowest rows, the best first.
 
     Args:
-        shop: builds models.
+        fitter: builds models.
         listed: the catalogue.
         refit: the user's model, fitted.
 
     Returns:
         Nothing unless tables are fitted, the refit had to leave its tolerances, and so it does at the lowest rows.
     """
-    if not shop.tables or not strained(refit):
+    if not fitter.tables or not outside_tolerances(refit):
         return []
     for share in SHARES:
-        count = sum(len(e.time) for e in _lowest(shop.base, share))
-        within = _fitted(shop.base, [np.zeros(len(shop.base.free))], share)
-        found = [_let_go(shop, c, share) for c in listed if c.loosened]
+        count = sum(len(e.time) for e in _lowest(fitter.base, share))
+        within = _fitted(fitter.base, [np.zeros(len(fitter.base.free))], share)
+        found = [_let_go(fitter, c, share) for c in listed if c.freed]
         found.sort(key=lambda suspect: suspect.fit.cost)
         if found and found[0].fit.cost < count:
             best = [s for s in found if s.fit.cost < min(within.cost, found[0].fit.cost + DECISIVE)]
@@ -82,11 +82,11 @@ def suspects(shop: Workshop, listed: Sequence[Candidate], refit: Trial) -> list[
     return []
 
 
-def _let_go(shop: Workshop, candidate: Candidate, share: float) -> Suspect:
+def _let_go(fitter: CandidateFitter, candidate: Candidate, share: float) -> WrongParameter:
     """The model with a parameter let go of, fitted to the lowest rows from several factors."""
-    assert candidate.loosened is not None
-    made = shop.build((candidate,), ({},))
-    i = [f.name for f in made.free].index(candidate.loosened.name)
+    assert candidate.freed is not None
+    made = fitter.build((candidate,), ({},))
+    i = [f.name for f in made.free].index(candidate.freed.name)
     starts = []
     for sizes in candidate.starts:
         x = np.zeros(len(made.free))
@@ -94,9 +94,9 @@ def _let_go(shop: Workshop, candidate: Candidate, share: float) -> Suspect:
             x[i] = made.free[i].position(value)
         starts.append(x)
     fit = _fitted(made, starts, share)
-    key = candidate.loosened.name.rpartition(".")[2]
+    key = candidate.freed.name.rpartition(".")[2]
     highest = max(float(e.frequency.max()) for e in _lowest(made, share))
-    return Suspect(replace(candidate, starts=({key: made.free[i].value(fit.x[i])},)), fit, highest)
+    return WrongParameter(replace(candidate, starts=({key: made.free[i].value(fit.x[i])},)), fit, highest)
 
 
 def _fitted(made: Problem, starts: Sequence[Array], share: float) -> Fit:
@@ -107,33 +107,33 @@ def _fitted(made: Problem, starts: Sequence[Array], share: float) -> Fit:
     return Fit(made, x, cost, cost, converged, np.zeros((n, n)))
 
 
-def _lowest(made: Problem, share: float) -> list[Sines]:
-    tables = [e for e in made.chosen("train", "repeat") if isinstance(e, Sines)]
+def _lowest(made: Problem, share: float) -> list[TableExperiment]:
+    tables = [e for e in made.chosen("train", "repeat") if isinstance(e, TableExperiment)]
     return [e.rows(np.argsort(e.frequency, kind="stable")[: round(share * len(e.time))]) for e in tables]
 
 
 def pairs(
-    shop: Workshop, suspected: Sequence[Suspect], singles: Sequence[Trial]
+    fitter: CandidateFitter, suspected: Sequence[WrongParameter], singles: Sequence[ScoredModel]
 ) -> Iterator[tuple[Fit, list[tuple[Candidate, ...]]]]:
     """For each suspect, the fit to start from and the pairs of it with the effects that look best beside it.
 
     Args:
-        shop: builds models.
+        fitter: builds models.
         suspected: parameters.
         singles: effects alone, best first.
     """
-    others = [t.effects[0] for t in singles if len(t.effects) == 1 and not t.effects[0].loosened][:BESIDE]
+    others = [t.effects[0] for t in singles if len(t.effects) == 1 and not t.effects[0].freed][:BESIDE]
     for suspect in suspected:
         parent, rows = suspect.fit.parameters(), []
         for other in others:
-            entries = []
+            points = []
             for group in other.structures():
                 try:
-                    entries += shop.entries((suspect.candidate, other), [suspect.candidate.starts, group], parent)
+                    points += fitter.points((suspect.candidate, other), [suspect.candidate.starts, group], parent)
                 except FlexarmError:
                     continue
-            if entries:
-                best = min(entries, key=lambda entry: robust(entry.problem, entry.x))
+            if points:
+                best = min(points, key=lambda point: robust(point.problem, point.x))
                 rows.append((robust(best.problem, best.x), other))
         rows.sort(key=lambda row: row[0])
         yield suspect.fit, [(suspect.candidate, other) for _, other in rows[:TRIED]]

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diagnosis.estimation.problem import Array, Experiment, Problem, prior
-from diagnosis.frequency_response.table_experiment import Sines
+from diagnosis.frequency_response.table_experiment import TableExperiment
 from diagnosis.search.preference import NESTED
 from diagnosis.verdict.table_report import SEPARATED, choose
 from engine.errors import FlexarmError
 from engine.simulate import Drive
 
 if TYPE_CHECKING:
-    from diagnosis.search.scored_model import Trial
+    from diagnosis.search.scored_model import ScoredModel
 
 DURATION = 6.0
 STEP = 1e-3
@@ -121,7 +121,7 @@ def _held(t: Array, hold: float, levels: bool = False) -> Array:
     return np.asarray(values[place])
 
 
-def propose(rivals: Sequence[Trial], most: int = 8) -> Proposal | None:
+def propose(rivals: Sequence[ScoredModel], most: int = 8) -> Proposal | None:
     """The input of the menu that best separates the rivals.
 
     A rival that is a richer form of another one cannot be separated from it where the simpler one is right, so that
@@ -133,7 +133,7 @@ def propose(rivals: Sequence[Trial], most: int = 8) -> Proposal | None:
     """
     problem = rivals[0].fit.problem
     e = problem.experiments[0]
-    if isinstance(e, Sines):
+    if isinstance(e, TableExperiment):
         return _rows(rivals, problem)
     kept = [r for r in rivals if r is rivals[0] or not any(_richer(r, other) for other in rivals)][:most]
     if e.drive is None or len(problem.model.inputs) != 1 or len(kept) < 2:
@@ -162,7 +162,7 @@ def propose(rivals: Sequence[Trial], most: int = 8) -> Proposal | None:
     return _worded(best, _alike(kept, highest), len(kept)) if best else None
 
 
-def _alike(kept: Sequence[Trial], highest: dict[tuple[int, int], float]) -> list[list[str]]:
+def _alike(kept: Sequence[ScoredModel], highest: dict[tuple[int, int], float]) -> list[list[str]]:
     """Labels of rivals, group by group, that no input of the menu separates from each other."""
     groups: list[list[int]] = []
     for k in range(len(kept)):
@@ -174,7 +174,7 @@ def _alike(kept: Sequence[Trial], highest: dict[tuple[int, int], float]) -> list
     return [[kept[k].label for k in g] for g in groups if len(g) > 1]
 
 
-def _richer(one: Trial, other: Trial) -> bool:
+def _richer(one: ScoredModel, other: ScoredModel) -> bool:
     """Whether a model is another one with some of its effects in a richer form at the same place."""
     if len(one.effects) != len(other.effects) or {c.key for c in one.effects} == {c.key for c in other.effects}:
         return False
@@ -192,7 +192,7 @@ def _worded(found: Proposal, alike: Sequence[list[str]], count: int) -> Proposal
     return replace(found, sentence=f"{'; '.join([found.sentence, *rows])}: {REMEDY}")
 
 
-def _rows(rivals: Sequence[Trial], problem: Problem) -> Proposal | None:
+def _rows(rivals: Sequence[ScoredModel], problem: Problem) -> Proposal | None:
     """The rows of a frequency-response table to measure next."""
     found = choose(rivals)
     if found is None:
@@ -222,7 +222,7 @@ class _Prediction:
     slopes: Array
 
 
-def _predict(trial: Trial, time: Array, drive: Array) -> _Prediction:
+def _predict(trial: ScoredModel, time: Array, drive: Array) -> _Prediction:
     """Outputs from rest at the instants that would be recorded, or more often, and what the free parameters change.
 
     Raises:
@@ -243,7 +243,7 @@ def _predict(trial: Trial, time: Array, drive: Array) -> _Prediction:
     return _Prediction(shown, weight * scaled.ravel(), weight * slopes)
 
 
-def _held_by(trial: Trial) -> Array:
+def _held_by(trial: ScoredModel) -> Array:
     """How firmly the recordings and the tolerances hold the search vector of a rival, shape (free, free)."""
     fit = trial.fit
     weights = prior(fit.problem, fit.x)[1]

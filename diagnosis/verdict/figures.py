@@ -13,8 +13,8 @@ import numpy as np
 
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.problem import Experiment
-from diagnosis.frequency_response.table_experiment import Sines
-from diagnosis.search.scored_model import Trial, log_evidence
+from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.search.scored_model import ScoredModel, log_evidence
 from diagnosis.verdict.table_report import draw
 from diagnosis.verdict.verdict import Diagnosis, fit_table, place_odds
 from engine.files import writing
@@ -58,10 +58,10 @@ def held_out(diagnosis: Diagnosis, path: Path) -> Path:
     outputs = base.model.outputs
     figure, axes = _drawn(2 * len(outputs), 1, (9, 3.4 * len(outputs) + 1), sharex=True)
     axes = axes[:, 0]
-    table = isinstance(held, Sines)
+    table = isinstance(held, TableExperiment)
     for k, variable in enumerate(outputs):
         above, below = axes[2 * k], axes[2 * k + 1]
-        if isinstance(held, Sines):
+        if isinstance(held, TableExperiment):
             draw((above, below), made, COLOURS, k)
             under = f"({held.unit})" if set("./") & set(held.unit) else held.unit
             above.set_ylabel(f"{variable.name}\n[dB re 1 {variable.unit}/{under}]", fontsize=9)
@@ -180,7 +180,7 @@ def odds(diagnosis: Diagnosis, path: Path) -> Path:
     return _save(figure, path)
 
 
-def _best(diagnosis: Diagnosis, place: str) -> Trial:
+def _best(diagnosis: Diagnosis, place: str) -> ScoredModel:
     """The trial from which the odds of a place come."""
     trials = diagnosis.study.trials
     there = [t for t in trials if t.effects[0].place == place and t.effects[0].effect != "wrong_parameter"]

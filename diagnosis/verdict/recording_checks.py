@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.estimation.problem import Array, Experiment, Problem
-from diagnosis.frequency_response.table_experiment import Sines
+from diagnosis.frequency_response.table_experiment import TableExperiment
 from engine.errors import SimulationError
 
 ALIKE = 0.8
@@ -77,7 +77,7 @@ def screen(problem: Problem) -> list[Remark]:
             simulated = e.sampled(problem.simulate(zero, e))
         except SimulationError:
             continue
-        if isinstance(e, Sines):
+        if isinstance(e, TableExperiment):
             found += _level(e, simulated)
             continue
         simulated = simulated - np.where(e.from_first, simulated[0], 0.0)
@@ -106,7 +106,7 @@ def _upside_down(alike: dict[str, list[float]]) -> list[Remark]:
     return found
 
 
-def _level(e: Sines, simulated: Array) -> list[Remark]:
+def _level(e: TableExperiment, simulated: Array) -> list[Remark]:
     """A table that lies above or below the model by a unit's factor at nearly every frequency."""
     found = []
     for k, apart in enumerate((e.measured - simulated).T):

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diagnosis.estimation.problem import Array, Problem
-from diagnosis.frequency_response.table_experiment import Sines, Slope
+from diagnosis.frequency_response.table_experiment import BroydenJacobian, TableExperiment
 from engine.errors import SimulationError
 
 if TYPE_CHECKING:
     from diagnosis.estimation.least_squares import Fit
-    from diagnosis.search.scored_model import Trial
+    from diagnosis.search.scored_model import ScoredModel
     from diagnosis.search.search import Study
 
 SHARES = (0.25, 0.5, 0.75, 1.0)
@@ -32,7 +32,7 @@ FREQUENCIES = 6
 
 def remarks(problem: Problem) -> list[str]:
     """What makes names given from these tables less sure, in sentences."""
-    tables = [e for e in problem.experiments if isinstance(e, Sines)]
+    tables = [e for e in problem.experiments if isinstance(e, TableExperiment)]
     if not tables:
         return []
     rows = list(dict.fromkeys(e.note for e in tables if e.note))
@@ -51,7 +51,7 @@ def remarks(problem: Problem) -> list[str]:
 def absorbed(study: Study) -> list[str]:
     """What parameters took up where a table shows nothing missing once they have moved within their tolerances."""
     refit = study.refit
-    tables = [e for e in refit.fit.problem.experiments if isinstance(e, Sines)]
+    tables = [e for e in refit.fit.problem.experiments if isinstance(e, TableExperiment)]
     if not tables or study.chosen.effects or study.nominal[1] < 3 * max(refit.hold_out, 1.0):
         return []
     moved = [(f.name, f.value(x) / f.start - 1) for f, x in zip(refit.fit.problem.free, refit.fit.x, strict=True)]
@@ -64,7 +64,7 @@ def absorbed(study: Study) -> list[str]:
     ]
 
 
-def menu(e: Sines) -> dict[str, tuple[str, Array, Array]]:
+def menu(e: TableExperiment) -> dict[str, tuple[str, Array, Array]]:
     """Rows worth measuring: kind -> (what to do, frequencies, amplitudes); as many readings each."""
     top = float(e.amplitude.max())
     order = np.sort(e.frequency)
@@ -97,19 +97,19 @@ class Choice:
 
     kind: str
     sentence: str
-    rows: Sines
+    rows: TableExperiment
     predictions: dict[str, Array]
     factors: dict[str, float]
 
 
-def choose(models: Sequence[Trial]) -> Choice | None:
+def choose(models: Sequence[ScoredModel]) -> Choice | None:
     """The rows of the menu that separate most rivals from the model that leads, the first.
 
     Returns:
         None if the models were not fitted to tables or cannot be simulated there.
     """
     first = models[0].fit.problem.experiments[0]
-    if not isinstance(first, Sines):
+    if not isinstance(first, TableExperiment):
         return None
     best: tuple[float, Choice] | None = None
     for kind, (sentence, frequency, amplitude) in menu(first).items():
@@ -117,7 +117,7 @@ def choose(models: Sequence[Trial]) -> Choice | None:
         predictions: dict[str, Array] = {}
         for model in models:
             own = model.fit.problem.experiments[0]
-            assert isinstance(own, Sines)
+            assert isinstance(own, TableExperiment)
             try:
                 predictions[model.label] = model.fit.problem.simulate(model.fit.x, _rows(own, frequency, amplitude))
             except SimulationError:
@@ -132,13 +132,13 @@ def choose(models: Sequence[Trial]) -> Choice | None:
     return best[1] if best else None
 
 
-def _factor(a: Array, b: Array, rows: Sines) -> float:
+def _factor(a: Array, b: Array, rows: TableExperiment) -> float:
     """Expected log Bayes factor of two predictions, after a gain of each signal that a refit could absorb."""
     apart = a - b
     return 0.5 * float(np.sum(((apart - apart.mean(axis=0)) / rows.sigma) ** 2))
 
 
-def _rows(e: Sines, frequency: Array, amplitude: Array) -> Sines:
+def _rows(e: TableExperiment, frequency: Array, amplitude: Array) -> TableExperiment:
     """The experiment with other rows, read as finely in proportion."""
     shape = (len(frequency), e.measured.shape[1])
     return replace(
@@ -148,8 +148,8 @@ def _rows(e: Sines, frequency: Array, amplitude: Array) -> Sines:
         amplitude=amplitude,
         measured=np.zeros(shape),
         relative=np.ones(shape),
-        orbits={},
-        slope=Slope(),
+        solutions={},
+        slope=BroydenJacobian(),
         latest={},
     )
 
@@ -165,7 +165,7 @@ def draw(axes: Any, models: Mapping[str, Fit], colours: Mapping[str, str], k: in
     """
     above, below = axes
     for label, fit in models.items():
-        tables = [e for e in fit.problem.experiments if isinstance(e, Sines)]
+        tables = [e for e in fit.problem.experiments if isinstance(e, TableExperiment)]
         frequency = np.concatenate([e.frequency for e in tables])
         order = np.argsort(frequency)
         left = np.concatenate([(fit.problem.residual(fit.x, e) * e.sigma * e.relative)[:, k] for e in tables])

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.effects.effect import Candidate, Knob
+from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.covariance import TIMING
 from diagnosis.estimation.least_squares import Fit, known
-from diagnosis.frequency_response.table_experiment import Sines
-from diagnosis.search.force_recovery import Curve, Evidence, place_of, recover
-from diagnosis.search.preference import EXPLAINS, accounted, beyond, explained, floor, missing, reached, rivals
-from diagnosis.search.scored_model import Trial, log_evidence
+from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
+from diagnosis.search.preference import EXPLAINS, accounted, beyond, explained, missing, noise_floor, reached, rivals
+from diagnosis.search.scored_model import ScoredModel, log_evidence
 from diagnosis.search.search import Study
 from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
@@ -75,11 +75,11 @@ class Diagnosis:
     study: Study
     verdict: str
     findings: tuple[dict[str, Any], ...]
-    rivals: tuple[Trial, ...]
+    rivals: tuple[ScoredModel, ...]
     proposal: Proposal | None
     warnings: tuple[str, ...]
     fit: Fit
-    recovered: Evidence | None = None
+    recovered: RecoveredForce | None = None
 
     @property
     def evidence(self) -> tuple[Curve, ...]:
@@ -118,11 +118,11 @@ class Diagnosis:
 def place_odds(study: Study) -> dict[str, float]:
     """Odds of each place: the evidence of its best candidate, shared out."""
     best: dict[str, float] = {}
-    floor = study.trials[0] if study.trials else study.refit
+    noise_floor = study.trials[0] if study.trials else study.refit
     for trial in study.trials:
         effect = trial.effects[0]
         if effect.effect != "wrong_parameter":
-            best[effect.place] = max(best.get(effect.place, -math.inf), log_evidence(trial, floor))
+            best[effect.place] = max(best.get(effect.place, -math.inf), log_evidence(trial, noise_floor))
     if not best:
         return {}
     top = max(best.values())
@@ -164,7 +164,7 @@ def _signals(made: Fit, roles: tuple[str, ...]) -> dict[str, dict[str, float]]:
 def judge(study: Study, seed: int = 0) -> Diagnosis:
     """Turn a study into a verdict."""
     chosen, refit = study.chosen, study.refit
-    made = known(chosen.fit, chosen.hold_out - floor(chosen))
+    made = known(chosen.fit, chosen.hold_out - noise_floor(chosen))
     found = screen(refit.fit.problem)
     warnings = (*study.notes, *(remark.text for remark in found), *_warnings(study))
     if not chosen.effects:
@@ -198,23 +198,23 @@ def _spoilt(study: Study, found: Sequence[Remark]) -> bool:
 
 
 def _finding(
-    study: Study, k: int, status: str, explained: float, intervals: dict[str, Any], rivals: Sequence[Trial]
+    study: Study, k: int, status: str, explained: float, intervals: dict[str, Any], rivals: Sequence[ScoredModel]
 ) -> dict[str, Any]:
     chosen = study.chosen
     effect = chosen.effects[k]
     parameters = {}
-    names = [f"{effect.name}.{knob.parameter}" for knob in effect.knobs]
-    names += [effect.loosened.name] if effect.loosened else []
+    names = [f"{effect.name}.{parameter.name}" for parameter in effect.parameters]
+    names += [effect.freed.name] if effect.freed else []
     for name in names:
         found = intervals.get(name)
         if found is not None:
             row = found.numbers()
-            if effect.loosened:
+            if effect.freed:
                 row["factor"] = found.value / found.start if found.start else math.inf
             parameters[name.rpartition(".")[2]] = row
-    for knob in effect.knobs:
-        if knob.fixed:
-            parameters[knob.parameter] = _chosen_size(study, knob, study.chosen.sizes[k][knob.parameter])
+    for parameter in effect.parameters:
+        if parameter.fixed:
+            parameters[parameter.name] = _chosen_size(study, parameter, study.chosen.sizes[k][parameter.name])
     when, frequency = traits(study.refit)
     name = effect.effect if status != "unknown" else "unknown"
     return {
@@ -233,10 +233,10 @@ def _finding(
     }
 
 
-def _chosen_size(study: Study, knob: Knob, value: float) -> dict[str, Any]:
+def _chosen_size(study: Study, parameter: EffectParameter, value: float) -> dict[str, Any]:
     """A size that is not fitted but chosen, as a parameter; one in time is known as well as the input's timing is."""
-    half = 1.96 * TIMING * study.around.sample if knob.unit == "s" else 0.0
-    return {"value": value, "low": value - half, "high": value + half, "unit": knob.unit}
+    half = 1.96 * TIMING * study.scales.sample if parameter.unit == "s" else 0.0
+    return {"value": value, "low": value - half, "high": value + half, "unit": parameter.unit}
 
 
 def _conditional(made: Fit, name: str) -> list[str]:
@@ -272,7 +272,9 @@ def _nothing(study: Study, status: str, near: Candidate | None) -> dict[str, Any
     }
 
 
-def _sentence(effect: str, place: str, status: str, explained: float, study: Study, rivals: Sequence[Trial]) -> str:
+def _sentence(
+    effect: str, place: str, status: str, explained: float, study: Study, rivals: Sequence[ScoredModel]
+) -> str:
     what = name_of(effect)
     before, after = study.refit.hold_out, study.chosen.hold_out
     numbers = f"the held-out error falls from {before:.3g} to {after:.3g} times the noise floor"
@@ -297,12 +299,12 @@ def _sentence(effect: str, place: str, status: str, explained: float, study: Stu
     return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."
 
 
-def traits(trial: Trial) -> tuple[str, str]:
+def traits(trial: ScoredModel) -> tuple[str, str]:
     """When and at which frequency the residual of a model is large, in words."""
     problem = trial.fit.problem
     e = (problem.chosen("hold_out") or problem.chosen("train", "repeat"))[0]
     r = problem.residual(trial.fit.x, e)
-    if isinstance(e, Sines):
+    if isinstance(e, TableExperiment):
         return e.traits(r, [v.name for v in problem.model.outputs])
     energy = np.sum(r**2, axis=1)
     dt = float(e.time[1] - e.time[0])

@@ -33,14 +33,14 @@ def amended_text(found: Diagnosis) -> str:
     edits: list[Edit] = []
     notes: dict[str, str] = {}
     for finding, effect, start in zip(found.findings, study.chosen.effects, study.chosen.sizes, strict=True):
-        sizes = {k.parameter: values.get(f"{effect.name}.{k.parameter}", start[k.parameter]) for k in effect.knobs}
+        sizes = {k.name: values.get(f"{effect.name}.{k.name}", start[k.name]) for k in effect.parameters}
         edits += effect.edits(sizes)
         evidence = [f"{finding['status']}: {finding['sentence']}"]
-        for knob in effect.knobs:
-            i = intervals.get(f"{effect.name}.{knob.parameter}")
+        for parameter in effect.parameters:
+            i = intervals.get(f"{effect.name}.{parameter.name}")
             if i is None:
                 continue
-            evidence.append(f"{knob.parameter}: 95 % interval {span(i.numbers())} {i.unit}")
+            evidence.append(f"{parameter.name}: 95 % interval {span(i.numbers())} {i.unit}")
         notes[effect.name] = "\n".join(evidence)
     given = {p.name: p for p in study.refit.fit.problem.model.parameters}
     for name, value in values.items():

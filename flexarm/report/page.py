@@ -93,7 +93,7 @@ class Row:
 
 
 def difference(before: str, after: str) -> list[Row]:
-    """What changed from one text to another, with three lines of surroundings."""
+    """What changed from one text to another, with three lines of context."""
     rows = []
     lines = difflib.unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=3)
     for line in list(lines)[2:]:

@@ -130,10 +130,10 @@ def test_an_answer_does_not_jump_as_its_corner_moves_over_the_rows():
     values = {name: f.value(0.0) for name, f in free.items()}
     for v in np.linspace(-0.04, 0.04, 9):
         moved = {"motor.resistance": free["motor.resistance"].value(v)}
-        (orbit,) = e.answers.solve(moved, e.frequency, e.amplitude, {})
-        start = np.array([orbit.x[0] - orbit.x[1], *orbit.x[2:]])
+        (solution,) = e.answers.solve(moved, e.frequency, e.amplitude, {})
+        start = np.array([solution.x[0] - solution.x[1], *solution.x[2:]])
         exact = TwoMassesWithPlay(values | moved, 30.0, float(e.amplitude[0])).amplitude(start)
-        assert abs(decibels(orbit.amplitudes[0] / exact)) < 1e-4
+        assert abs(decibels(solution.amplitudes[0] / exact)) < 1e-4
 
 
 @pytest.mark.parametrize("role", ["train", "hold_out"])

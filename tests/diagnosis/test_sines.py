@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 
 from diagnosis.api import diagnose, fit, gather
 from diagnosis.effects.catalogue import candidates
-from diagnosis.effects.scales import surroundings
-from diagnosis.frequency_response.table_experiment import STEP, Sines, quantum, scatter
+from diagnosis.effects.scales import operating_scales
+from diagnosis.frequency_response.table_experiment import STEP, TableExperiment, quantum, scatter
 from diagnosis.problems import problem
-from diagnosis.search.fitter import Workshop
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.wrong_parameters import suspects
 from diagnosis.verdict.write import write
 from engine.errors import FlexarmError
@@ -123,7 +123,7 @@ def sticking_motor(w, amplitude, cycles=6):
 
 def only(made):
     (e,) = made.experiments
-    assert isinstance(e, Sines)
+    assert isinstance(e, TableExperiment)
     return e
 
 
@@ -367,8 +367,8 @@ def test_the_lowest_rows_of_table_a_2_accuse_no_parameter():
 
 def _suspects(name):
     s = load(name)
-    shop = Workshop(s, gather(s, (), ()))
-    return suspects(shop, candidates(surroundings(shop.base)), shop.refit())
+    fitter = CandidateFitter(s, gather(s, (), ()))
+    return suspects(fitter, candidates(operating_scales(fitter.base)), fitter.refit())
 
 
 @pytest.mark.slow

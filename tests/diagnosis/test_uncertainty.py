@@ -9,7 +9,7 @@ import pytest
 from diagnosis.api import gather
 from diagnosis.estimation.covariance import SIZE, uncertainty
 from diagnosis.estimation.least_squares import Fit, Interval, descend, known, span
-from diagnosis.estimation.problem import Free
+from diagnosis.estimation.problem import FreeParameter
 from diagnosis.problems import problem
 from scenarios.load import load
 
@@ -99,7 +99,7 @@ def test_a_limit_that_is_never_reached_is_bounded_on_one_side_alone(tmp_path):
     """The recorded torque goes to 1 N.m: a limit below it would show, one above it changes nothing."""
     scenario, recorded = wheel(tmp_path)
     limits = [
-        Free(f"limit.{end}", value, 0.3, True, *sorted((0.0, 1e6 * value)), prior=False)
+        FreeParameter(f"limit.{end}", value, 0.3, True, *sorted((0.0, 1e6 * value)), prior=False)
         for end, value in (("lower", -1.7), ("upper", 1.4))
     ]
     made = problem(scenario, recorded, limits)
