@@ -18,6 +18,7 @@ from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.frequency_response.table_experiment import prepared
 from diagnosis.recordings.columns import RecordingError
 from diagnosis.recordings.mapping import FrequencyTable, Recorded, Recording
+from diagnosis.thresholds import FITTING
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.model import Model
 from engine.quantity import convert
@@ -26,15 +27,6 @@ from engine.step import fastest, internal_step
 from scenarios.amend import Edit
 from scenarios.load import Scenario
 from scenarios.variant import edited, renamed
-
-MOST_SAMPLES = 1_000_000
-"""Samples of one recording that a fit takes."""
-
-FINEST = 8
-"""At most so many internal steps per sample: what moves faster than they can follow, the data cannot show."""
-
-STABLE = 2.0
-"""A mode is integrated stably while its rate times the step stays below this."""
 
 
 def noise(values: Array) -> float:
@@ -60,10 +52,10 @@ def experiment(made: Plan, recording: Recording, longest: float) -> TimeExperime
     Raises:
         RecordingError: too many samples, an unknown starting value, or noise that cannot be estimated.
     """
-    if len(recording.time) > MOST_SAMPLES:
+    if len(recording.time) > FITTING.most_samples:
         raise RecordingError(
             f"recording '{recording.name}' has {len(recording.time)} samples, and a fit simulates all of them some "
-            f"hundred times; at most {MOST_SAMPLES} are taken",
+            f"hundred times; at most {FITTING.most_samples} are taken",
             remedy="choose a part with 'window: [from, until]' in the recording, or store it at longer intervals",
         )
     step, every = grid(recording.time, longest)
@@ -218,9 +210,9 @@ def resolved(made: Problem, x: Array) -> Problem | None:
     model, step = made.model, min(steps)
     p = model.parameter_vector(made.values(x)[0])
     start = start_values(model, p)
-    if fastest(model, p, start).rate * step / FINEST > STABLE:
+    if fastest(model, p, start).rate * step / FITTING.finest > FITTING.stable:
         return None
-    return replace(made, internal_step=max(internal_step(model, p, start, step), step / FINEST))
+    return replace(made, internal_step=max(internal_step(model, p, start, step), step / FITTING.finest))
 
 
 def _within(bounds: tuple[float, float]) -> tuple[float, float]:

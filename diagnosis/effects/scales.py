@@ -17,13 +17,11 @@ from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.recordings.feedback import plant_inputs
+from diagnosis.thresholds import TABLES
 from engine.assemble import build
 from engine.block import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.linearise import linearise
 from engine.system import Connection, System
-
-FACTORS = (0.3, 0.5, 2.0, 3.0)
-"""What a parameter of a table's model may be multiplied by."""
 
 
 @dataclass
@@ -66,7 +64,7 @@ class OperatingScales:
     @property
     def factors(self) -> tuple[float, ...]:
         """Factors by which a parameter may be wrong, to start from: a few rows leave a fit in local optima."""
-        return FACTORS if self.problem.sparse else ()
+        return TABLES.factors if self.problem.sparse else ()
 
     def spins(self, flange: str) -> bool:
         """Whether a flange turns over by whole turns at a table's lowest frequency: gravity then averages out there."""

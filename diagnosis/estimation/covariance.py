@@ -19,20 +19,8 @@ from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.recordings.feedback import plant_inputs
+from diagnosis.thresholds import INTERVALS
 from engine.errors import SimulationError
-
-BLOCK = 0.25
-"""Length (s) of the blocks within which residuals are taken to be correlated."""
-
-SIZE, TIMING = 0.03, 0.1
-"""Standard deviations of the input: of its size, as a share, and of its instants, in sample intervals."""
-
-LEAST, MOST, LONG = 0.02, 1.0, 0.5
-"""What a model leaves out, as a share of the noise's power: at least and at most; and for how long (s) it keeps its
-sign."""
-
-REACH, RISE, CLOSE = 40.0, 3.84, 0.01
-"""A cost that is flat is followed so far in the search variable, until it has risen by so much, to such a share."""
 
 Flat = tuple[tuple[int, float, float], ...]
 """Parameters that the recordings only bound: number, least and greatest search variable, infinite without bound."""
@@ -60,10 +48,10 @@ def covariance(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, tu
         data += J.T @ J
         slopes = J.reshape(len(r) // e.measured.shape[1], -1, len(x))
         each = slopes * r.reshape(*slopes.shape[:2], 1)
-        meat = meat + sum(np.outer(g, g) for g in _sums(each.sum(axis=1), BLOCK, e))
-        share = min(max(left, LEAST), MOST)
+        meat = meat + sum(np.outer(g, g) for g in _sums(each.sum(axis=1), INTERVALS.block, e))
+        share = min(max(left, INTERVALS.least_left), INTERVALS.most_left)
         # Each signal errs on its own.
-        meat = meat + share * sum(g.T @ g for g in _sums(slopes, LONG, e))
+        meat = meat + share * sum(g.T @ g for g in _sums(slopes, INTERVALS.left_length, e))
         for k, there in enumerate(_disturbed(problem, x, e)):
             shifts[k] += J.T @ (there - r)
     inverse = np.linalg.pinv(weights.T @ weights + data)
@@ -85,7 +73,9 @@ def _disturbed(problem: Problem, x: Array, e: Experiment) -> list[Array]:
     """Residuals with the input a little larger, and a little later; none where the input is known exactly."""
     if plant_inputs(problem.scenario.system, [v.name for v in problem.model.inputs]):
         return []  # a reference is what the controller was told
-    return [problem.residual(x, there).ravel() for there in e.disturbed_inputs(SIZE, TIMING)]
+    return [
+        problem.residual(x, there).ravel() for there in e.disturbed_inputs(INTERVALS.input_size, INTERVALS.input_timing)
+    ]
 
 
 def _bounds(problem: Problem, x: Array, flat: Sequence[int]) -> Flat:
@@ -105,14 +95,14 @@ def _end(problem: Problem, x: Array, i: int, sign: float) -> float:
     def rise(distance: float) -> float:
         there = x.copy()
         there[i] += sign * distance
-        return problem.cost(there, problem.training) - here - RISE
+        return problem.cost(there, problem.training) - here - INTERVALS.rise
 
-    inner, outer = 0.0, CLOSE
+    inner, outer = 0.0, INTERVALS.close
     while not rise(outer) > 0:
         inner, outer = outer, 2 * outer
-        if outer > REACH:
+        if outer > INTERVALS.reach:
             return sign * math.inf
-    return float(x[i] + sign * brentq(rise, inner, outer, rtol=CLOSE))
+    return float(x[i] + sign * brentq(rise, inner, outer, rtol=INTERVALS.close))
 
 
 def _weak(problem: Problem, data: Array) -> tuple[str, ...]:

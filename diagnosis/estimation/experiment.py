@@ -19,9 +19,6 @@ from engine.model import Model
 if TYPE_CHECKING:
     from scenarios.load import Scenario
 
-HUGE = 1e6
-"""Bound on a residual in standard deviations. A simulation that runs away counts as this."""
-
 TRAINING = ("train", "repeat")
 """Roles of recordings that are fitted."""
 

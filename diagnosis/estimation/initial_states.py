@@ -8,16 +8,11 @@ from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.recordings.columns import RecordingError
 from diagnosis.recordings.mapping import Recording
+from diagnosis.thresholds import FITTING
 from engine.block import MOTION
 from engine.errors import nearest
 from engine.model import Model
 from engine.start import start_values, starting_names
-
-FIRST = 16
-"""Samples through which the parabola goes whose slope is that at the start."""
-
-USUAL = 0.05
-"""Scale (SI) of a starting value that no measurement speaks of, such as the twist of a joint."""
 
 _RATES = [(f".{names[1][0]}", f".{names[0][0]}") for names in MOTION.values()]
 
@@ -50,13 +45,13 @@ def _first(model: Model, name: str, recording: Recording, measured: Array, other
     names = [v.name for v in model.outputs]
     whole = [k for k, c in enumerate(recording.measurements) if not c.from_first]
     for k in whole:
-        there = np.flatnonzero(np.isfinite(measured[:, k]))[:FIRST]
+        there = np.flatnonzero(np.isfinite(measured[:, k]))[: FITTING.first_samples]
         if names[k] == name and there.size:
             return float(measured[there[0], k])
     for rate, motion in _RATES:
         if name.endswith(rate) and name.removesuffix(rate) + motion in names:
             column = measured[:, names.index(name.removesuffix(rate) + motion)]
-            there = np.flatnonzero(np.isfinite(column))[:FIRST]
+            there = np.flatnonzero(np.isfinite(column))[: FITTING.first_samples]
             if there.size > 3:
                 return float(np.polyfit(recording.time[there], column[there], 2)[1])
     return otherwise
@@ -67,5 +62,7 @@ def free_starts(experiment: Experiment) -> list[FreeParameter]:
     rows = []
     for name in experiment.free:
         value = experiment.initial.get(name, 0.0)
-        rows.append(FreeParameter(name, value, max(0.1 * abs(value), USUAL), False, recording=experiment.name))
+        rows.append(
+            FreeParameter(name, value, max(0.1 * abs(value), FITTING.usual_start), False, recording=experiment.name)
+        )
     return rows

@@ -14,11 +14,10 @@ from diagnosis.estimation.covariance import Flat, covariance
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.problem import Problem
+from diagnosis.thresholds import FITTING
 from engine.errors import SimulationError
 
 Progress = Callable[[str], None]
-SETTLED = 1e-4
-"""Where no step gains anything, a fit has converged if less than this share of the cost was promised."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +148,7 @@ def descend(
                 break
             damping *= 3
         else:
-            return x, cost, promised < max(1.0, SETTLED * cost)
+            return x, cost, promised < max(1.0, FITTING.settled * cost)
         x, damping = stack.moved(x, step), max(damping / 5, 1e-9)
         try:
             r, J = stack.linearised(x)
@@ -157,7 +156,7 @@ def descend(
             return x, float(there @ there), False
         gain, cost = cost - float(r @ r), float(r @ r)
         if gain < least * cost:
-            return x, cost, promised < max(1.0, SETTLED * cost)
+            return x, cost, promised < max(1.0, FITTING.settled * cost)
     return x, cost, False
 
 

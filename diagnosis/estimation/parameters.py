@@ -13,12 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.thresholds import FITTING
 from engine.model import Model
 
 Array = NDArray[np.float64]
-
-ALIKE = 0.3
-"""Standard deviation of the logarithm of the ratio of two sizes that are expected to be equal."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ def prior(free: Sequence[FreeParameter], x: Array) -> tuple[Array, Array]:
             j = names.index(f.like)
             other = free[j]
             row = np.zeros(len(x))
-            row[[i, j]] = f.scale / ALIKE, -other.scale / ALIKE
-            apart = math.log(abs(f.start / other.start)) / ALIKE + row @ x
+            row[[i, j]] = f.scale / FITTING.alike, -other.scale / FITTING.alike
+            apart = math.log(abs(f.start / other.start)) / FITTING.alike + row @ x
             r, J = np.append(r, apart), np.vstack([J, row])
     return r, J

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diagnosis.estimation import parameters
-from diagnosis.estimation.experiment import HUGE, TRAINING, Experiment
+from diagnosis.estimation.experiment import TRAINING, Experiment
 from diagnosis.estimation.parameters import Array, FreeParameter
+from diagnosis.thresholds import FITTING
 from engine.errors import ParameterError, SimulationError
 from engine.model import Model
 
@@ -97,8 +98,8 @@ class Problem:
         try:
             found = experiment.residual(self.simulate(x, experiment))
         except (ParameterError, SimulationError):
-            return np.full(experiment.measured.shape, HUGE)
-        return np.clip(found, -HUGE, HUGE)
+            return np.full(experiment.measured.shape, FITTING.huge)
+        return np.clip(found, -FITTING.huge, FITTING.huge)
 
     def linearised(self, x: Array, experiment: Experiment) -> tuple[Array, Array]:
         """Residual, flat, and its Jacobian with respect to the search vector.

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from diagnosis.estimation.experiment import HUGE, Experiment
+from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array, FreeParameter
+from diagnosis.thresholds import FITTING, NOISE
 from engine.errors import FlexarmError, ParameterError, SimulationError
 from engine.model import Model
 from engine.simulate import Drive, simulate
@@ -19,12 +20,6 @@ from engine.tangent import tangents
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario
-
-PIECE, ROWS = 0.2, 32
-"""Length (s) of the pieces of a residual whose median tells its noise, and the least number of rows in each."""
-
-FEWEST = 64
-"""Samples from which second differences tell the noise."""
 
 WINDOW = 0.2
 """Length (s) of the pieces of time in which a residual is said to be large."""
@@ -132,12 +127,12 @@ class TimeExperiment(Experiment):
             )
         except ParameterError as error:
             raise SimulationError(error.message) from error
-        r = np.clip(self.residual(found.result.values), -HUGE, HUGE).ravel()
+        r = np.clip(self.residual(found.result.values), -FITTING.huge, FITTING.huge).ravel()
         slopes = self.slopes(found.values).reshape(len(r), len(names))
         J = np.zeros((len(r), len(free)))
         for column, i in enumerate(mine):
             J[:, i] = slopes[:, column] * free[i].slope(x[i])
-        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > HUGE**2:
+        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > FITTING.huge**2:
             raise SimulationError("the sensitivities grow without bound")
         return r, J
 
@@ -184,7 +179,7 @@ class TimeExperiment(Experiment):
 
     def lines(self, r: Array, most: int) -> dict[float, float]:
         """The frequencies (rad/s) of the ``most`` largest peaks of a residual's spectrum, with their power."""
-        if len(self.time) < FEWEST:
+        if len(self.time) < NOISE.fewest:
             return {}
         r, _ = self.evenly(r)
         power = np.sum(power_spectrum(r), axis=1)
@@ -206,14 +201,14 @@ class TimeExperiment(Experiment):
         A model's errors are smooth at the rate of the samples, save where a friction or a contact that is not quite
         right makes kinks. So the median of pieces counts. A signal that holds nothing gives no level.
         """
-        if len(self.time) < FEWEST:
+        if len(self.time) < NOISE.fewest:
             return None
         levels = []
         for column, recorded in zip(r.T, self.measured.T, strict=True):
             there = np.flatnonzero(np.isfinite(recorded))
             bend = np.diff(column[there], 2)[np.diff(there, 2) == 0]
             if len(bend):
-                pieces = min(round(float(self.time[-1] - self.time[0]) / PIECE), len(bend) // ROWS)
+                pieces = min(round(float(self.time[-1] - self.time[0]) / NOISE.piece), len(bend) // NOISE.rows)
                 levels.append(_typical(bend**2, pieces) / 6)
         return levels
 

@@ -14,29 +14,18 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.estimation.experiment import HUGE, Experiment
+from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.frequency_response.period import PeriodicSolution
 from diagnosis.frequency_response.periodic_solver import PeriodicSolver
 from diagnosis.frequency_response.sine_model import sine_model
 from diagnosis.recordings.columns import RecordingError
 from diagnosis.recordings.mapping import FrequencyTable
+from diagnosis.thresholds import FITTING, TABLES
 from engine.errors import FlexarmError, ParameterError, SimulationError, nearest
 from engine.model import Model
 from engine.quantity import factor
 from scenarios.load import Scenario
-
-STEP = 0.02
-"""Difference of the search variable for derivatives: a fiftieth of a tolerance."""
-
-KEPT, NEAR = 2, 0.6
-"""A Jacobian serves so many further steps, each shorter than so many tolerances."""
-
-CREDIBLE = 3.0
-"""Sigma within which a reading is off by chance; a few of a table may be misread or misprinted."""
-
-LATEST = 16
-"""So many evaluations are kept."""
 
 DECIBEL = 20 / math.log(10)
 
@@ -45,9 +34,6 @@ UNSEEN = ("delay", "sensor_bias", "torque_ripple", "outside_vibration", "directi
 
 Of friction that differs between the directions they show the mean, which is Coulomb friction.
 """
-
-FEWEST = 4
-"""Rows that a table needs at least to be fitted to."""
 
 
 class BroydenJacobian:
@@ -67,7 +53,7 @@ class BroydenJacobian:
             return None
         step = np.asarray(x) - self.x
         length = float(np.abs(step).max(initial=0.0))
-        if self.age >= KEPT or length > NEAR or length < 1e-9:
+        if self.age >= TABLES.kept or length > TABLES.near or length < 1e-9:
             return None
         self.J = self.J + np.outer((r - self.r) - self.J @ step, step) / float(step @ step)
         self.x, self.r, self.age = np.array(x), r, self.age + 1
@@ -139,7 +125,7 @@ class TableExperiment(Experiment):
         if self.role != "hold_out":
             return super().squares(r)
         size = np.abs(r)
-        return np.where(size < CREDIBLE, size**2, 2 * CREDIBLE * size - CREDIBLE**2)
+        return np.where(size < TABLES.credible, size**2, 2 * TABLES.credible * size - TABLES.credible**2)
 
     def rows(self, keep: NDArray[np.int64]) -> TableExperiment:
         """Some of the rows."""
@@ -169,7 +155,7 @@ class TableExperiment(Experiment):
         found = self.latest.get(key)
         if found is None:
             found = self.answers.solve(parameters, self.frequency, self.amplitude, near)
-            while len(self.latest) >= LATEST:
+            while len(self.latest) >= TABLES.latest:
                 self.latest.pop(next(iter(self.latest)), None)
             self.latest[key] = found
         return found
@@ -199,11 +185,11 @@ class TableExperiment(Experiment):
         r = self.residual(self.decibels(base)).ravel()
         J = self.slope.moved(x, r)
         if J is not None:
-            return np.clip(r, -HUGE, HUGE), J
+            return np.clip(r, -FITTING.huge, FITTING.huge), J
         J = np.zeros((len(r), len(free)))
         moves = []
         for i in range(len(free)):
-            for h in (STEP, -STEP):
+            for h in (TABLES.difference, -TABLES.difference):
                 there = np.array(x, dtype=float)
                 there[i] += h
                 # At a bound the parameter does not move: look the other way.
@@ -213,10 +199,10 @@ class TableExperiment(Experiment):
         found = self.answers.near([values for _, _, values in moves], base, self.frequency, self.amplitude)
         for (i, h, _), amplitudes in zip(moves, found, strict=True):
             J[:, i] = (self.residual(self._decibels(amplitudes)).ravel() - r) / h
-        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > HUGE**2:
+        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > FITTING.huge**2:
             raise SimulationError("the sensitivities grow without bound")
         self.slope.fresh(x, r, J)
-        return np.clip(r, -HUGE, HUGE), J
+        return np.clip(r, -FITTING.huge, FITTING.huge), J
 
     def bound(
         self, scenario: Scenario, inputs: Sequence[str], outputs: Sequence[str], others: Sequence[Experiment]
@@ -316,7 +302,7 @@ def prepared(scenario: Scenario, given: Sequence[FrequencyTable]) -> tuple[Model
     answers = _answers(scenario, first.drive, first.amplitude_unit, names, _finest(given))
     for table in given:
         whole = _experiment(table, answers)
-        if not split or table.role == "repeat" or len(whole.time) < 2 * FEWEST:
+        if not split or table.role == "repeat" or len(whole.time) < 2 * TABLES.fewest:
             experiments.append(whole)
             continue
         order = np.argsort(whole.frequency, kind="stable")
@@ -350,8 +336,8 @@ def _part(whole: TableExperiment, keep: NDArray[np.int64], name: str, role: str,
 
 def _experiment(table: FrequencyTable, answers: PeriodicSolver) -> TableExperiment:
     rows = len(table.frequency)
-    if rows < FEWEST:
-        raise RecordingError(f"table '{table.name}' has {rows} rows", remedy=f"a fit needs at least {FEWEST}")
+    if rows < TABLES.fewest:
+        raise RecordingError(f"table '{table.name}' has {rows} rows", remedy=f"a fit needs at least {TABLES.fewest}")
     measured, noise = [], []
     for channel, variable in zip(table.responses, answers.plain.outputs, strict=True):
         try:

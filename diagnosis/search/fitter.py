@@ -21,37 +21,10 @@ from diagnosis.recordings.mapping import Recorded
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, ended_at
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.wave_starts import solved
+from diagnosis.thresholds import INSERTION
 from engine.errors import FlexarmError
 from engine.spread import Store
 from scenarios.load import Scenario
-
-STARTS, APART = 3, 3.0
-"""How many starting sizes of an effect are fitted, and how far apart they lie in the search variables."""
-
-STRUCTURES, SETTLES = 10, 24
-"""Of sizes that are only chosen, such as the order of a ripple, so many are fitted, in so many steps: which is right
-shows late."""
-
-GLANCE = 0.4
-"""Share of the training recordings on which starting sizes are compared."""
-
-FIRST, MOST = 6, 25
-"""Steps from each of the best starts, and then from the best of all."""
-
-POLISHED = 150
-"""Steps at most of the chosen model's last fit."""
-
-FINER = (0.5, 0.25, 0.125, 0.0625, 0.03125)
-"""Distances, in samples, at which a size that is only chosen is looked for next to the best."""
-
-SOLVED, REORDERED = 5, 3
-"""So many orders of a wave are fitted from the linear solution, and so many beside another effect."""
-
-SOLUTION = 2.0
-"""Mean squared residual up to which what the linear solution gives is taken for the solution."""
-
-HARDLY = 3e-3
-"""A first step that gains less than this share of the cost is the last."""
 
 
 class CandidateFitter:
@@ -153,10 +126,12 @@ class CandidateFitter:
         tried = []
         with ThreadPoolExecutor(1) as pool:
             begun = [*self._begun(effects, points, parent), *bold]
-            most = SETTLES if len({id(point.problem.model) for point in begun}) > 1 else FIRST
+            most = INSERTION.settles if len({id(point.problem.model) for point in begun}) > 1 else INSERTION.first_steps
             for point in begun:
                 training = point.problem.training
-                x, cost, converged = descend(point.problem, point.x, training, pool, iterations=most, least=HARDLY)
+                x, cost, converged = descend(
+                    point.problem, point.x, training, pool, iterations=most, least=INSERTION.least_gain
+                )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
         return min(tried, key=lambda partial: partial.point.cost)
 
@@ -168,12 +143,16 @@ class CandidateFitter:
         waves = [k for k, c in enumerate(effects) if c.wave and len(c.starts) > 1]
         if waves and not self.tables:
             single = len(effects) == 1
-            begun = [e for k in waves for e in solved(self, effects, k, parent)[: SOLVED if single else REORDERED]]
+            begun = [
+                e
+                for k in waves
+                for e in solved(self, effects, k, parent)[: INSERTION.orders if single else INSERTION.orders_beside]
+            ]
             if not single:
                 return [*begun, *_spread(points)[:1]]
             # A wave that moves the model far is not solved for by tangents: then every order is tried from the others.
-            near = any(point.cost < SOLUTION * counted(point.problem.training) for point in begun)
-            return [*begun, *_spread(points)[: STARTS if near else None]]
+            near = any(point.cost < INSERTION.solution * counted(point.problem.training) for point in begun)
+            return [*begun, *_spread(points)[: INSERTION.starts if near else None]]
         if not self.tables or len(effects) > 1:
             return _spread(points)
         # A few rows let the refit bend parameters that the effect would leave as they were given: begin there too.
@@ -205,7 +184,7 @@ class CandidateFitter:
         made = self.finish(self.partial_fit((alone,), trial.fit))
         return replace(made, effects=(kept,))
 
-    def finish(self, partial: PartialFit, iterations: int = MOST) -> ScoredModel:
+    def finish(self, partial: PartialFit, iterations: int = INSERTION.most_steps) -> ScoredModel:
         """Finish a partial fit until it converges, and score it; with no iterations left it is scored as it is."""
         if not iterations:
             return self._trial(partial)
@@ -242,10 +221,12 @@ class CandidateFitter:
         values = point.problem.values(point.x)[0]
         there = [ended_at(c, values, sizes) for c, sizes in zip(effects, point.sizes, strict=True)]
         tried = [partial]
-        for begun in solved(self, there, k, values)[:REORDERED]:
+        for begun in solved(self, there, k, values)[: INSERTION.orders_beside]:
             training = begun.problem.training
             with ThreadPoolExecutor(1) as pool:
-                x, cost, converged = descend(begun.problem, begun.x, training, pool, iterations=SETTLES, least=HARDLY)
+                x, cost, converged = descend(
+                    begun.problem, begun.x, training, pool, iterations=INSERTION.settles, least=INSERTION.least_gain
+                )
             tried.append(PartialFit(effects, replace(begun, x=x, cost=cost), converged))
         best = min(tried, key=lambda made: made.point.cost)
         return best if best is partial else self._descended(best, iterations)
@@ -253,7 +234,7 @@ class CandidateFitter:
     def _refined(self, partial: PartialFit) -> PartialFit:
         """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""
         for k, effect in enumerate(partial.effects):
-            for share in FINER if effect.finer else ():
+            for share in INSERTION.finer if effect.finer else ():
                 best = partial.point
                 for sizes in effect.finer(best.sizes[k], share) if effect.finer else ():
                     chosen = tuple(sizes if j == k else s for j, s in enumerate(best.sizes))
@@ -261,7 +242,9 @@ class CandidateFitter:
                     made = self.build(partial.effects, built)
                     training = made.training
                     with ThreadPoolExecutor(1) as pool:
-                        x, cost, converged = descend(made, best.x, training, pool, iterations=FIRST, least=HARDLY)
+                        x, cost, converged = descend(
+                            made, best.x, training, pool, iterations=INSERTION.first_steps, least=INSERTION.least_gain
+                        )
                     if cost < partial.point.cost:
                         partial = PartialFit(partial.effects, StartingPoint(cost, made, x, chosen, built), converged)
         return partial
@@ -273,7 +256,7 @@ class CandidateFitter:
             return trial
         training = made.problem.training
         with ThreadPoolExecutor(self.workers) as pool:
-            x, cost, converged = descend(made.problem, made.x, training, pool, iterations=POLISHED)
+            x, cost, converged = descend(made.problem, made.x, training, pool, iterations=INSERTION.polishing_steps)
         if not cost < made.cost:
             return trial  # it ended where the model cannot be differentiated
         return self._trial(
@@ -297,7 +280,7 @@ def _digest(base: Problem, seed: int) -> str:
 
 def _glance(made: Problem, x: Array) -> float:
     """The cost over the first part of the training recordings."""
-    return made.cost(x, [e.cut(GLANCE) for e in made.training]) + made.prior_cost(x)
+    return made.cost(x, [e.cut(INSERTION.glance) for e in made.training]) + made.prior_cost(x)
 
 
 def _spread(points: Sequence[StartingPoint]) -> list[StartingPoint]:
@@ -305,9 +288,9 @@ def _spread(points: Sequence[StartingPoint]) -> list[StartingPoint]:
     models: dict[int, StartingPoint] = {}
     for point in points:
         models.setdefault(id(point.problem.model), point)
-    chosen = list(models.values())[:STRUCTURES] if len(models) > 1 else []
+    chosen = list(models.values())[: INSERTION.structures] if len(models) > 1 else []
     for point in points:
-        if len(chosen) >= STARTS:
+        if len(chosen) >= INSERTION.starts:
             break
         if all(_apart(point, other) for other in chosen):
             chosen.append(point)
@@ -315,7 +298,7 @@ def _spread(points: Sequence[StartingPoint]) -> list[StartingPoint]:
 
 
 def _apart(one: StartingPoint, other: StartingPoint) -> bool:
-    return one.problem.model is not other.problem.model or float(np.abs(one.x - other.x).max()) > APART
+    return one.problem.model is not other.problem.model or float(np.abs(one.x - other.x).max()) > INSERTION.apart
 
 
 def _placed(

@@ -11,15 +11,7 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.least_squares import Fit, with_held_out_starts
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import counted
-
-BLOCK = 0.2
-"""Length (s) of the blocks that the bootstrap draws: residuals are taken to be independent beyond it."""
-
-CHANCE = 1.645
-"""Standard deviations of chi2 that noise alone exceeds once in twenty times."""
-
-STRAIN = 2.5
-"""Tolerances beyond which a fitted parameter is not believed."""
+from diagnosis.thresholds import NOISE, PREFERENCE
 
 
 @dataclass(frozen=True)
@@ -85,7 +77,7 @@ def scored(made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, flo
     sums = []
     for e in problem.judged:
         squares = np.sum(e.squares(problem.residual(x, e)), axis=1)
-        length = max(1, round(BLOCK / e.interval))
+        length = max(1, round(NOISE.block / e.interval))
         sums.append(np.add.reduceat(squares, np.arange(0, len(squares), length)))
     errors, samples = np.concatenate(sums), counted(problem.judged)
     return ScoredModel(effects, replace(made, x=x), sizes, problem.chi2(x, problem.judged), errors, samples)
@@ -102,13 +94,13 @@ def gain_band(better: ScoredModel, worse: ScoredModel, seed: int = 0, draws: int
 
 def by_chance(trial: ScoredModel) -> float:
     """How far above the floor noise alone may leave held-out chi2: far for the few rows of a table."""
-    return CHANCE * math.sqrt(2 / max(trial.samples, 1))
+    return NOISE.chance * math.sqrt(2 / max(trial.samples, 1))
 
 
 def outside_tolerances(refit: ScoredModel) -> list[str]:
     """Parameters that the refit could only place far outside their tolerances."""
     pairs = zip(refit.fit.problem.free, refit.fit.x, strict=True)
-    return [f.name for f, x in pairs if f.prior and abs(x) > STRAIN]
+    return [f.name for f, x in pairs if f.prior and abs(x) > PREFERENCE.believed]
 
 
 def at_end(trial: ScoredModel) -> list[str]:

@@ -18,10 +18,8 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.search.partial_fit import PointSource, StartingPoint
+from diagnosis.thresholds import INSERTION
 from engine.errors import SimulationError
-
-FARTHEST = 3.0
-"""So many tolerances at most may a parameter move in the linear solution."""
 
 
 def solved(fitter: PointSource, effects: Sequence[Candidate], k: int, parent: dict[str, float]) -> list[StartingPoint]:
@@ -70,7 +68,7 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     J[:, mine] = 0.0  # a frequency has no slope where the amplitude is nothing
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     step = -np.linalg.lstsq(J / size, r, rcond=1e-9)[0] / size
-    there = x + np.clip(step, -FARTHEST, FARTHEST)
+    there = x + np.clip(step, -INSERTION.farthest, INSERTION.farthest)
     there[a] = amplitude.position(amplitude.value(x[a]) * math.hypot(1 + step[a], step[p]))
     there[p] = phase.position(phase.value(x[p]) + math.atan2(step[p], 1 + step[a]))
     return np.asarray(there)

@@ -20,15 +20,9 @@ from diagnosis.estimation.least_squares import Fit, descend
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.preference import DECISIVE
 from diagnosis.search.scored_model import ScoredModel, outside_tolerances
+from diagnosis.thresholds import PREFERENCE, TABLES
 from engine.errors import FlexarmError
-
-SHARES = (0.5, 0.35)
-"""Shares of the rows, those of the lowest frequencies, that are fitted: the largest one that can be met counts."""
-
-SUSPECTS, BESIDE, TRIED = 2, 12, 3
-"""So many parameters, each looked at with so many of the effects that do best alone, and fitted with so many."""
 
 
 @dataclass(frozen=True)
@@ -69,14 +63,14 @@ def suspects(fitter: CandidateFitter, listed: Sequence[Candidate], refit: Scored
     """
     if not fitter.tables or not outside_tolerances(refit):
         return []
-    for share in SHARES:
+    for share in TABLES.lowest_shares:
         count = sum(len(e.time) for e in _lowest(fitter.base, share))
         within = _fitted(fitter.base, [np.zeros(len(fitter.base.free))], share)
         found = [_let_go(fitter, c, share) for c in listed if c.freed]
         found.sort(key=lambda suspect: suspect.fit.cost)
         if found and found[0].fit.cost < count:
-            best = [s for s in found if s.fit.cost < min(within.cost, found[0].fit.cost + DECISIVE)]
-            return best[:SUSPECTS] if within.cost - found[0].fit.cost > DECISIVE else []
+            best = [s for s in found if s.fit.cost < min(within.cost, found[0].fit.cost + PREFERENCE.decisive)]
+            return best[: TABLES.suspects] if within.cost - found[0].fit.cost > PREFERENCE.decisive else []
     return []
 
 
@@ -119,7 +113,7 @@ def pairs(
         suspected: parameters.
         singles: effects alone, best first.
     """
-    others = [t.effects[0] for t in singles if len(t.effects) == 1 and not t.effects[0].freed][:BESIDE]
+    others = [t.effects[0] for t in singles if len(t.effects) == 1 and not t.effects[0].freed][: TABLES.beside]
     for suspect in suspected:
         parent, rows = suspect.fit.parameters(), []
         for other in others:
@@ -133,7 +127,7 @@ def pairs(
                 best = min(points, key=lambda point: robust(point.problem, point.x))
                 rows.append((robust(best.problem, best.x), other))
         rows.sort(key=lambda row: row[0])
-        yield suspect.fit, [(suspect.candidate, other) for _, other in rows[:TRIED]]
+        yield suspect.fit, [(suspect.candidate, other) for _, other in rows[: TABLES.tried]]
 
 
 def robust(problem: Problem, x: Array) -> float:

@@ -16,22 +16,8 @@ from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import over_time
 from diagnosis.frequency_response.table_experiment import TableExperiment, tables
+from diagnosis.thresholds import RECORDING_CHECKS
 from engine.errors import SimulationError
-
-ALIKE = 0.8
-"""Correlation of measured and simulated signal from which their ratio means something."""
-
-NEAR = 0.12
-"""A ratio is taken for a unit's if it lies within this share of it."""
-
-FARTHEST = 5
-"""Samples by which a column may be shifted."""
-
-HALVED = 0.35
-"""A shift is reported if it leaves this share of the residual, or less."""
-
-RUN = 5
-"""Equal samples in a row, at the extreme of a signal, that may be clipping."""
 
 UNITS = (
     (180 / math.pi, "degrees taken for radians"),
@@ -79,7 +65,7 @@ def screen(problem: Problem) -> list[Remark]:
         simulated = simulated - np.where(e.from_first, simulated[0], 0.0)
         for k, variable in enumerate(problem.model.outputs):
             there = np.isfinite(e.measured[:, k])
-            if int(there.sum()) < 4 * FARTHEST:
+            if int(there.sum()) < 4 * RECORDING_CHECKS.farthest:
                 continue
             where = f"'{variable.name}' of recording '{e.name}'"
             y, s = e.measured[there, k], simulated[there, k]
@@ -94,7 +80,7 @@ def _upside_down(alike: dict[str, list[float]]) -> list[Remark]:
     """Signals that run against the model in all recordings; in one alone a resonance beside the input may do that."""
     found = []
     for name, correlations in alike.items():
-        clear = [c for c in correlations if abs(c) >= ALIKE]
+        clear = [c for c in correlations if abs(c) >= RECORDING_CHECKS.alike]
         if clear and max(clear) < 0:
             often = f"in {len(clear)} of {len(correlations)} recordings" if len(correlations) > 1 else ""
             text = f"'{name}' runs against the model {often} (correlation {min(clear):.2f})".replace("  ", " ")
@@ -113,7 +99,7 @@ def _level(e: TableExperiment, simulated: Array) -> list[Remark]:
         found += [
             Remark(f"signal {k + 1} of table '{e.name}' is {gain:.3g} times as large as the model's: {guess}?", True)
             for factor, guess in UNITS
-            if abs(math.log(gain / factor)) < NEAR
+            if abs(math.log(gain / factor)) < RECORDING_CHECKS.near
         ]
     return found
 
@@ -130,11 +116,11 @@ def _likeness(y: Array, s: Array) -> tuple[float, float]:
 
 def _scale(where: str, y: Array, s: Array) -> list[Remark]:
     correlation, gain = _likeness(y, s)
-    if abs(correlation) < ALIKE:
+    if abs(correlation) < RECORDING_CHECKS.alike:
         return []
     found = []
     for factor, guess in UNITS:
-        if abs(math.log(abs(gain) / factor)) < NEAR:
+        if abs(math.log(abs(gain) / factor)) < RECORDING_CHECKS.near:
             found.append(
                 Remark(
                     f"{where} is {abs(gain):.3g} times as large as the model's (correlation {correlation:.2f}): "
@@ -147,15 +133,15 @@ def _scale(where: str, y: Array, s: Array) -> list[Remark]:
 
 def _shifted(where: str, y: Array, s: Array, interval: float) -> list[Remark]:
     """A whole number of samples by which the recording is early or late."""
-    if _likeness(y, s)[0] < ALIKE:
+    if _likeness(y, s)[0] < RECORDING_CHECKS.alike:
         return []
-    inner = slice(FARTHEST, len(y) - FARTHEST)
+    inner = slice(RECORDING_CHECKS.farthest, len(y) - RECORDING_CHECKS.farthest)
     left: dict[int, float] = {}
-    for k in range(-FARTHEST, FARTHEST + 1):
-        a = np.column_stack([np.roll(s, k)[inner], np.ones(len(y) - 2 * FARTHEST)])
+    for k in range(-RECORDING_CHECKS.farthest, RECORDING_CHECKS.farthest + 1):
+        a = np.column_stack([np.roll(s, k)[inner], np.ones(len(y) - 2 * RECORDING_CHECKS.farthest)])
         left[k] = float(np.sum((y[inner] - a @ np.linalg.lstsq(a, y[inner], rcond=None)[0]) ** 2))
     best = min(left, key=lambda k: left[k])
-    if best == 0 or left[best] > HALVED * left[0]:
+    if best == 0 or left[best] > RECORDING_CHECKS.halved * left[0]:
         return []
     samples = f"{abs(best)} sample{'s' if abs(best) > 1 else ''} ({abs(best) * interval:g} s)"
     if best < 0:
@@ -175,7 +161,9 @@ def _clipped(where: str, y: Array, s: Array) -> list[Remark]:
     for extreme, sign in ((float(y.max()), 1.0), (float(y.min()), -1.0)):
         at = np.concatenate([[False], y == extreme, [False]])
         begins, ends = np.flatnonzero(~at[:-1] & at[1:]), np.flatnonzero(at[:-1] & ~at[1:])
-        runs = [(b, e) for b, e in zip(begins, ends, strict=True) if e - b >= RUN and b > 0 and e < len(y)]
+        runs = [
+            (b, e) for b, e in zip(begins, ends, strict=True) if e - b >= RECORDING_CHECKS.run and b > 0 and e < len(y)
+        ]
         abrupt = [(b, e) for b, e in runs if min(moves[b - 1], moves[e - 1]) >= 0.5 * usual]
         held = sum(e - b for b, e in abrupt)
         model = y.mean() + gain * (s - s.mean()) if gain else y

@@ -14,19 +14,8 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.frequency_response.table_experiment import BroydenJacobian, TableExperiment, tables
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
+from diagnosis.thresholds import NEXT_EXPERIMENT
 from engine.errors import SimulationError
-
-SHARES = (0.25, 0.5, 0.75, 1.0)
-"""Amplitudes of a proposed sweep, as shares of the largest that was used."""
-
-ENOUGH = 10.0
-"""Log Bayes factor beyond which two models count as separated for good."""
-
-SEPARATED = 3.0
-"""Log Bayes factor from which an experiment is said to separate two models."""
-
-FREQUENCIES = 6
-"""At so many frequencies, spread over those of the table, an amplitude sweep is tried."""
 
 
 def remarks(problem: Problem) -> list[str]:
@@ -71,8 +60,8 @@ def menu(e: TableExperiment) -> dict[str, tuple[str, Array, Array]]:
     top = float(e.amplitude.max())
     order = np.sort(e.frequency)
     made: dict[str, tuple[str, Array, Array]] = {}
-    picks = np.unique(order[np.round(np.linspace(0, len(order) - 1, FREQUENCIES)).astype(int)])
-    shares = np.array(SHARES)
+    picks = np.unique(order[np.round(np.linspace(0, len(order) - 1, NEXT_EXPERIMENT.frequencies)).astype(int)])
+    shares = np.array(NEXT_EXPERIMENT.amplitudes)
     made["amplitude_sweep"] = (
         "repeat some frequencies at several amplitudes",
         np.repeat(picks, len(shares)),
@@ -128,7 +117,7 @@ def choose(models: Sequence[ScoredModel]) -> Choice | None:
             continue
         lead = predictions[models[0].label]
         factors = {label: _factor(lead, made, rows) for label, made in predictions.items() if made is not lead}
-        worth = sum(min(value, ENOUGH) for value in factors.values())
+        worth = sum(min(value, NEXT_EXPERIMENT.enough) for value in factors.values())
         if best is None or worth > best[0]:
             best = worth, Choice(kind, sentence, rows, predictions, factors)
     return best[1] if best else None

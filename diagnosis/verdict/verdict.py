@@ -10,22 +10,19 @@ from typing import Any
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, EffectParameter
-from diagnosis.estimation.covariance import TIMING
 from diagnosis.estimation.least_squares import Fit, with_covariance
 from diagnosis.estimation.time_experiment import over_time
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.preference import EXPLAINS, accounted, beyond, explained, missing, noise_floor, reached, rivals
+from diagnosis.search.preference import accounted, beyond, explained, missing, noise_floor, reached, rivals
 from diagnosis.search.scored_model import ScoredModel, log_evidence
 from diagnosis.search.study import Study
+from diagnosis.thresholds import INTERVALS, PREFERENCE, WORDING
 from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
 from diagnosis.verdict.table_report import absorbed, remarks
 
 WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
 """Statuses of findings, the weakest first."""
-
-LEFT = 2.0
-"""Held-out error, in floors, beyond which a sentence about a tie says what is left."""
 
 SCALES = {
     "degrees and radians": math.degrees(1),
@@ -221,7 +218,7 @@ def _finding(
 
 def _chosen_size(study: Study, parameter: EffectParameter, value: float) -> dict[str, Any]:
     """A size that is not fitted but chosen, as a parameter; one in time is known as well as the input's timing is."""
-    half = 1.96 * TIMING * study.scales.sample if parameter.unit == "s" else 0.0
+    half = 1.96 * INTERVALS.input_timing * study.scales.sample if parameter.unit == "s" else 0.0
     return {"value": value, "low": value - half, "high": value + half, "unit": parameter.unit}
 
 
@@ -268,11 +265,11 @@ def _sentence(
         return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
     if status == "tie":
         others = "; ".join(t.label for t in rivals[:8])
-        left = f" {numbers.capitalize()}." if after > LEFT else ""
+        left = f" {numbers.capitalize()}." if after > WORDING.left else ""
         return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}.{left}"
     if effect == "unknown":
         return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
-    if status == "unknown" and explained >= EXPLAINS:
+    if status == "unknown" and explained >= PREFERENCE.explains:
         what = f"{what.capitalize()} at {place} would explain {explained:.0%}"
         if accounted(study.recordings, study.refit, study.chosen):
             return f"{what}, but a recording looks wrong: see the warnings."

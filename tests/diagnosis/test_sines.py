@@ -11,10 +11,11 @@ from scipy.integrate import solve_ivp
 from diagnosis.api import diagnose, fit, gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.scales import operating_scales
-from diagnosis.frequency_response.table_experiment import STEP, TableExperiment, quantum, scatter
+from diagnosis.frequency_response.table_experiment import TableExperiment, quantum, scatter
 from diagnosis.problems import problem
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.wrong_parameters import suspects
+from diagnosis.thresholds import TABLES
 from diagnosis.verdict.write import write
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -175,7 +176,7 @@ def test_derivatives_are_those_of_the_closed_form(tmp_path):
     e = only(made)
     _, J = made.linearised(np.zeros(len(made.free)), e)
     names = [f.name for f in made.free]
-    h, base = STEP, dict(LOAD)
+    h, base = TABLES.difference, dict(LOAD)
     try:
         LOAD["J"] = base["J"] * math.exp(0.1 * h)
         up = two_mass_gain(w)
