@@ -16,8 +16,9 @@ from diagnosis.frequency_response.sine_model import SineModel, sine_model, sweep
 from diagnosis.recordings.by_header import from_file
 from diagnosis.recordings.columns import RecordingError, Vector
 from diagnosis.recordings.feedback import check_loop
-from diagnosis.recordings.mapping import Channel, FrequencyTable, Recording, from_scenario
-from diagnosis.recordings.paths import at_hand, location
+from diagnosis.recordings.mapping import from_scenario
+from diagnosis.recordings.paths import is_available, recording_path
+from diagnosis.recordings.types import Channel, FrequencyTable, Recording
 from engine.assemble import build
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.quantity import compatible, factor
@@ -108,7 +109,7 @@ def find_recording(scenario: Scenario, given: str | Path) -> Recording | Frequen
         return from_scenario(scenario, text)
     if path.is_file():
         for name in scenario.recordings:
-            declared = location(scenario, name) if at_hand(scenario, name) else Path()
+            declared = recording_path(scenario, name) if is_available(scenario, name) else Path()
             if declared.is_file() and declared.samefile(path):
                 return from_scenario(scenario, name)
         signals, inputs = names_of(scenario)

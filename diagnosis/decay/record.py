@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.recordings.by_header import header
+from diagnosis.recordings.checks import checked
 from diagnosis.recordings.columns import Columns, RecordingError, Vector, read_columns
-from diagnosis.recordings.mapping import Channel, Reader, Recording, checked
+from diagnosis.recordings.reader import Reader
+from diagnosis.recordings.types import Channel, Recording
 from engine.errors import ParameterError, Where, nearest
 from engine.quantity import factor
 
@@ -154,9 +156,9 @@ def read_decay(path: Path, column: str | None = None, time: str | None = None) -
     made = checked(
         Recording(path.stem, columns.file, raw[time_column], (), (Channel(signal, unit, raw[signal], signal),)),
         reader,
-        True,
         raw,
         time_column,
+        skip_gaps=True,
     )
     record = decay_record(made.time, made.measurements[0].values, name=header(signal)[0], unit=unit, file=columns.file)
     return DecayRecord(record.time, record.values, record.step, record.name, record.unit, (*made.notes, *record.notes))

@@ -8,7 +8,7 @@ import numpy as np
 
 from diagnosis.estimation.problem import HUGE, Array, Experiment, FreeParameter, Problem
 from diagnosis.recordings.columns import RecordingError
-from diagnosis.recordings.mapping import Recording
+from diagnosis.recordings.types import Recording
 from engine.block import MOTION
 from engine.errors import SimulationError, nearest
 from engine.model import Model

@@ -17,7 +17,7 @@ from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.problem import Array, Problem, prior
 from diagnosis.frequency_response.table_experiment import TableExperiment, renamed
 from diagnosis.problems import problem, resolved
-from diagnosis.recordings.mapping import FrequencyTable, Recorded
+from diagnosis.recordings.types import FrequencyTable, Recorded
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, ended_at
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.wave_starts import solved

@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.problem import Array
 from diagnosis.frequency_response.table_experiment import TableExperiment
-from diagnosis.recordings.mapping import Recorded, Recording
+from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.equivalent_effects import KNOWN
 from diagnosis.search.scored_model import STRAIN, ScoredModel, at_end, by_chance, gain_band, outside_tolerances
 

@@ -14,7 +14,7 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.problem import Array
-from diagnosis.recordings.mapping import Channel, Recorded, Recording
+from diagnosis.recordings.types import Channel, Recorded, Recording
 from diagnosis.search.equivalent_effects import lookalike, same_laws
 from diagnosis.search.fitter import MOST, CandidateFitter
 from diagnosis.search.nonparametric import laws

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diagnosis.recordings.mapping import FrequencyTable
+from diagnosis.recordings.types import FrequencyTable
 from diagnosis.search.scored_model import log_evidence
 from diagnosis.verdict.verdict import fit_table, place_odds
 from diagnosis.verdict.write import amended_text
@@ -18,7 +18,7 @@ from flexarm.report.page import difference, render, write_page
 from scenarios.amend import relocated
 
 if TYPE_CHECKING:
-    from diagnosis.recordings.mapping import Recorded
+    from diagnosis.recordings.types import Recorded
     from diagnosis.verdict.verdict import Diagnosis
 
 VERDICTS = {

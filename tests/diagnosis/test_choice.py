@@ -11,7 +11,7 @@ import pytest
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.problem import Experiment, FreeParameter
-from diagnosis.recordings.mapping import Channel, Recording
+from diagnosis.recordings.types import Channel, Recording
 from diagnosis.search import preference as choice
 from diagnosis.search import search as select
 from diagnosis.search.scored_model import CHANCE, STRAIN, ScoredModel, by_chance, gain_band, outside_tolerances
