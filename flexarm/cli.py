@@ -128,8 +128,8 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
     """Read and assemble a scenario with its analyses and recordings, and report problems."""
     from diagnosis.binding import verify
     from diagnosis.recordings.mapping import from_scenario
-    from diagnosis.recordings.types import FrequencyTable
     from diagnosis.recordings.paths import VARIABLE, is_available
+    from diagnosis.recordings.types import FrequencyTable
     from flexarm.api import cut
     from flexarm.api import linearise as linear_model
     from flexarm.text import columns, plural

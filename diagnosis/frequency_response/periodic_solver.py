@@ -22,6 +22,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from diagnosis.frequency_response.closed_form import ClosedForm
 from diagnosis.frequency_response.extremes import half_range, quiet_row
 from diagnosis.frequency_response.period import (
     DIFFERENCE,
@@ -33,8 +34,8 @@ from diagnosis.frequency_response.period import (
     switches,
 )
 from diagnosis.frequency_response.sine_model import SineModel, settling_time
-from engine.errors import SimulationError
-from engine.model import FRICTION, SWITCH, TIME, Model, Vector
+from engine.model import SWITCH, TIME, Model, Vector
+from engine.native import Outcome
 from engine.simulate import simulate
 from engine.start import start_values
 from engine.step import fastest
@@ -64,9 +65,6 @@ TURNS = 24
 
 AWAY = 0.01
 """Largest shift of an extreme from a period to its neighbour, as a fraction of the period, for a first-order step."""
-
-PHASES = 96
-"""Number of instants per period at which the closed form is checked for switches."""
 
 SETTLED = 2e-4
 """Relative change of the amplitudes between two looks below which a response counts as periodic."""
@@ -102,6 +100,7 @@ class PeriodicSolver:
     def __init__(self, plain: Model, driven: SineModel, largest_step: float | None = None) -> None:
         self.plain, self.driven, self.largest_step = plain, driven, largest_step
         self.model, self.periods = driven.model, PeriodSimulator(driven.model)
+        self.closed_form = ClosedForm(plain)
         self.sharp = self.model.count(SWITCH) > 0
 
     def solve(
@@ -124,7 +123,7 @@ class PeriodicSolver:
         Raises:
             SimulationError: the model is unstable or resonates without damping, or the simulation diverged.
         """
-        found: list[PeriodicSolution | None] = self._closed(parameters, frequency, amplitude)
+        found: list[PeriodicSolution | None] = self.closed_form.solve(parameters, frequency, amplitude)
         left = [k for k, solution in enumerate(found) if solution is None]
         p = self.model.parameter_vector(parameters)
         # Quantised, so that neighbouring parameters share their grid and differences between them are smooth.
@@ -253,78 +252,12 @@ class PeriodicSolver:
         return p
 
     @functools.cached_property
-    def _linear(self) -> Any:
-        """State space, and rates at rest, as functions of (modes, parameters); None if the model is not linear."""
-        model, e = self.plain, self.plain.equations
-        if model.count(FRICTION) or model.clocks or model.tables or len(model.inputs) != 1:
-            return None
-        both = ca.vertcat(e.x, e.u)
-        slopes = ca.jacobian(ca.vertcat(e.derivative, e.outputs), both)
-        if ca.depends_on(slopes, ca.vertcat(e.t, both)):
-            return None
-        at_rest = ca.substitute(ca.vertcat(e.derivative, e.guards), both, ca.SX.zeros(both.numel()))
-        if ca.depends_on(at_rest, e.t):
-            return None
-        rest = ca.Function("rest", [e.m, e.p], [at_rest[: e.x.numel()]])
-        return ca.Function("slopes", [e.m, e.p], [slopes]), rest
-
-    @functools.cached_property
     def _timed(self) -> bool:
         """Whether the model depends on time other than through the sine."""
         e = self.plain.equations
         return self.plain.count(TIME) > 0 or bool(
             ca.depends_on(ca.vertcat(e.derivative, e.guards, e.outputs, e.imposed), e.t)
         )
-
-    @functools.cached_property
-    def _modes(self) -> Vector:
-        """Modes at rest."""
-        if not self.plain.modes:
-            return np.zeros(0)
-        run = simulate(self.plain, 1e-6, 1e-6, log_capacity=0)
-        return np.asarray(run.final_modes)
-
-    def _closed(
-        self, parameters: dict[str, float], frequency: Vector, amplitude: Vector
-    ) -> list[PeriodicSolution | None]:
-        """C (iw - A)^-1 B + D where the model is linear, for the rows whose response meets no switch."""
-        nothing: list[PeriodicSolution | None] = [None] * len(frequency)
-        if self._linear is None:
-            return nothing
-        slopes, rest = self._linear
-        p, m, n = self.plain.parameter_vector(parameters), self._modes, len(self.plain.states)
-        matrix = np.array(slopes(m, p).full())
-        constant = np.array(rest(m, p).full()).ravel()
-        if not np.isfinite(matrix).all():
-            return nothing
-        A, B, C, D = matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:]
-        rest_at = np.linalg.lstsq(A, -constant, rcond=1e-12)[0] if n else np.zeros(0)
-        if self.sharp and np.abs(A @ rest_at + constant).max(initial=0.0) > 1e-9 * np.abs(constant).max(initial=0.0):
-            return nothing
-        values = np.linalg.eigvals(A) if n else np.zeros(1)
-        if values.real.max() > 1e-7 * max(np.abs(values).max(), 1.0):
-            raise SimulationError("the model is unstable, so its response to a sine is never periodic")
-        below = 1j * frequency[:, None, None] * np.eye(n) - A
-        try:
-            x = np.linalg.solve(below, B[None].astype(complex))[:, :, 0] * amplitude[:, None]
-        except np.linalg.LinAlgError:
-            undamped = values[np.argmin(np.abs(values[:, None] - 1j * frequency).min(axis=1))].imag
-            raise SimulationError(
-                f"the model resonates without damping at {abs(undamped):g} rad/s, and its response grows for ever",
-                remedy="give it damping, or leave the row out",
-            ) from None
-        y = np.abs(x @ C.T + amplitude[:, None] * D[:, 0])
-        meets = self._switches(p, m, x, rest_at, amplitude) if self.sharp else np.zeros(len(y), dtype=bool)
-        return [None if bad else PeriodicSolution(row, row / math.sqrt(2)) for row, bad in zip(y, meets, strict=True)]
-
-    def _switches(self, p: Vector, m: Vector, x: Array, rest: Vector, amplitude: Vector) -> Array:
-        """For each row, whether the closed form about ``rest`` meets a switch, shape (rows,)."""
-        guards, memory = self.plain.functions["guards"], np.zeros(self.plain.equations.d.numel())
-        turn = np.exp(2j * np.pi * np.arange(PHASES) / PHASES)
-        states = (x.T[:, :, None] * turn).real.reshape(len(x.T), -1) + rest[:, None]
-        inputs = (amplitude[:, None] * turn.real).reshape(1, -1)
-        found = np.array(guards(0, states, inputs, memory, m, p).full())
-        return np.asarray(found.reshape(len(found), len(x), PHASES).max(axis=(0, 2)) > 0)
 
     def _simulated(
         self, p: Vector, rate: float, settle: float, frequency: float, amplitude: float, near: PeriodicSolution | None
@@ -416,14 +349,13 @@ class PeriodicSolver:
         """The last period of each run of several, every one of which goes on from the one before."""
         cycles = max(2, min(math.ceil(settle / (step * rows)), PATIENCE // rows))
         wait, begin = (cycles - 1) * rows, 0
-        memory: dict[str, Vector] = {}
+        last: Outcome | None = None
         for _ in range(RUNS):
-            job = replace(self.periods.job(p, x, step, wait, begin), record_states=False, log_capacity=0, **memory)
-            waited = self.periods.run(job)
+            job = replace(self.periods.job(p, x, step, wait, begin), record_states=False, log_capacity=0)
+            waited = self.periods.run(job if last is None else replace(job, d0=last.d1, m0=last.m1))
             job = self.periods.job(p, waited.x1, step, rows, begin + wait)
-            job = replace(job, d0=waited.d1, m0=waited.m1)
-            found = self.periods.run(job)
-            x, memory, begin = found.x1, {"d0": found.d1, "m0": found.m1}, begin + cycles * rows
+            last = found = self.periods.run(replace(job, d0=waited.d1, m0=waited.m1))
+            x, begin = found.x1, begin + cycles * rows
             yield PeriodicSolution(self.periods.half_range(job, found), found.y[1:].std(axis=0), x)
 
     def _restarted(self, p: Vector, period: float, longest: float, settle: float) -> Iterator[PeriodicSolution]:
