@@ -74,9 +74,8 @@ def fit(
     with threadpool_limits(BLAS_THREADS):
         made = fit_problem(problem(scenario, recorded), random_starts=2, seed=seed, workers=workers or cores())
     scores = {"fitted": made.chi2}
-    held = made.problem.chosen("hold_out")
-    if held:
-        scores["held out"] = made.score(held)
+    if made.problem.held_out:
+        scores["held out"] = made.problem.chi2(made.x, made.problem.held_out)
     return made, scores
 
 

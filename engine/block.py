@@ -140,6 +140,7 @@ class Block:
         values: parameters and options by name; numbers in the declared unit, or texts with a unit.
 
     Attributes:
+        given: parameters and options as they were given, by name.
         values: parameters and options by name, in the declared unit.
         ports: connectors by name; those of the class, and `further_ports`.
 
@@ -177,6 +178,7 @@ class Block:
         for name in values:
             if name not in known:
                 raise ParameterError(f"{cls.__name__} has no parameter '{name}'", remedy=nearest(name, known))
+        self.given: dict[str, Any] = dict(values)
         self.values: dict[str, Any] = {}
         self._aliases: dict[str, str] = {}
         self._units: dict[str, str] = {}

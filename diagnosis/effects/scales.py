@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from blocks.registry import registry
-from diagnosis.estimation.problem import Array, Experiment, Problem
-from diagnosis.frequency_response.table_experiment import UNSEEN, TableExperiment
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
 from diagnosis.recordings.feedback import plant_inputs
 from engine.assemble import build
 from engine.block import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.linearise import linearise
-from engine.simulate import simulate
 from engine.system import Connection, System
 
 FACTORS = (0.3, 0.5, 2.0, 3.0)
@@ -56,21 +56,21 @@ class OperatingScales:
     @property
     def sample(self) -> float:
         """The shortest time (s) that the recordings resolve."""
-        return min(e.shortest for e in self.problem.experiments)
+        return self.problem.interval
 
     @property
     def unseen(self) -> tuple[str, ...]:
         """Effects that recordings of this kind do not show."""
-        return UNSEEN if any(isinstance(e, TableExperiment) for e in self.problem.experiments) else ()
+        return tuple(dict.fromkeys(name for e in self.problem.experiments for name in e.unseen_effects()))
 
     @property
     def factors(self) -> tuple[float, ...]:
         """Factors by which a parameter may be wrong, to start from: a few rows leave a fit in local optima."""
-        return FACTORS if self.unseen else ()
+        return FACTORS if self.problem.sparse else ()
 
     def spins(self, flange: str) -> bool:
         """Whether a flange turns over by whole turns at a table's lowest frequency: gravity then averages out there."""
-        lowest = [float(e.frequency.min()) for e in self.problem.experiments if isinstance(e, TableExperiment)]
+        lowest = [w for e in self.problem.experiments if (w := e.lowest_frequency) is not None]
         return bool(lowest) and self.speed[flange] / min(lowest) > math.pi
 
     def ratio(self, one: str, other: str) -> float:
@@ -84,14 +84,10 @@ class OperatingScales:
 def operating_scales(problem: Problem) -> OperatingScales:
     """Simulate the nominal model on the training recordings and see how large things are."""
     found = OperatingScales(problem)
-    experiments = problem.chosen("train", "repeat")
+    experiments = problem.training
     for k, variable in enumerate(problem.model.inputs):
-        values = [
-            np.asarray(e.drive.values, dtype=float).reshape(-1, len(problem.model.inputs))
-            for e in experiments
-            if e.drive
-        ] + [e.amplitude[:, None] for e in experiments if isinstance(e, TableExperiment)]
-        found.inputs[variable.name] = max((float(np.abs(v[:, k]).max()) for v in values), default=1.0) or 1.0
+        largest = [e.largest_inputs(len(problem.model.inputs)) for e in experiments]
+        found.inputs[variable.name] = max((float(row[k]) for row in largest if len(row)), default=1.0) or 1.0
         found.units[variable.name] = variable.unit
     system = problem.scenario.system
     transform = np.array(problem.model.functions["transform"](problem.model.parameter_values).full())
@@ -175,16 +171,8 @@ def _sizes(found: OperatingScales, experiments: Sequence[Experiment]) -> None:
     model = build(system, driven, list(dict.fromkeys(names)))
     top = dict.fromkeys(names, 0.0)
     for e in experiments:
-        if isinstance(e, TableExperiment):
-            for name, (spanned, rms) in e.sizes(problem.scenario, names).items():
-                top[name] = max(top[name], spanned if name.endswith((".angle", ".position")) else rms)
-            continue
-        run = simulate(model, e.stop, e.step, drive=e.drive, internal_step=problem.internal_step)
-        for name in names:
-            values = run[name]
-            place = name.endswith((".angle", ".position"))
-            size = float(np.ptp(values)) if place else float(np.sqrt(np.mean(values**2)))
-            top[name] = max(top[name], size)
+        for name, (spanned, rms) in e.spans(problem.scenario, model, names, problem.internal_step).items():
+            top[name] = max(top[name], spanned if name.endswith((".angle", ".position")) else rms)
     for flange, (angle, speed, acceleration) in wanted.items():
         found.angle[flange] = top[angle] or 1.0
         found.speed[flange] = top[speed] or 1.0

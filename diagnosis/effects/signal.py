@@ -105,7 +105,7 @@ def at_sensor(scales: OperatingScales, signal: str) -> Iterator[Candidate]:
     """What may lie between a signal and what was recorded of it."""
     unit = next(v.unit for v in scales.problem.model.outputs if v.name == signal)
     k = [v.name for v in scales.problem.model.outputs].index(signal)
-    training = scales.problem.chosen("train", "repeat")
+    training = scales.problem.training
     measured = [e.measured[:, k] for e in training]
     size = max(float(np.nanmax(np.abs(m))) for m in measured) or 1.0
     sample = scales.sample

@@ -11,14 +11,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import brentq
 
-from diagnosis.estimation.problem import Array, Experiment, Problem, prior
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
 from diagnosis.recordings.feedback import plant_inputs
 from engine.errors import SimulationError
-from engine.simulate import Drive
 
 BLOCK = 0.25
 """Length (s) of the blocks within which residuals are taken to be correlated."""
@@ -37,7 +38,7 @@ Flat = tuple[tuple[int, float, float], ...]
 """Parameters that the recordings only bound: number, least and greatest search variable, infinite without bound."""
 
 
-def uncertainty(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, tuple[str, ...], Flat]:
+def covariance(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, tuple[str, ...], Flat]:
     """Covariance of the search vector, weak combinations in words, and parameters that are only bounded.
 
     Args:
@@ -48,10 +49,10 @@ def uncertainty(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, t
     Returns:
         Covariance, shape (n, n); combinations along which the data say less than the tolerances; bounds.
     """
-    weights = prior(problem, x)[1]
+    weights = problem.prior(x)[1]
     meat, data = weights.T @ weights, np.zeros((len(x), len(x)))
     shifts = np.zeros((2, len(x)))
-    for e in problem.chosen("train", "repeat"):
+    for e in problem.training:
         try:
             r, J = problem.linearised(x, e)
         except SimulationError:
@@ -63,7 +64,8 @@ def uncertainty(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, t
         share = min(max(left, LEAST), MOST)
         # Each signal errs on its own.
         meat = meat + share * sum(g.T @ g for g in _sums(slopes, LONG, e))
-        shifts += np.array([J.T @ (there - r) for there in _disturbed(problem, x, e)])
+        for k, there in enumerate(_disturbed(problem, x, e)):
+            shifts[k] += J.T @ (there - r)
     inverse = np.linalg.pinv(weights.T @ weights + data)
     robust = inverse @ meat @ inverse
     least = np.maximum(np.diag(robust), np.diag(inverse))
@@ -75,23 +77,15 @@ def uncertainty(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, t
 
 def _sums(rows: Array, length: float, e: Experiment) -> list[Array]:
     """Sums over blocks of time of rows that belong to its instants; the rows of a table are blocks of their own."""
-    count = max(1, round(length / (e.step * e.every)))
+    count = max(1, round(length / e.interval))
     return list(np.add.reduceat(rows, np.arange(0, len(rows), count), axis=0))
 
 
-def _disturbed(problem: Problem, x: Array, e: Experiment) -> tuple[Array, Array]:
-    """Residuals with the input a little larger, and a little later; as they are where it is known exactly."""
-    r = problem.residual(x, e).ravel()
-    inputs = [v.name for v in problem.model.inputs]
-    if e.drive is None or plant_inputs(problem.scenario.system, inputs):
-        return r, r  # a reference is what the controller was told
-    larger = replace(e.drive, values=np.asarray(e.drive.values, dtype=float) * (1 + SIZE))
-    later = replace(e.drive, time=np.asarray(e.drive.time, dtype=float) + TIMING * e.shortest)
-    return _driven(problem, x, e, larger), _driven(problem, x, e, later)
-
-
-def _driven(problem: Problem, x: Array, e: Experiment, drive: Drive) -> Array:
-    return problem.residual(x, replace(e, drive=drive)).ravel()
+def _disturbed(problem: Problem, x: Array, e: Experiment) -> list[Array]:
+    """Residuals with the input a little larger, and a little later; none where the input is known exactly."""
+    if plant_inputs(problem.scenario.system, [v.name for v in problem.model.inputs]):
+        return []  # a reference is what the controller was told
+    return [problem.residual(x, there).ravel() for there in e.disturbed_inputs(SIZE, TIMING)]
 
 
 def _bounds(problem: Problem, x: Array, flat: Sequence[int]) -> Flat:
@@ -105,24 +99,20 @@ def _bounds(problem: Problem, x: Array, flat: Sequence[int]) -> Flat:
 
 
 def _end(problem: Problem, x: Array, i: int, sign: float) -> float:
-    """Where the cost has risen, in one direction; infinite if it never does."""
-    training = problem.chosen("train", "repeat")
+    """Where the cost has risen by `RISE` in one direction; infinite if it does not within `REACH`."""
+    here = problem.cost(x, problem.training)
 
-    def risen(distance: float) -> bool:
+    def rise(distance: float) -> float:
         there = x.copy()
         there[i] += sign * distance
-        return sum(float(np.sum(problem.residual(there, e) ** 2)) for e in training) > cost + RISE
+        return problem.cost(there, problem.training) - here - RISE
 
-    cost = sum(float(np.sum(problem.residual(x, e) ** 2)) for e in training)
     inner, outer = 0.0, CLOSE
-    while not risen(outer):
+    while not rise(outer) > 0:
         inner, outer = outer, 2 * outer
         if outer > REACH:
             return sign * math.inf
-    while outer - inner > CLOSE * outer:
-        middle = (inner + outer) / 2
-        inner, outer = (inner, middle) if risen(middle) else (middle, outer)
-    return float(x[i] + sign * outer)
+    return float(x[i] + sign * brentq(rise, inner, outer, rtol=CLOSE))
 
 
 def _weak(problem: Problem, data: Array) -> tuple[str, ...]:

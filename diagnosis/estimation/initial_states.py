@@ -1,16 +1,15 @@
-"""Starting values that belong to a recording: where they begin, and how those of held-out recordings are found."""
+"""Starting values that belong to a recording: where a fit of them begins."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from diagnosis.estimation.problem import HUGE, Array, Experiment, FreeParameter, Problem
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.recordings.columns import RecordingError
 from diagnosis.recordings.types import Recording
 from engine.block import MOTION
-from engine.errors import SimulationError, nearest
+from engine.errors import nearest
 from engine.model import Model
 from engine.start import start_values, starting_names
 
@@ -70,47 +69,3 @@ def free_starts(experiment: Experiment) -> list[FreeParameter]:
         value = experiment.initial.get(name, 0.0)
         rows.append(FreeParameter(name, value, max(0.1 * abs(value), USUAL), False, recording=experiment.name))
     return rows
-
-
-def settled(problem: Problem, x: Array, iterations: int = 20) -> Array:
-    """The search vector with the starting values of held-out recordings fitted, everything else frozen.
-
-    A held-out recording begins in a state of its own, which no other recording tells. It is fitted to the whole of it:
-    a few numbers, against thousands of samples.
-
-    Args:
-        problem: with experiments of all roles.
-        x: search vector.
-        iterations: at most, per experiment.
-    """
-    x = x.copy()
-    for e in problem.chosen("hold_out"):
-        mine = [i for i, f in enumerate(problem.free) if f.recording == e.name]
-        if mine:
-            x[mine] = _own(problem, x, e, mine, iterations)
-    return x
-
-
-def _own(problem: Problem, x: Array, e: Experiment, mine: list[int], iterations: int) -> Array:
-    damping, x = 1e-3, x.copy()
-    cost = float(np.sum(problem.residual(x, e) ** 2))
-    for _ in range(iterations):
-        try:
-            r, J = problem.linearised(x, e)
-        except SimulationError:
-            break
-        J = J[:, mine]
-        H, g = J.T @ J + np.eye(len(mine)), J.T @ r + x[mine]
-        for _ in range(8):
-            trial = x.copy()
-            trial[mine] -= np.clip(np.linalg.solve(H + damping * np.diag(np.diag(H)), g), -10.0, 10.0)
-            there = float(np.sum(problem.residual(trial, e) ** 2))
-            if there < cost:
-                break
-            damping *= 5
-        else:
-            break
-        gain, x, cost, damping = cost - there, trial, there, max(damping / 10, 1e-9)
-        if gain < max(1e-3, 1e-6 * cost) or not math.isfinite(cost) or cost > HUGE**2:
-            break
-    return x[mine]

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.recordings.columns import Vector
 
@@ -59,6 +63,31 @@ class Recording:
     notes: tuple[str, ...] = ()
     resample: float | None = None
 
+    @property
+    def noise_stated(self) -> bool:
+        """Whether the noise of every signal is stated rather than estimated."""
+        return all(channel.noise is not None for channel in self.measurements)
+
+    @property
+    def extent(self) -> tuple[int, float]:
+        """Number of samples, and duration (s)."""
+        return len(self.time), float(self.time[-1])
+
+    def split(self, length: float) -> tuple[Recording, Recording] | None:
+        """The recording with the measurements of every second stretch of ``length`` seconds, to fit, and with the rest.
+
+        The rest is held out.
+        """
+        fitted = np.floor(np.asarray(self.time) / length).astype(int) % 2 == 0
+
+        def only(keep: NDArray[np.bool_]) -> tuple[Channel, ...]:
+            return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in self.measurements)
+
+        return (
+            replace(self, name=f"{self.name} (fitted part)", role="train", measurements=only(fitted)),
+            replace(self, name=f"{self.name} (held-out part)", role="hold_out", measurements=only(~fitted)),
+        )
+
 
 @dataclass(frozen=True)
 class FrequencyTable:
@@ -83,6 +112,19 @@ class FrequencyTable:
     largest_step: float | None = None
     role: str = "train"
     notes: tuple[str, ...] = ()
+
+    @property
+    def noise_stated(self) -> bool:
+        """False: the digits of a reading tell its noise better than a statement."""
+        return False
+
+    @property
+    def extent(self) -> tuple[int, float]:
+        """Number of rows, and no duration (NaN)."""
+        return len(self.frequency), math.nan
+
+    def split(self, length: float) -> None:
+        """None: rows of a table belong to no time."""
 
 
 Recorded = Recording | FrequencyTable

@@ -42,7 +42,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Task:
-    """A fit: of effects at their starting sizes from ``parent``'s parameters, or one begun elsewhere that is gone on with."""
+    """A fit: of effects at their starting sizes from ``parent``'s parameters, or one begun elsewhere."""
 
     effects: tuple[Candidate, ...]
     parent: dict[str, float]

@@ -14,17 +14,16 @@ import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.estimation.least_squares import Fit, descend, fit
-from diagnosis.estimation.problem import Array, Problem, prior
-from diagnosis.frequency_response.table_experiment import TableExperiment, renamed
-from diagnosis.problems import problem, resolved
-from diagnosis.recordings.types import FrequencyTable, Recorded
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem, counted
+from diagnosis.problems import problem, resolved, variant
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, ended_at
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.wave_starts import solved
 from engine.errors import FlexarmError
 from engine.spread import Store
-from scenarios.amend import Edit, InSignal, OnSensor, amended, without
-from scenarios.load import Scenario, load
+from scenarios.load import Scenario
 
 STARTS, APART = 3, 3.0
 """How many starting sizes of an effect are fitted, and how far apart they lie in the search variables."""
@@ -76,10 +75,8 @@ class CandidateFitter:
     ) -> None:
         self.scenario, self.recordings, self.store = scenario, tuple(recordings), store
         self.workers, self.seed = workers, seed
-        self.text = without(scenario.path.read_text(encoding="utf-8"), "recordings", "analyses")
         self.base = problem(scenario, self.recordings)
-        self.sigma = np.array([e.sigma for e in self.base.experiments])
-        self.tables = any(isinstance(e, TableExperiment) for e in self.base.experiments)
+        self.tables = self.base.sparse
         self.digest = _digest(self.base, seed)
 
     def again(self, recordings: Sequence[Recorded]) -> CandidateFitter:
@@ -116,7 +113,7 @@ class CandidateFitter:
     def _trial(self, partial: PartialFit) -> ScoredModel:
         """A partial fit as it is, scored."""
         made, x = partial.point.problem, partial.point.x
-        chi2 = (partial.point.cost - float(np.sum(prior(made, x)[0] ** 2))) / max(_count(made), 1)
+        chi2 = made.fitted_chi2(x, partial.point.cost)
         n = len(x)
         found = Fit(made, x, partial.point.cost, chi2, partial.converged, np.zeros((n, n)))
         return scored(found, partial.effects, partial.point.sizes)
@@ -127,15 +124,9 @@ class CandidateFitter:
         Raises:
             FlexarmError: the amended model has no meaning.
         """
-        edits: list[Edit] = [edit for c, s in zip(effects, starts, strict=True) for edit in c.edits(s)]
-        text = amended(self.text, edits)
-        scenario = load(self.scenario.path, self.scenario.overrides, text=text)
+        edits = [edit for c, s in zip(effects, starts, strict=True) for edit in c.edits(s)]
         extra = [f for c, s in zip(effects, starts, strict=True) for f in c.free(s)]
-        recordings = [_renamed(r, edits) for r in self.recordings]
-        held = {f"{c.name}.{key}" for c in effects for key in c.held}
-        made = problem(scenario, recordings, extra, held=held)
-        experiments = tuple(replace(e, sigma=s) for e, s in zip(made.experiments, self.sigma, strict=True))
-        return replace(made, experiments=experiments)
+        return variant(self.base, edits, extra, held={f"{c.name}.{key}" for c in effects for key in c.held})
 
     def partial_fit(self, effects: tuple[Candidate, ...], start: Fit) -> PartialFit:
         """Put effects in, try their starting sizes from the parent's optimum, and take a few steps from the best.
@@ -164,7 +155,7 @@ class CandidateFitter:
             begun = [*self._begun(effects, points, parent), *bold]
             most = SETTLES if len({id(point.problem.model) for point in begun}) > 1 else FIRST
             for point in begun:
-                training = point.problem.chosen("train", "repeat")
+                training = point.problem.training
                 x, cost, converged = descend(point.problem, point.x, training, pool, iterations=most, least=HARDLY)
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
         return min(tried, key=lambda partial: partial.point.cost)
@@ -181,7 +172,7 @@ class CandidateFitter:
             if not single:
                 return [*begun, *_spread(points)[:1]]
             # A wave that moves the model far is not solved for by tangents: then every order is tried from the others.
-            near = any(point.cost < SOLUTION * _count(point.problem) for point in begun)
+            near = any(point.cost < SOLUTION * counted(point.problem.training) for point in begun)
             return [*begun, *_spread(points)[: STARTS if near else None]]
         if not self.tables or len(effects) > 1:
             return _spread(points)
@@ -236,7 +227,7 @@ class CandidateFitter:
         point = partial.point
         made = resolved(point.problem, point.x) or point.problem
         with ThreadPoolExecutor(1) as pool:
-            training = made.chosen("train", "repeat")
+            training = made.training
             x, cost, converged = descend(made, point.x, training, pool, iterations=iterations)
         if not math.isfinite(cost):
             return partial  # it stands where the model cannot be differentiated
@@ -252,7 +243,7 @@ class CandidateFitter:
         there = [ended_at(c, values, sizes) for c, sizes in zip(effects, point.sizes, strict=True)]
         tried = [partial]
         for begun in solved(self, there, k, values)[:REORDERED]:
-            training = begun.problem.chosen("train", "repeat")
+            training = begun.problem.training
             with ThreadPoolExecutor(1) as pool:
                 x, cost, converged = descend(begun.problem, begun.x, training, pool, iterations=SETTLES, least=HARDLY)
             tried.append(PartialFit(effects, replace(begun, x=x, cost=cost), converged))
@@ -268,7 +259,7 @@ class CandidateFitter:
                     chosen = tuple(sizes if j == k else s for j, s in enumerate(best.sizes))
                     built = tuple(sizes if j == k else s for j, s in enumerate(best.built))
                     made = self.build(partial.effects, built)
-                    training = made.chosen("train", "repeat")
+                    training = made.training
                     with ThreadPoolExecutor(1) as pool:
                         x, cost, converged = descend(made, best.x, training, pool, iterations=FIRST, least=HARDLY)
                     if cost < partial.point.cost:
@@ -280,7 +271,7 @@ class CandidateFitter:
         made = trial.fit
         if made.converged:
             return trial
-        training = made.problem.chosen("train", "repeat")
+        training = made.problem.training
         with ThreadPoolExecutor(self.workers) as pool:
             x, cost, converged = descend(made.problem, made.x, training, pool, iterations=POLISHED)
         if not cost < made.cost:
@@ -288,11 +279,6 @@ class CandidateFitter:
         return self._trial(
             PartialFit(trial.effects, StartingPoint(cost, made.problem, x, trial.sizes, trial.sizes), converged)
         )
-
-
-def _count(made: Problem) -> int:
-    """Values in the training recordings."""
-    return sum(int(np.isfinite(e.measured).sum()) for e in made.chosen("train", "repeat"))
 
 
 def _hash(x: Array) -> str:
@@ -304,15 +290,14 @@ def _digest(base: Problem, seed: int) -> str:
     found = hashlib.sha256(f"{base.model.signature} {base.free} {base.internal_step} {seed}".encode())
     for e in base.experiments:
         found.update(f"{e.name} {e.role}".encode())
-        for part in (e.time, e.measured, e.sigma, *([np.asarray(e.drive.values)] if e.drive is not None else [])):
+        for part in e.fingerprint():
             found.update(np.ascontiguousarray(part).tobytes())
     return found.hexdigest()
 
 
 def _glance(made: Problem, x: Array) -> float:
     """The cost over the first part of the training recordings."""
-    training = [e.cut(GLANCE * float(e.time[-1])) for e in made.chosen("train", "repeat")]
-    return sum(float(np.sum(made.residual(x, e) ** 2)) for e in training) + float(np.sum(prior(made, x)[0] ** 2))
+    return made.cost(x, [e.cut(GLANCE) for e in made.training]) + made.prior_cost(x)
 
 
 def _spread(points: Sequence[StartingPoint]) -> list[StartingPoint]:
@@ -344,22 +329,3 @@ def _placed(
         if value is not None:
             x[i] = f.position(value)
     return x
-
-
-def _renamed(recording: Recorded, edits: Sequence[Edit]) -> Recorded:
-    """The recording with its signals called as the amended scenario calls them."""
-    if isinstance(recording, FrequencyTable):
-        return renamed(recording, edits)
-    for edit in edits:
-        if isinstance(edit, InSignal):
-            drive = tuple(
-                replace(c, name=f"{edit.name}.{edit.entry}") if c.name == edit.target else c for c in recording.drive
-            )
-            recording = replace(recording, drive=drive)
-        elif isinstance(edit, OnSensor):
-            measured = tuple(
-                replace(c, name=f"{edit.name}.{edit.exit}") if c.name == edit.target else c
-                for c in recording.measurements
-            )
-            recording = replace(recording, measurements=measured)
-    return recording

@@ -10,23 +10,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 from blocks.registry import registry
 from diagnosis.effects.effect import Candidate
-from diagnosis.estimation.problem import Array, Experiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.time_experiment import TimeExperiment, over_time
+from diagnosis.search.study import Study
 from engine.assemble import build
 from engine.errors import FlexarmError, SimulationError
 from engine.linearise import linearise
 from engine.simulate import simulate
 from engine.system import Connection, System
 from scenarios.amend import AtFlange, Between, InSignal, Replace, Set
-
-if TYPE_CHECKING:
-    from diagnosis.search.search import Study
 
 KNOT = 0.024
 """Time (s) between the knots of the recovered force."""
@@ -111,7 +110,7 @@ class RecoveredForce:
 class _Recovered:
     """The force in one recording."""
 
-    experiment: Experiment
+    experiment: TimeExperiment
     time: Array
     force: Array
     deviation: Array
@@ -134,8 +133,8 @@ def recover(study: Study, flange: str, unit: str = "N.m") -> RecoveredForce | No
         x = np.array([f.position(found_values.get(f.name, f.value(v))) for f, v in zip(problem.free, x, strict=True)])
         loose = 0.0
     parameters = problem.values(x)[0]
-    experiments = [e for e in problem.experiments if isinstance(e, Experiment) and not e.uneven]
-    if not flange or not experiments or any(type(e) is not Experiment for e in problem.experiments):
+    experiments = [e for e in over_time(problem.experiments) if not e.uneven]
+    if not flange or not experiments:
         return None
     try:
         answer = _answer(study, flange, parameters, experiments[0])
@@ -179,7 +178,7 @@ def place_of(effect: Candidate, study: Study) -> tuple[str, str]:
     return "", ""
 
 
-def _answer(study: Study, flange: str, parameters: dict[str, float], e: Experiment) -> Array:
+def _answer(study: Study, flange: str, parameters: dict[str, float], e: TimeExperiment) -> Array:
     """Outputs after one hat of force at the first knot, at the kept instants, shape (rows, signals)."""
     problem = study.refit.fit.problem
     system, outputs = problem.scenario.system, [v.name for v in problem.model.outputs]
@@ -217,7 +216,7 @@ def _hat(k: int) -> float:
     return max(0.0, 1 - abs(k / ROWS_PER_KNOT - 1))
 
 
-def _one(e: Experiment, r: Array, slopes: Array, answer: Array) -> _Recovered:
+def _one(e: TimeExperiment, r: Array, slopes: Array, answer: Array) -> _Recovered:
     """The most probable force of one recording, with its standard deviation."""
     dt = KNOT / ROWS_PER_KNOT
     places = np.round(np.arange(0, e.time[-1], dt) / (e.time[1] - e.time[0])).astype(int)

@@ -7,16 +7,13 @@ as straight lines through a few heights, and the heights are refitted. The curve
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, with_unit
 from diagnosis.search.force_recovery import Curve, place_of, recover
+from diagnosis.search.study import Study
 from scenarios.amend import AtFlange, Edit, InSignal
-
-if TYPE_CHECKING:
-    from diagnosis.search.search import Study
 
 POINTS = 21
 """Heights of a curve: enough that a jump, such as dry friction's, is not smeared over the whole range."""

@@ -8,9 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
-from diagnosis.estimation.problem import Array
-from diagnosis.frequency_response.table_experiment import TableExperiment
-from diagnosis.recordings.types import Recorded, Recording
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import KNOWN
 from diagnosis.search.scored_model import STRAIN, ScoredModel, at_end, by_chance, gain_band, outside_tolerances
 
@@ -50,9 +48,6 @@ EXPLAINS = 0.6
 PAYS, PAYS_AGAIN = 0.3, 0.5
 """Share of the held-out excess that a first and a second effect must take away."""
 
-PIECE, ROWS = 0.2, 32
-"""Length (s) of the pieces of a residual of which the median tells its noise, and how many rows they have at least."""
-
 BENT = 5.0
 """Tolerances; an effect that needs a parameter of the user's so far out, where the refit did not, is not named."""
 
@@ -77,32 +72,15 @@ NESTED_ANYWHERE = {"offset": ("stray_spring",)}
 def noise_floor(trial: ScoredModel) -> float:
     """Mean squared residual that is noise, in units of the stated variance: that stated, or more where it shows more.
 
-    White noise is what second differences leave of a residual: a model's errors are smooth at the rate of the samples,
-    save where a friction or a contact that is not quite right makes kinks, so that it is the median of pieces that
-    counts. What a signal did not record counts for nothing.
+    What a signal did not record counts for nothing.
     """
-    problem = trial.fit.problem
-    held = problem.chosen("hold_out") or problem.chosen("train", "repeat")
-    levels = []
-    for e in held:
-        if isinstance(e, TableExperiment) or len(e.time) < 64:
+    problem, levels = trial.fit.problem, list[float]()
+    for e in problem.judged:
+        found = e.noise_levels(problem.residual(trial.fit.x, e))
+        if found is None:
             return 1.0
-        for r, y in zip(problem.residual(trial.fit.x, e).T, e.measured.T, strict=True):
-            there = np.flatnonzero(np.isfinite(y))
-            bend = np.diff(r[there], 2)[np.diff(there, 2) == 0]
-            if len(bend):
-                pieces = min(round(float(e.time[-1] - e.time[0]) / PIECE), len(bend) // ROWS)
-                levels.append(_typical(bend**2, pieces) / 6)
+        levels += found
     return max(1.0, float(np.mean(levels))) if levels else 1.0
-
-
-def _typical(squares: Array, pieces: int) -> float:
-    """Mean of squared second differences of white noise, from the median of the means of so many pieces."""
-    if pieces < 3:
-        return float(squares.mean())
-    middle = float(np.median([part.mean() for part in np.array_split(squares, pieces)]))
-    # Neighbours correlate by -2/3 and 1/6, so that a mean of n is a chi-square of 18/35 n freedoms (Wilson-Hilferty).
-    return middle / (1 - 2 / (9 * len(squares) / pieces * 18 / 35)) ** 3
 
 
 def unexplained(trial: ScoredModel, floor: float) -> bool:
@@ -160,7 +138,7 @@ def explained(refit: ScoredModel, chosen: ScoredModel) -> float:
 
 
 def _of_tables(trial: ScoredModel) -> bool:
-    return any(isinstance(e, TableExperiment) for e in trial.fit.problem.experiments)
+    return trial.fit.problem.sparse
 
 
 def accounted(recordings: Sequence[Recorded], refit: ScoredModel, chosen: ScoredModel) -> bool:
@@ -174,7 +152,7 @@ def accounted(recordings: Sequence[Recorded], refit: ScoredModel, chosen: Scored
         return False
     if beyond(refit, chosen):
         return False
-    stated = all(isinstance(r, Recording) and all(c.noise is not None for c in r.measurements) for r in recordings)
+    stated = all(r.noise_stated for r in recordings)
     return reached(refit, chosen) if stated else True
 
 

@@ -11,18 +11,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes
-from diagnosis.estimation.problem import HUGE, Array, prior
+from diagnosis.estimation.experiment import HUGE
+from diagnosis.estimation.parameters import Array
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.scored_model import ScoredModel
 from engine.errors import FlexarmError, SimulationError
 from engine.spread import Spread
-
-if TYPE_CHECKING:
-    from diagnosis.search.fitter import CandidateFitter
 
 FACTOR = 30.0
 """A size is taken to be within this factor of the one whose course is known."""
@@ -64,9 +62,9 @@ def promising(
         count: at most so many pairs.
     """
     made, x = refit.fit.problem, refit.fit.x
-    training = made.chosen("train", "repeat")
+    training = made.training
     every = max(1, sum(len(e.time) for e in training) // SAMPLES)
-    own, parts = prior(made, x), []
+    own, parts = made.prior(x), []
     try:
         for e in training:
             r, J = made.linearised(x, e)
@@ -94,7 +92,7 @@ def _sensitivities(
     fitter: CandidateFitter, refit: ScoredModel, effect: Candidate, r: Array, every: int
 ) -> Iterator[Sensitivity]:
     """The courses of an effect at several of its starting sizes; none where it cannot be simulated."""
-    parent, own = refit.fit.parameters(), prior(refit.fit.problem, refit.fit.x)[0]
+    parent, own = refit.fit.parameters(), refit.fit.problem.prior(refit.fit.x)[0]
     groups = effect.structures()
     for group in groups:
         few = max(2, COURSES // len(groups))
@@ -104,7 +102,7 @@ def _sensitivities(
         except FlexarmError:
             continue
         for point in points:
-            there = point.problem.chosen("train", "repeat")
+            there = point.problem.training
             rows = [point.problem.residual(point.x, e)[::every].ravel() for e in there]
             values = np.concatenate([*rows, own]) - r
             if np.abs(values).max() < HUGE / 10 and float(values @ values) > 0:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate
-from diagnosis.effects.scales import OperatingScales, operating_scales
+from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import Fit
-from diagnosis.estimation.problem import Array
-from diagnosis.recordings.types import Channel, Recorded, Recording
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import lookalike, same_laws
 from diagnosis.search.fitter import MOST, CandidateFitter
 from diagnosis.search.nonparametric import laws
@@ -36,10 +34,10 @@ from diagnosis.search.preference import (
 )
 from diagnosis.search.promising_pairs import promising
 from diagnosis.search.scored_model import ScoredModel, at_end
+from diagnosis.search.study import Study
 from diagnosis.search.wrong_parameters import pairs, suspects
 from engine.errors import FlexarmError
 from engine.spread import Spread
-from scenarios.load import Scenario
 
 FINISHED, PROMISING, EXCHANGED = 15, 0.2, 6
 """At most so many effects are fitted to the end, of those that gained this share of what the best gained; of those that
@@ -73,33 +71,6 @@ LINES = 3
 Progress = Callable[[str, int, int], None]
 
 
-@dataclass(frozen=True)
-class Study:
-    """A scenario and its recordings, and everything tried on them.
-
-    Attributes:
-        scenario: the user's.
-        recordings: of all roles.
-        nominal: mean squared residual of the model as given, (train, hold-out).
-        refit: the user's model with its parameters fitted.
-        trials: single effects, best first, and pairs that may be taken for the chosen one.
-        chosen: the best model found, of one or more effects, or the refit.
-        around: sizes at the places.
-        failures: candidates that could not be built, with the reason.
-        notes: what was done differently from what was asked, in sentences.
-    """
-
-    scenario: Scenario
-    recordings: tuple[Recorded, ...]
-    nominal: tuple[float, float]
-    refit: ScoredModel
-    trials: tuple[ScoredModel, ...]
-    chosen: ScoredModel
-    scales: OperatingScales
-    failures: tuple[tuple[str, str], ...]
-    notes: tuple[str, ...] = ()
-
-
 def study(
     fitter: CandidateFitter,
     *,
@@ -126,8 +97,7 @@ def study(
         refit, notes = fitter.refit(), [swapped[1]]
     base = fitter.base
     zero = np.zeros(len(base.free))
-    nominal = Fit(base, zero, 0.0, 0.0, True, np.zeros((len(zero), len(zero))))
-    before = (nominal.score(base.chosen("train", "repeat")), nominal.score(base.chosen("hold_out")))
+    before = (base.chi2(zero, base.training), base.chi2(zero, base.held_out))
     scales = operating_scales(base)
     scales.lines = lines(refit)
     listed = [c for c in candidates(scales) if c.effect not in without]
@@ -200,49 +170,27 @@ def exchanged(fitter: CandidateFitter, refit: ScoredModel, slack: float = FITTED
         slack: share.
     """
     base, floor = fitter.base, noise_floor(refit)
-    held = base.chosen("hold_out")
+    held = base.held_out
     if len(held) < 2 or refit.fit.chi2 - floor > slack * floor or refit.hold_out - floor < UNSEEN * floor:
         return None
-    errors = {e.name: refit.fit.score([e]) for e in held}
+    errors = {e.name: base.chi2(refit.fit.x, [e]) for e in held}
     worst = max(held, key=lambda e: errors[e.name])
     told = f"what the recordings to fit show can be fitted, and what '{worst.name}' shows cannot: "
     if any(error - floor > UNSEEN * floor for name, error in errors.items() if name != worst.name):
         moved = [replace(r, role="train") if r.name == worst.name else r for r in fitter.recordings]
         return moved, told + "it was fitted too, and the rest is held out"
     rows = [r for r in fitter.recordings if r.name != worst.name]
-    only = next(r for r in fitter.recordings if r.name == worst.name)
-    if not isinstance(only, Recording):
+    parts = next(r for r in fitter.recordings if r.name == worst.name).split(PART)
+    if parts is None:
         return None
-    fitted, judged = halves(only)
-    return [*rows, fitted, judged], told + f"of it, every other {PART:g} s was fitted and the rest held out"
-
-
-def halves(recording: Recording) -> tuple[Recording, Recording]:
-    """A recording twice: with one part of its measurements, to fit, and with the other, to judge on."""
-    mine = np.floor(np.asarray(recording.time) / PART).astype(int) % 2 == 0
-
-    def only(keep: Array) -> tuple[Channel, ...]:
-        return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in recording.measurements)
-
-    return (
-        replace(recording, name=f"{recording.name} (fitted part)", role="train", measurements=only(mine)),
-        replace(recording, name=f"{recording.name} (held-out part)", role="hold_out", measurements=only(~mine)),
-    )
+    return [*rows, *parts], told + f"of it, every other {PART:g} s was fitted and the rest held out"
 
 
 def lines(refit: ScoredModel) -> list[float]:
     """Frequencies (rad/s) that stand out in what the refitted model leaves over of the training recordings."""
-    problem = refit.fit.problem
-    found: dict[float, float] = {}
-    for e in problem.chosen("train", "repeat"):
-        if len(e.time) < 64:
-            return []
-        r = problem.residual(refit.fit.x, e)
-        power = np.sum(np.abs(np.fft.rfft((r - r.mean(axis=0)) * np.hanning(len(r))[:, None], axis=0)) ** 2, axis=1)
-        rate = 2 * math.pi / float(e.time[-1] - e.time[0])
-        peaks = [k for k in range(2, len(power) - 1) if power[k] == power[k - 2 : k + 3].max()]
-        for k in sorted(peaks, key=lambda k: -power[k])[:LINES]:
-            found[k * rate] = float(power[k])
+    problem, found = refit.fit.problem, dict[float, float]()
+    for e in problem.training:
+        found |= e.lines(problem.residual(refit.fit.x, e), LINES)
     return sorted(found, key=lambda w: -found[w])[:LINES]
 
 

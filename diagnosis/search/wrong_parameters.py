@@ -11,20 +11,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.least_squares import Fit, descend
-from diagnosis.estimation.problem import Array, Problem
-from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.preference import DECISIVE
 from diagnosis.search.scored_model import ScoredModel, outside_tolerances
 from engine.errors import FlexarmError
-
-if TYPE_CHECKING:
-    from diagnosis.search.fitter import CandidateFitter
 
 SHARES = (0.5, 0.35)
 """Shares of the rows, those of the lowest frequencies, that are fitted: the largest one that can be met counts."""
@@ -95,7 +93,7 @@ def _let_go(fitter: CandidateFitter, candidate: Candidate, share: float) -> Wron
         starts.append(x)
     fit = _fitted(made, starts, share)
     key = candidate.freed.name.rpartition(".")[2]
-    highest = max(float(e.frequency.max()) for e in _lowest(made, share))
+    highest = max(e.highest_frequency or 0.0 for e in _lowest(made, share))
     return WrongParameter(replace(candidate, starts=({key: made.free[i].value(fit.x[i])},)), fit, highest)
 
 
@@ -107,9 +105,8 @@ def _fitted(made: Problem, starts: Sequence[Array], share: float) -> Fit:
     return Fit(made, x, cost, cost, converged, np.zeros((n, n)))
 
 
-def _lowest(made: Problem, share: float) -> list[TableExperiment]:
-    tables = [e for e in made.chosen("train", "repeat") if isinstance(e, TableExperiment)]
-    return [e.rows(np.argsort(e.frequency, kind="stable")[: round(share * len(e.time))]) for e in tables]
+def _lowest(made: Problem, share: float) -> list[Experiment]:
+    return [e.lowest(share) for e in made.training]
 
 
 def pairs(
@@ -141,5 +138,5 @@ def pairs(
 
 def robust(problem: Problem, x: Array) -> float:
     """Sum of log(1 + r^2) over the fitted rows: a row that is far off costs little more than one that is off."""
-    parts = [problem.residual(x, e) for e in problem.chosen("train", "repeat")]
+    parts = [problem.residual(x, e) for e in problem.training]
     return float(sum(np.sum(np.log1p(part**2)) for part in parts))

@@ -7,19 +7,19 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from diagnosis.estimation.problem import Array, Experiment, Problem, prior
-from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import TimeExperiment, over_time
+from diagnosis.frequency_response.table_experiment import tables
 from diagnosis.search.preference import NESTED
+from diagnosis.search.scored_model import ScoredModel
 from diagnosis.verdict.table_report import SEPARATED, choose
 from engine.errors import FlexarmError
 from engine.simulate import Drive
-
-if TYPE_CHECKING:
-    from diagnosis.search.scored_model import ScoredModel
 
 DURATION = 6.0
 STEP = 1e-3
@@ -132,13 +132,15 @@ def propose(rivals: Sequence[ScoredModel], most: int = 8) -> Proposal | None:
         most: so many are compared.
     """
     problem = rivals[0].fit.problem
-    e = problem.experiments[0]
-    if isinstance(e, TableExperiment):
+    if tables(problem.experiments):
         return _rows(rivals, problem)
+    e = over_time(problem.experiments)[0]
     kept = [r for r in rivals if r is rivals[0] or not any(_richer(r, other) for other in rivals)][:most]
     if e.drive is None or len(problem.model.inputs) != 1 or len(kept) < 2:
         return None
-    size = max(float(np.abs(np.asarray(x.drive.values)).max()) for x in problem.experiments if x.drive is not None)
+    size = max(
+        float(np.abs(np.asarray(x.drive.values)).max()) for x in over_time(problem.experiments) if x.drive is not None
+    )
     pairs = list(itertools.combinations(range(len(kept)), 2))
     held = [_held_by(r) for r in kept]
     driven, signals = problem.model.inputs[0], tuple(v.name for v in problem.model.outputs)
@@ -229,12 +231,22 @@ def _predict(trial: ScoredModel, time: Array, drive: Array) -> _Prediction:
         FlexarmError: the simulation fails.
     """
     fit = trial.fit
-    e = fit.problem.experiments[0]
+    e = over_time(fit.problem.experiments)[0]
     every = max(1, math.ceil(e.shortest / STEP - 1e-6))
     step = e.shortest / every
     rows = step * np.arange(int(time[-1] / step + 1e-6) + 1, dtype=float)
     silent, given = np.zeros((len(rows), e.measured.shape[1])), Drive(time, drive[:, None])
-    played = Experiment("next", "train", rows, step, 1, given, silent, e.sigma, e.from_first)
+    played = TimeExperiment(
+        name="next",
+        role="train",
+        time=rows,
+        step=step,
+        every=1,
+        drive=given,
+        measured=silent,
+        sigma=e.sigma,
+        from_first=e.from_first,
+    )
     values = fit.problem.simulate(fit.x, played)[: len(rows)]
     slopes = -fit.problem.linearised(fit.x, played)[1]
     scaled = (values - np.where(e.from_first, values[0], 0.0)) / e.sigma
@@ -246,9 +258,9 @@ def _predict(trial: ScoredModel, time: Array, drive: Array) -> _Prediction:
 def _held_by(trial: ScoredModel) -> Array:
     """How firmly the recordings and the tolerances hold the search vector of a rival, shape (free, free)."""
     fit = trial.fit
-    weights = prior(fit.problem, fit.x)[1]
+    weights = fit.problem.prior(fit.x)[1]
     held = weights.T @ weights
-    for e in fit.problem.chosen("train", "repeat"):
+    for e in fit.problem.training:
         with contextlib.suppress(FlexarmError):
             J = fit.problem.linearised(fit.x, e)[1]
             held = held + INDEPENDENT * J.T @ J

@@ -6,13 +6,16 @@ times too large, upside down, a few samples early, or cut off. Nothing is repair
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.estimation.problem import Array, Experiment, Problem
-from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import over_time
+from diagnosis.frequency_response.table_experiment import TableExperiment, tables
 from engine.errors import SimulationError
 
 ALIKE = 0.8
@@ -56,11 +59,6 @@ class Remark:
     refutable: bool = False
 
 
-def warnings(problem: Problem) -> list[str]:
-    """Sentences about what looks wrong with the recordings of a problem, for the verdict."""
-    return [remark.text for remark in screen(problem)]
-
-
 def screen(problem: Problem) -> list[Remark]:
     """Hold the nominal model against every recording over time, and remark on what no physics explains.
 
@@ -70,15 +68,13 @@ def screen(problem: Problem) -> list[Remark]:
     found: list[Remark] = []
     alike: dict[str, list[float]] = {}
     zero = np.zeros(len(problem.free))
-    for e in problem.experiments:
-        if not isinstance(e, Experiment):
-            continue
+    for table in tables(problem.experiments):
+        with contextlib.suppress(SimulationError):
+            found += _level(table, problem.simulate(zero, table))
+    for e in over_time(problem.experiments):
         try:
             simulated = e.sampled(problem.simulate(zero, e))
         except SimulationError:
-            continue
-        if isinstance(e, TableExperiment):
-            found += _level(e, simulated)
             continue
         simulated = simulated - np.where(e.from_first, simulated[0], 0.0)
         for k, variable in enumerate(problem.model.outputs):
@@ -90,7 +86,7 @@ def screen(problem: Problem) -> list[Remark]:
             alike.setdefault(variable.name, []).append(_likeness(y, s)[0])
             found += _scale(where, y, s) + _clipped(where, y, s)
             if there.all() and not e.uneven:
-                found += _shifted(where, y, s, e.step * e.every)
+                found += _shifted(where, y, s, e.interval)
     return list(dict.fromkeys([*_upside_down(alike), *found]))
 
 

@@ -16,7 +16,7 @@ from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.covariance import TIMING
 from diagnosis.search.equivalent_effects import same_laws
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.search import PART, exchanged, halves
+from diagnosis.search.search import PART, exchanged
 from diagnosis.verdict import verdict
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -108,7 +108,7 @@ def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain, told):
 
 def test_the_halves_of_a_recording_are_all_of_it_once(fitter):
     whole = fitter.recordings[0]
-    fitted, judged = halves(whole)
+    fitted, judged = whole.split(PART)
     assert (fitted.role, judged.role) == ("train", "hold_out")
     a, b, y = (r.measurements[0].values for r in (fitted, judged, whole))
     assert np.all(np.isfinite(a) != np.isfinite(b))

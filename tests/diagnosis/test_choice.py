@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit
-from diagnosis.estimation.problem import Experiment, FreeParameter
+from diagnosis.estimation.parameters import FreeParameter
+from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.recordings.types import Channel, Recording
 from diagnosis.search import preference as choice
 from diagnosis.search import search as select
@@ -21,21 +23,13 @@ N = 20_000
 
 
 @dataclass(frozen=True)
-class Still:
+class Still(Problem):
     """A problem whose residuals are given, whatever the parameters."""
 
-    rows: dict[str, np.ndarray]
-    experiments: tuple[Experiment, ...]
-    free: tuple[FreeParameter, ...] = ()
-
-    def chosen(self, *roles):
-        return [e for e in self.experiments if e.role in roles]
+    rows: dict[str, np.ndarray] = field(default_factory=dict)
 
     def residual(self, x, e):
         return self.rows[e.name]
-
-    def values(self, x):
-        return {f.name: f.value(v) for f, v in zip(self.free, x, strict=True)}, {}
 
 
 def still(free: int = 0, **rows) -> Still:
@@ -47,9 +41,21 @@ def still(free: int = 0, **rows) -> Still:
         role = "train" if name.startswith("train") else "hold_out"
         sigma = np.ones(r.shape[1])
         time = 1e-3 * np.arange(len(r))
-        experiments.append(Experiment(name, role, time, 1e-3, 1, None, r, sigma, (False,) * r.shape[1]))
+        experiments.append(
+            TimeExperiment(
+                name=name,
+                role=role,
+                time=time,
+                step=1e-3,
+                every=1,
+                drive=None,
+                measured=r,
+                sigma=sigma,
+                from_first=(False,) * r.shape[1],
+            )
+        )
     names = tuple(FreeParameter(f"p{k}", 1.0, 0.1, True) for k in range(free))
-    return Still(made, tuple(experiments), names)
+    return Still(None, None, tuple(experiments), names, rows=made)
 
 
 def effect(name: str, place: str = "a.shaft", parameters: int = 1) -> Candidate:
@@ -429,7 +435,7 @@ def test_a_size_that_went_as_far_as_it_may_is_another_effect(silent):
 
 def test_where_little_is_left_over_that_no_effect_accounts_for_nothing_is_missing(silent, monkeypatch):
     """Otherwise a curve is looked for."""
-    monkeypatch.setattr(select, "floor", lambda t: 1.0)
+    monkeypatch.setattr(select, "noise_floor", lambda t: 1.0)
     monkeypatch.setattr(select, "laws", lambda study: 1 / 0)
     half = trial(1.2, effect("e"))
     refit = trial(1 + 0.9 * choice.UNKNOWN)

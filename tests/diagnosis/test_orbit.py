@@ -23,7 +23,7 @@ the corners where the contact closes."""
 def table(name, overrides, role="train"):
     scenario = load(name, overrides)
     made = problem(scenario, gather(scenario, (), ()))
-    return made, made.chosen(role)[0]
+    return made, next(e for e in made.experiments if e.role == role)
 
 
 class TwoMassesWithPlay:

@@ -14,7 +14,7 @@ from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.scales import operating_scales
-from diagnosis.estimation.problem import ALIKE, prior
+from diagnosis.estimation.parameters import ALIKE, prior
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.promising_pairs import FACTOR, _gains, promising
 from diagnosis.search.scored_model import at_end
@@ -103,10 +103,10 @@ def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(t
     made = fitter.build((limits,), ({"lower": -0.5, "upper": 1.5},))
     x = np.random.default_rng(2).normal(size=len(made.free))
     values = made.values(x)[0]
-    r, J = prior(made, x)
+    r, J = prior(made.free, x)
     ratio = values["found_saturation.upper"] / -values["found_saturation.lower"]
     assert r[-1] == pytest.approx(math.log(ratio) / ALIKE)
-    steps = [(prior(made, x + h)[0] - prior(made, x - h)[0]) / 2e-6 for h in 1e-6 * np.eye(len(x))]
+    steps = [(prior(made.free, x + h)[0] - prior(made.free, x - h)[0]) / 2e-6 for h in 1e-6 * np.eye(len(x))]
     np.testing.assert_allclose(np.column_stack(steps), J, atol=1e-8)
 
 

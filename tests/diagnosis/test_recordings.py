@@ -323,7 +323,7 @@ def test_a_loop_that_is_none(loop: Path) -> None:
     torque = "motor.torque: {column: u, unit: N.m}"
     loop.write_text(LOOP.replace("LOOP", "reference").replace("DRIVE", torque))
     scenario = load(loop)
-    with pytest.raises(FlexarmError, match="'loop: reference', but motor.torque drives no feedback loop"):
+    with pytest.raises(FlexarmError, match=r"'loop: reference', but motor\.torque drives no feedback loop"):
         problem(scenario, [find_recording(scenario, "run")])
     loop.write_text(LOOP.replace("LOOP", "closed").replace("    drive: {DRIVE}\n", ""))
     scenario = load(loop)

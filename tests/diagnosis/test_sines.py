@@ -208,7 +208,7 @@ def test_every_second_row_is_held_out_unless_a_table_is(tmp_path):
     w = np.geomspace(0.05, 300, 13)
     s = scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w))
     made = problem(s, gather(s, (), ()))
-    train, held = made.chosen("train"), made.chosen("hold_out")
+    train, held = made.training, made.held_out
     assert [len(e.time) for e in (*train, *held)] == [7, 6]
     assert np.allclose(np.sort(np.concatenate([train[0].frequency, held[0].frequency])), w)
     assert "held out" in train[0].note
@@ -277,7 +277,7 @@ KNOWN = [f"tolerances.motor.{p}=0" for p in ("resistance", "torque_constant", "b
 def rms(made, role=("train", "hold_out")):
     """Root mean square of what a problem's model leaves over (dB), as its parameters were given."""
     zero = np.zeros(len(made.free))
-    left = [made.residual(zero, e) * e.sigma * e.relative for e in made.chosen(*role)]
+    left = [made.residual(zero, e) * e.sigma * e.relative for e in made.experiments if e.role in role]
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
 
 
