@@ -109,7 +109,7 @@ def bind(scenario: Scenario, recording: Recording, like: Binding | None = None) 
     if like is not None and names == [v.name for v in (*like.model.inputs, *like.model.outputs)]:
         model = like.model
     else:
-        with _placed(scenario, recording.name, "measurements", driven, recording.measurements):
+        with _placed(scenario, recording.name, "measurements", recording.measurements):
             model = scenario.build(driven, [channel.name for channel in recording.measurements])
     drive = None
     if driven:
@@ -132,7 +132,7 @@ def bind_table(scenario: Scenario, table: FrequencyTable) -> tuple[SineModel, tu
         FlexarmError: names or units that do not fit the scenario.
     """
     _check_input(scenario, table.drive, _place(scenario, table.name, "drive"))
-    with _placed(scenario, table.name, "response", [table.drive], table.responses):
+    with _placed(scenario, table.name, "response", table.responses):
         driven = sine_model(scenario, table, _place(scenario, table.name, "amplitude"))
     factors = (
         conversion(channel, variable.unit, _place(scenario, table.name, "response", channel.name))
@@ -207,20 +207,11 @@ def _place(scenario: Scenario, recording: str, *keys: str) -> Where:
 
 
 @contextlib.contextmanager
-def _placed(
-    scenario: Scenario, recording: str, section: str, driven: Sequence[str], channels: Sequence[Channel]
-) -> Iterator[None]:
-    """Give an error of building the model the place of the channel that names no signal, if one does."""
+def _placed(scenario: Scenario, recording: str, section: str, channels: Sequence[Channel]) -> Iterator[None]:
+    """Give an error about a channel's signal the place where the recording names it."""
     try:
         yield
     except FlexarmError as error:
-        try:
-            outputs = build(scenario.system, inputs=list(driven)).outputs
-        except FlexarmError:  # the scenario itself is wrong, whatever was measured
-            raise error from None
-        known = {*(variable.name for variable in outputs), *scenario.system.inputs()}
-        for channel in channels:
-            if channel.name not in known:
-                error.where = _place(scenario, recording, section, channel.name)
-                break
+        if error.signal in [channel.name for channel in channels]:
+            error.where = _place(scenario, recording, section, error.signal)
         raise
