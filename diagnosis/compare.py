@@ -152,7 +152,7 @@ def _compare_table(scenario: Scenario, table: FrequencyTable, progress: Callable
             max_db=float(np.abs(decibel).max()),
         )
     unsettled = (
-        f"at {frequency:g} rad/s the simulated response never becomes periodic; its last period is compared"
+        f"at {frequency:g} rad/s the simulated response did not become periodic; its last period is compared"
         for frequency, solution in zip(table.frequency, solutions, strict=True)
         if not solution.settled
     )

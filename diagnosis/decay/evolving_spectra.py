@@ -6,7 +6,7 @@ window to window whatever the taper, so
 
     xi_j = -slope of ln X_jk over t_k (least squares over k) / (2 pi f_j)
 
-and from the first and the last window alone, paper 003 eq (9c): xi_j = ln(X_j1 / X_jk) / (2 pi f_j (t_k - t_1)).
+and from the first and the last window alone, eq (9c): xi_j = ln(X_j1 / X_jk) / (2 pi f_j (t_k - t_1)).
 
 f_j is in Hz: dividing the slope by the frequency in Hz, without 2 pi, gives ratios 6.28 times too large. Here f_j is
 the natural frequency that the record itself shows: the damped one f_d from the advance of phase between windows, and

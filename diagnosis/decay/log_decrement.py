@@ -5,7 +5,7 @@ Peaks x_1 ... x_k of one sign, one period apart, of x(t) = X exp(-xi w t) cos(w 
     delta = ln(x_1 / x_k) / (k - 1)            xi = delta / sqrt(4 pi^2 + delta^2)
 
 Here delta is the least-squares slope of ln x over the peaks, so that every peak counts; the two-point form is reported
-beside it. The form xi ~ delta / (2 pi) of paper 003, eq (7b), is high by xi^2 / 2.
+beside it. The form xi ~ delta / (2 pi) of Mohan, Singh and Saha, eq (7b), is high by xi^2 / 2.
 
 Limits: one mode must dominate. With several, take the evolving spectra (`diagnosis.decay.evolving_spectra`).
 Source: A. Mohan, S. P. Singh, S. K. Saha, eqs (7a)-(7c).
@@ -45,7 +45,7 @@ class Decrement:
             exponential or from the noise of the record, the larger of the two; NaN for two peaks in a record without
             noise.
         two_point: ratio from the first and the last peak alone.
-        approximate: delta / (2 pi), the form of paper 003.
+        approximate: delta / (2 pi), the form of Mohan, Singh and Saha.
         frequency: of the oscillation (Hz), damped.
         natural_frequency: frequency / sqrt(1 - xi^2) (Hz).
         rest: value about which the signal swings.
