@@ -195,6 +195,11 @@ class PeriodicSolver:
     def _neighbours(
         self, vectors: Sequence[Vector], base: PeriodicSolution, frequency: float, amplitude: float
     ) -> Array:
+        """Amplitudes of one row at neighbouring parameters, shape (neighbours, outputs).
+
+        A neighbour's run from the same state does not repeat; the derivative of its end corrects the amplitudes. It is
+        run again from the corrected state if its switches or extremes lie elsewhere.
+        """
         run = base.run
         assert run is not None
         driven = [self._with_sine(p, frequency, amplitude) for p in vectors]
@@ -302,6 +307,7 @@ class PeriodicSolver:
     def _newton(
         self, p: Vector, x: Vector | None, step: float, rows: int, settle: float, near: PeriodicSolution | None
     ) -> PeriodicSolution:
+        """Newton's method from the state ``x``, or from the end of the first period if it is None."""
         inverse, span = (near.inverse, near.span) if near is not None and x is not None else (None, None)
         if x is None:
             x = self.periods.run(self.periods.job(p, None, step, rows)).x1
@@ -346,7 +352,7 @@ class PeriodicSolver:
         return before
 
     def _continued(self, p: Vector, x: Vector, step: float, rows: int, settle: float) -> Iterator[PeriodicSolution]:
-        """The last period of each run of several, every one of which goes on from the one before."""
+        """The last periods of several runs, each of which goes on from the one before."""
         cycles = max(2, min(math.ceil(settle / (step * rows)), PATIENCE // rows))
         wait, begin = (cycles - 1) * rows, 0
         last: Outcome | None = None
