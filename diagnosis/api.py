@@ -9,11 +9,11 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis.compare import find_recording
+from diagnosis.binding import find_recording
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.least_squares import fit as fit_problem
 from diagnosis.problems import problem
-from diagnosis.recordings.mapping import Recorded
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.dask_fitter import DaskFitter
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import Progress, study

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from diagnosis.compare import Plan, grid, plan
+from diagnosis.binding import Binding, bind, grid
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.initial_states import free_starts, starting_values
 from diagnosis.estimation.parameters import Array, FreeParameter, free_parameters
@@ -17,7 +17,7 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.frequency_response.table_experiment import prepared
 from diagnosis.recordings.columns import RecordingError
-from diagnosis.recordings.mapping import FrequencyTable, Recorded, Recording
+from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
 from diagnosis.thresholds import FITTING
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.model import Model
@@ -44,7 +44,7 @@ def noise(values: Array) -> float:
     return math.sqrt(max(quantum**2 / 12, rough**2))
 
 
-def experiment(made: Plan, recording: Recording, longest: float) -> TimeExperiment:
+def experiment(made: Binding, recording: Recording, longest: float) -> TimeExperiment:
     """A recording in the form a fit needs.
 
     An uneven time axis stays as it is: the model is simulated on a finer even grid and read at the recorded instants.
@@ -187,16 +187,16 @@ def _tolerances(scenario: Scenario, model: Model | None) -> dict[str, float]:
 
 def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Model, list[TimeExperiment]]:
     """The model, and recordings over time as experiments."""
-    first = plan(scenario, recordings[0])
-    plans = [first, *(plan(scenario, recording, first) for recording in recordings[1:])]
-    for made, recording in zip(plans, recordings, strict=True):
+    first = bind(scenario, recordings[0])
+    bindings = [first, *(bind(scenario, recording, first) for recording in recordings[1:])]
+    for made, recording in zip(bindings, recordings, strict=True):
         if [v.name for v in made.model.outputs] != [v.name for v in first.model.outputs]:
             raise FlexarmError(
                 f"recording '{recording.name}' measures other signals than '{recordings[0].name}'",
                 remedy="give recordings with the same drive and measurements",
             )
     longest = scenario.simulation.step if scenario.simulation else 1e-3
-    return first.model, [experiment(m, r, max(longest, 1e-3)) for m, r in zip(plans, recordings, strict=True)]
+    return first.model, [experiment(m, r, max(longest, 1e-3)) for m, r in zip(bindings, recordings, strict=True)]
 
 
 def resolved(made: Problem, x: Array) -> Problem | None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from diagnosis.api import diagnose, fit
     from diagnosis.compare import Comparison
-    from diagnosis.recordings.mapping import FrequencyTable, Recording
+    from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.assemble import build
     from engine.batch import batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
@@ -41,11 +41,11 @@ _PLACES = {
     "Connection": "engine.system",
     "Drive": "engine.simulate",
     "FlexarmError": "engine.errors",
-    "FrequencyTable": "diagnosis.recordings.mapping",
+    "FrequencyTable": "diagnosis.recordings.types",
     "LinearModel": "engine.linearise",
     "Model": "engine.model",
     "Net": "engine.net",
-    "Recording": "diagnosis.recordings.mapping",
+    "Recording": "diagnosis.recordings.types",
     "Result": "engine.simulate",
     "Scenario": "scenarios.load",
     "System": "engine.system",

@@ -126,9 +126,10 @@ def _loose(system: System) -> list[str]:
 @app.command()
 def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
     """Read and assemble a scenario with its analyses and recordings, and report problems."""
-    from diagnosis.compare import verify
-    from diagnosis.recordings.mapping import FrequencyTable, from_scenario
-    from diagnosis.recordings.paths import VARIABLE, at_hand
+    from diagnosis.binding import verify
+    from diagnosis.recordings.mapping import from_scenario
+    from diagnosis.recordings.paths import VARIABLE, is_available
+    from diagnosis.recordings.types import FrequencyTable
     from flexarm.api import cut
     from flexarm.api import linearise as linear_model
     from flexarm.text import columns, plural
@@ -158,7 +159,7 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
             linear_model(made)
         say_bypassed(made.bypassed, f"analysis {name}")
     for name in loaded.recordings:
-        if not at_hand(loaded, name):
+        if not is_available(loaded, name):
             typer.echo(f"recording {name}: not read, since the environment variable {VARIABLE} is not set")
             continue
         recording = from_scenario(loaded, name)
@@ -220,7 +221,7 @@ def compare(
     rows: Annotated[bool, typer.Option("--rows", help="Also print every row of a frequency-response table.")] = False,
 ) -> None:
     """Simulate with a recording's own input and print the error of every signal."""
-    from diagnosis.compare import find_recording
+    from diagnosis.binding import find_recording
     from flexarm.api import compare as compare_one
     from flexarm.progress import Progress
     from flexarm.text import comparison_page

@@ -7,7 +7,7 @@ import numpy as np
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.recordings.columns import RecordingError
-from diagnosis.recordings.mapping import Recording
+from diagnosis.recordings.types import Recording
 from diagnosis.thresholds import FITTING
 from engine.block import MOTION
 from engine.errors import nearest

@@ -20,7 +20,7 @@ from diagnosis.frequency_response.period import PeriodicSolution
 from diagnosis.frequency_response.periodic_solver import PeriodicSolver
 from diagnosis.frequency_response.sine_model import sine_model
 from diagnosis.recordings.columns import RecordingError
-from diagnosis.recordings.mapping import FrequencyTable
+from diagnosis.recordings.types import FrequencyTable
 from diagnosis.thresholds import FITTING, TABLES
 from engine.errors import FlexarmError, ParameterError, SimulationError, nearest
 from engine.model import Model
@@ -271,7 +271,7 @@ class TableExperiment(Experiment):
 
 def _answers(scenario: Scenario, drive: str, unit: str, signals: list[str], step: float | None) -> PeriodicSolver:
     """The model with and without a sine on its input."""
-    from diagnosis.recordings.mapping import Channel
+    from diagnosis.recordings.types import Channel
 
     channels = tuple(Channel(name, "", np.zeros(0)) for name in signals)
     table = FrequencyTable("", "", drive, np.zeros(0), np.zeros(0), unit, channels)

@@ -17,7 +17,7 @@ from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem, counted
 from diagnosis.problems import problem, resolved, variant
-from diagnosis.recordings.mapping import Recorded
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, ended_at
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.wave_starts import solved

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
-from diagnosis.recordings.mapping import Recorded
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import KNOWN
 from diagnosis.search.scored_model import ScoredModel, at_end, by_chance, gain_band, outside_tolerances
 from diagnosis.thresholds import PREFERENCE

@@ -12,7 +12,7 @@ from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import Fit
-from diagnosis.recordings.mapping import Recorded
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import lookalike, same_laws
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws

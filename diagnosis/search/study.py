@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from diagnosis.effects.scales import OperatingScales
-from diagnosis.recordings.mapping import Recorded
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.scored_model import ScoredModel
 from scenarios.load import Scenario
 

@@ -151,7 +151,7 @@ def test_counts_without_a_revolution_are_refused(tmp_path):
     text = path.read_text().replace("{column: speed, unit: rad/s}", "{column: speed, unit: count}")
     path.write_text(text)
     scenario = load(path)
-    with pytest.raises(FlexarmError, match="how many make a revolution is not said") as caught:
+    with pytest.raises(FlexarmError, match="the counts per revolution are not given") as caught:
         gather(scenario, [], [])
     assert "counts_per_rev: 4096" in caught.value.remedy
     assert caught.value.where.line > 0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from diagnosis.api import diagnose
-from diagnosis.compare import find_recording
+from diagnosis.binding import find_recording
 from diagnosis.problems import problem
 from diagnosis.recordings.columns import LONG_TEXT, read_columns
 from diagnosis.thresholds import FITTING

@@ -13,7 +13,7 @@ from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
-from diagnosis.recordings.mapping import Channel, Recording
+from diagnosis.recordings.types import Channel, Recording
 from diagnosis.search import preference as choice
 from diagnosis.search import search as select
 from diagnosis.search.scored_model import ScoredModel, by_chance, gain_band, outside_tolerances

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, fsolve
 
 from diagnosis.api import gather
-from diagnosis.frequency_response.period import extremes, quiet_row
+from diagnosis.frequency_response.extremes import extremes, quiet_row
 from diagnosis.problems import problem
 from diagnosis.thresholds import TABLES
 from scenarios.load import load

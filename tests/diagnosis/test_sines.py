@@ -140,7 +140,7 @@ def test_the_simulated_answer_is_the_closed_form(tmp_path):
     w = np.array([0.1, 0.9, 7.0, 16.0, 120.0])
     made = problem(s := scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w)), gather(s, (), ()))
     answers = only(made).answers
-    answers.__dict__["_linear"] = None
+    answers.closed_form.__dict__["_state_space"] = None
     found = answers.solve({}, w, np.full(5, 2.0), {})
     assert all(o.settled and o.x is not None for o in found)
     decibel = 20 * np.log10([o.amplitudes[0] for o in found] / (2.0 * two_mass_gain(w)))

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import butter, filtfilt
 
 from diagnosis.api import diagnose
-from diagnosis.compare import find_recording
+from diagnosis.binding import find_recording
 from diagnosis.search.scored_model import ScoredModel, gain_band
 from scenarios.load import load
 from tests.real.bench import Bench, bench
