@@ -1,4 +1,4 @@
-"""Springs that were wound before the start: each law in its linear limit swings about the angle at which it is slack."""
+"""Springs that were wound before the start: in its linear limit each law swings about its rest."""
 
 from __future__ import annotations
 
