@@ -10,7 +10,9 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from diagnosis.compare import find_recording
-from diagnosis.effects.catalogue import check_names
+from diagnosis.effects.catalogue import candidates, check_names
+from diagnosis.effects.effect import Candidate
+from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.least_squares import fit as fit_problem
 from diagnosis.problems import problem
@@ -79,6 +81,30 @@ def fit(
     if held:
         scores["held out"] = made.score(held)
     return made, scores
+
+
+def possible_effects(
+    source: Scenario | str | Path,
+    recordings: Sequence[str | Path | Recorded] = (),
+    *,
+    overrides: Sequence[str] = (),
+    without: Sequence[str] = (),
+) -> list[Candidate]:
+    """What `diagnose` would try, without fitting anything: every effect at every place, with sizes to start from.
+
+    Args:
+        source: the scenario.
+        recordings: that say how large things are; all that the scenario describes by default.
+        overrides: ``key=value`` texts.
+        without: effects that are left out.
+
+    Raises:
+        FlexarmError: scenario or recordings that do not fit, or an effect that is unknown or cannot be used.
+    """
+    check_names(without)
+    scenario = source if isinstance(source, Scenario) else load(source, overrides)
+    with threadpool_limits(BLAS_THREADS):
+        return candidates(operating_scales(problem(scenario, gather(scenario, recordings, ()))), without)
 
 
 def diagnose(
