@@ -1,4 +1,4 @@
-"""The package of the pages "Write your own block" and "Register an effect": built, installed, used, its own tests run."""
+"""The package of "Write your own block" and "Register an effect": built, installed, used, and its own tests run."""
 
 from __future__ import annotations
 
