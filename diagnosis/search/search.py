@@ -69,7 +69,7 @@ def study(
     before = (base.chi2(zero, base.training), base.chi2(zero, base.held_out))
     scales = operating_scales(base)
     scales.lines = lines(refit)
-    listed = [c for c in candidates(scales) if c.effect not in without]
+    listed = candidates(scales, without)
     trials, failures = _try_all(fitter, [(c,) for c in listed], refit.fit, progress)
     trials.sort(key=lambda t: (t.merit, t.size))
     chosen = choose(refit, trials)
