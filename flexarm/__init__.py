@@ -28,9 +28,10 @@ if TYPE_CHECKING:
     from engine.simulate import Drive, Result
     from engine.system import Connection, System
     from engine.tangent import tangents
+    from flexarm._version import version
     from flexarm.api import compare, export, linearise, simulate
-    from flexarm.plot import plot
-    from flexarm.sweeps import sweep
+    from flexarm.plotting.results import plot
+    from flexarm.sweeps.sweep import sweep
     from flexarm.table import read
     from scenarios.jsonschema import json_schema
     from scenarios.load import Scenario, load
@@ -54,6 +55,7 @@ _PLACES = {
     "diagnose": "diagnosis.api",
     "fit": "diagnosis.api",
     "tangents": "engine.tangent",
+    "version": "flexarm._version",
     "batch": "engine.batch",
     "export": "flexarm.api",
     "flange": "engine.block",
@@ -62,12 +64,12 @@ _PLACES = {
     "load": "scenarios.load",
     "option": "engine.block",
     "parameter": "engine.block",
-    "plot": "flexarm.plot",
+    "plot": "flexarm.plotting.results",
     "read": "flexarm.table",
     "signal_in": "engine.block",
     "signal_out": "engine.block",
     "simulate": "flexarm.api",
-    "sweep": "flexarm.sweeps",
+    "sweep": "flexarm.sweeps.sweep",
 }
 
 __all__ = [
@@ -103,11 +105,14 @@ __all__ = [
     "simulate",
     "sweep",
     "tangents",
+    "version",
 ]
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
+        from flexarm._version import version
+
         return version()
     if name not in _PLACES:
         raise AttributeError(f"module 'flexarm' has no attribute '{name}'")
@@ -118,13 +123,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return [*__all__, "__version__"]
-
-
-def version() -> str:
-    """Version of the installed distribution."""
-    from importlib import metadata
-
-    try:
-        return metadata.version("flexarm")
-    except metadata.PackageNotFoundError:
-        return "0+source"

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from engine.errors import FlexarmError, ParameterError, Where, nearest
-from engine.model import TIME, Mode, Model
+from engine.errors import ParameterError, Where, nearest
+from engine.model import TIME, Model
 from engine.simulate import Drive, Result
 from engine.simulate import simulate as run_model
-from engine.system import bypass
-from scenarios.load import AnalysisSettings, Scenario, Simulation, load, si
+from flexarm.cut import Cut, Source, as_scenario, cut, find_mode
+from scenarios.load import si
 from scenarios.validate import ScenarioError
 
 if TYPE_CHECKING:
@@ -20,12 +19,6 @@ if TYPE_CHECKING:
     from diagnosis.recording import FrequencyTable, Recording
     from engine.discretise import DiscreteModel
     from engine.linearise import LinearModel
-
-Source = Scenario | str | Path
-
-
-def _scenario(source: Source) -> Scenario:
-    return source if isinstance(source, Scenario) else load(source)
 
 
 def simulate(
@@ -61,7 +54,7 @@ def simulate(
     if isinstance(source, Model):
         model = source
     else:
-        scenario = _scenario(source)
+        scenario = as_scenario(source)
         model = scenario.build()
         planned = scenario.simulation
         if planned is not None:
@@ -88,93 +81,6 @@ def simulate(
         step_tolerance=step_tolerance,
         record_states=record_states,
         backend=backend,
-    )
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A scenario's model with external inputs, and the blocks those inputs replace."""
-
-    model: Model
-    bypassed: tuple[str, ...]
-    settings: AnalysisSettings
-    scenario: Scenario
-    simulation: Simulation | None = None
-
-
-def cut(
-    source: Source,
-    kind: str,
-    analysis: str | None = None,
-    *,
-    inputs: Iterable[str] | None = None,
-    outputs: Iterable[str] | None = None,
-) -> Cut:
-    """Free a scenario's inputs for an analysis.
-
-    Args:
-        source: a scenario, its file or shipped name.
-        kind: ``linearise`` or ``export``.
-        analysis: name of an analysis in the file; the first of that kind if None.
-        inputs: signal inputs that replace those of the analysis.
-        outputs: signals that replace those of the analysis.
-
-    Raises:
-        FlexarmError: no such analysis, input or output.
-    """
-    scenario = _scenario(source)
-    settings = _settings(scenario, kind, analysis, inputs, outputs)
-    model = scenario.build(settings.inputs, settings.outputs)
-    # A mode that the file asks for is gone when its friction is set to zero; a name that is no block stays wrong.
-    kept = {
-        name: value for name, value in settings.modes.items() if _mode(model, name) or not _is_block(scenario, name)
-    }
-    settings = replace(settings, modes=kept)
-    dropped = bypass(scenario.system, list(settings.inputs))[1]
-    return Cut(model, tuple(dropped), settings, scenario, scenario.simulation)
-
-
-def _is_block(scenario: Scenario, name: str) -> bool:
-    parts = name.split(".")
-    return any(".".join(parts[:cut]) in scenario.system.blocks for cut in range(len(parts), 0, -1))
-
-
-def _mode(model: Model, name: str) -> Mode | None:
-    """A mode by its name, or by one of the frictions that share it (``a + b``)."""
-    found = [mode for mode in model.modes if mode.kind != TIME and name in (mode.name, *mode.name.split(" + "))]
-    return found[0] if found else None
-
-
-def _settings(
-    scenario: Scenario, kind: str, analysis: str | None, inputs: Iterable[str] | None, outputs: Iterable[str] | None
-) -> AnalysisSettings:
-    fitting = {name: found for name, found in scenario.analyses.items() if found.kind == kind}
-    if analysis is not None and analysis not in fitting:
-        raise ScenarioError(
-            f"the scenario has no analysis '{analysis}' of kind {kind}",
-            scenario.where("analyses"),
-            nearest(analysis, fitting),
-        )
-    # Any analysis names inputs and outputs, so one of the other kind will do where there is none of this.
-    candidates = list(fitting.values()) or list(scenario.analyses.values())
-    found = fitting[analysis] if analysis is not None else candidates[0] if candidates else None
-    given_inputs = None if inputs is None else tuple(scenario.resolve(name) for name in inputs)
-    given_outputs = None if outputs is None else tuple(scenario.resolve(name) for name in outputs)
-    if found is None:
-        if not given_inputs or not given_outputs:
-            raise ScenarioError(
-                f"the scenario describes no analysis of kind {kind}",
-                Where(scenario.document.file),
-                "add one under 'analyses:', or give inputs and outputs (-u and -y)",
-            )
-        return AnalysisSettings("", kind, given_inputs, given_outputs)
-    return AnalysisSettings(
-        found.name,
-        kind,
-        given_inputs or found.inputs,
-        given_outputs or found.outputs,
-        found.modes,
-        found.at,
     )
 
 
@@ -258,7 +164,7 @@ def _motion_units(model: Model) -> dict[str, str]:
 
 def _label(model: Model, name: str, value: int | str) -> tuple[str, str]:
     """Full name of a mode, and the label of the value asked for."""
-    found = _mode(model, name)
+    found = find_mode(model, name)
     if found is None:
         raise ParameterError(f"no mode '{name}'", remedy=nearest(name, [m.name for m in model.modes if m.kind != TIME]))
     if isinstance(value, str) and value not in ("-1", "0", "1", "+1"):
@@ -355,7 +261,7 @@ def compare(
     """Hold a scenario against a recording; see `diagnosis.compare.compare`."""
     from diagnosis.compare import compare as run
 
-    return run(_scenario(source), recording, progress=progress)
+    return run(as_scenario(source), recording, progress=progress)
 
 
-__all__ = ["Cut", "FlexarmError", "compare", "cut", "discretise", "export", "linearise", "simulate"]
+__all__ = ["compare", "discretise", "export", "linearise", "simulate"]

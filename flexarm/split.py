@@ -25,7 +25,7 @@ from fmu.variables import flat
 
 if TYPE_CHECKING:
     from engine.net import Net
-    from flexarm.api import Cut
+    from flexarm.cut import Cut
 
 REST = "rest"
 

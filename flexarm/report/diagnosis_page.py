@@ -10,7 +10,7 @@ from diagnosis.files import amended_text
 from diagnosis.recording import FrequencyTable
 from diagnosis.trial import log_evidence
 from diagnosis.verdict import fit_table, place_odds
-from flexarm.pictures.diagram import diagram
+from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report.evidence import evidence_charts
 from flexarm.report.held_out import LABELS, ROLES, before_after, prediction
 from flexarm.report.origin import origin

@@ -19,7 +19,7 @@ import pytest
 
 import flexarm
 from engine.errors import FlexarmError
-from flexarm.sweeps import make_plan
+from flexarm.sweeps.sweep import make_plan
 from scenarios.load import load
 
 SPIN = """\
@@ -207,7 +207,7 @@ def test_a_cluster_that_does_not_answer(spin: Path, command, monkeypatch: pytest
 
 def test_workers_elsewhere_are_sent_the_files(tmp_path: Path) -> None:
     """The scenario, a sub-assembly and a table, gone from this disk before the work begins."""
-    from flexarm.sweep_work import compute
+    from flexarm.sweeps.work import compute
     from scenarios.files import packed
 
     place = tmp_path / "place"
@@ -275,7 +275,7 @@ def test_another_plan_is_refused(spin: Path, command) -> None:
 
 
 def test_two_at_once_are_refused(spin: Path) -> None:
-    from flexarm.sweep_store import SweepStore
+    from flexarm.sweeps.store import SweepStore
 
     first = SweepStore(Path("out.parquet"), make_plan(load(spin), ["push=1,2"]), {})
     first.begin()
@@ -357,7 +357,7 @@ def test_draws_need_a_number_and_a_seed_that_is_one(spin: Path) -> None:
 
 MEASURE = """
 import resource, sys
-from flexarm.sweeps import sweep
+from flexarm.sweeps.sweep import sweep
 if __name__ == "__main__":
     sweep(sys.argv[1], ["wheel.inertia~20%", "push~1:3"], sys.argv[2], runs=int(sys.argv[3]), workers=1)
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)

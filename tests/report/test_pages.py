@@ -189,7 +189,7 @@ def test_every_value_of_a_template_is_escaped():
 def _values(**given):
     scenario = load("srv02-bare")
     result = flexarm.simulate(scenario, stop=0.1)
-    from flexarm.pictures.diagram import diagram
+    from flexarm.plotting.wiring.diagram import diagram
     from flexarm.report.origin import origin
 
     values = {

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.spread import Spread
-from flexarm.sweep_plan import MOST_RUNS, Plan, make_axes
-from flexarm.sweep_store import SweepStore
-from flexarm.sweep_work import build, compute, digest
+from flexarm._version import version
+from flexarm.output import provenance
+from flexarm.sweeps.plan import MOST_RUNS, SweepPlan, make_axes
+from flexarm.sweeps.store import SweepStore
+from flexarm.sweeps.work import build, compute, digest
 from scenarios.files import packed
 from scenarios.load import Scenario, load
 
@@ -36,7 +38,7 @@ class Sweep:
 
     table: Path
     trajectories: Path | None
-    plan: Plan
+    plan: SweepPlan
     computed: int
 
 
@@ -85,7 +87,7 @@ def sweep(
     scenario = source if isinstance(source, Scenario) else load(source)
     table = _table(Path(output), keep)
     plan = make_plan(scenario, vary, runs=runs, seed=seed, outputs=outputs, stop=stop, step=step, keep=keep)
-    store = SweepStore(table, plan, _provenance(scenario), restart)
+    store = SweepStore(table, plan, provenance(scenario), restart)
     if store.done():
         return Sweep(table, store.trajectories, plan, 0)
     try:
@@ -129,12 +131,6 @@ def _table(output: Path, keep: float | None) -> Path:
     return output / TABLE
 
 
-def _provenance(scenario: Scenario) -> dict[str, str]:
-    from flexarm.output import provenance
-
-    return provenance(scenario)
-
-
 def make_plan(
     scenario: Scenario,
     vary: Sequence[str],
@@ -145,10 +141,8 @@ def make_plan(
     stop: float | None = None,
     step: float | None = None,
     keep: float | None = None,
-) -> Plan:
+) -> SweepPlan:
     """The plan of a sweep; arguments and errors as of `sweep`."""
-    import flexarm
-
     if not vary:
         raise FlexarmError("nothing is varied", remedy="give --vary, for example --vary gear.ratio=14:70:5")
     if runs is not None and runs < 1:
@@ -175,7 +169,7 @@ def make_plan(
         )
     if runs is not None and not samples:
         raise ParameterError(f"--runs {runs} without anything that is drawn", remedy="add for example KEY~tolerance")
-    plan = Plan(
+    plan = SweepPlan(
         scenario=str(scenario.path),
         digest=digest(scenario),
         overrides=scenario.overrides,
@@ -187,7 +181,7 @@ def make_plan(
         stop=stop,
         step=step,
         keep=keep,
-        version=flexarm.version(),
+        version=version(),
     )
     if plan.total > MOST_RUNS:
         raise ParameterError(f"{plan.total:.3g} runs are too many", remedy=f"at most {MOST_RUNS:.0e} are done")
