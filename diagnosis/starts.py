@@ -9,9 +9,9 @@ import numpy as np
 from diagnosis.columns import RecordingError
 from diagnosis.problem import HUGE, Array, Experiment, Free, Problem
 from diagnosis.recording import Recording
-from engine.block import MOTION
 from engine.errors import SimulationError, nearest
 from engine.model import Model
+from engine.ports import MOTION
 from engine.start import start_values, starting_names
 
 FIRST = 16

@@ -17,8 +17,8 @@ from diagnosis.loop import plant_inputs
 from diagnosis.problem import Array, Experiment, Problem
 from diagnosis.sines import UNSEEN, Sines
 from engine.assemble import build
-from engine.block import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.linearise import linearise
+from engine.ports import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.simulate import simulate
 from engine.system import Connection, System
 

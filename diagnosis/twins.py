@@ -7,7 +7,7 @@ from typing import Any
 
 from blocks.registry import registry
 from diagnosis.candidate import Candidate, Sizes
-from engine.block import TRANSLATIONAL
+from engine.ports import TRANSLATIONAL
 from engine.system import System
 from scenarios.amend import AtFlange, Between, Edit
 

@@ -17,8 +17,9 @@ import casadi as ca
 
 from blocks.actuators.effort import Force, Torque
 from engine.assemble import build
-from engine.block import MOTION, TRANSLATIONAL, Block, flange, signal_in, signal_out
+from engine.block import Block, flange, signal_in, signal_out
 from engine.errors import FlexarmError, nearest
+from engine.ports import MOTION, TRANSLATIONAL
 from engine.system import Connection, System, bypass
 from fmu import ssp
 from fmu.variables import flat
