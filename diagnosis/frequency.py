@@ -12,7 +12,6 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -168,9 +167,7 @@ def settling_time(model: Model, p: Vector, time_constants: float) -> float:
     e = model.equations
     x = start_values(model, p)
     modes = [1.0 if mode.kind in (FRICTION, SWITCH) else 0.0 for mode in model.modes]
-    if "jacobian" not in model.functions:
-        model.functions["jacobian"] = ca.Function("jacobian", e.arguments, [ca.jacobian(e.derivative, e.x)])
-    matrix = np.array(model.functions["jacobian"](0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), modes, p).full())
+    matrix = np.array(model.jacobian(0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), modes, p).full())
     if not matrix.size or not np.isfinite(matrix).all():
         return 0.0
     rates = -np.linalg.eigvals(matrix).real

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -255,8 +256,8 @@ class _Assembly:
             memory_clock=tuple(entry.clock.index for entry in net.memories),
             modes=self._modes(),
             equations=equations,
-            motions={f"{block}.{port}": motion.index for (block, port), motion in self.flanges.items()},
-            initial=dict(self.system.initial),
+            motions=MappingProxyType({f"{b}.{port}": motion.index for (b, port), motion in self.flanges.items()}),
+            initial=MappingProxyType(dict(self.system.initial)),
             externals=self._externals([(entry.name, given.numel()) for entry, given in calls]),
         )
 

@@ -143,13 +143,13 @@ def linearise(
         ParameterError: a name or label that does not exist, or something has no derivative at the point.
     """
     point = operating_point(model, at=at, inputs=inputs, modes=modes, parameters=parameters, time=time)
-    e = model.equations
-    key = "linear"
-    if key not in model.functions:
-        external = e.u[: len(model.inputs)]
-        blocks = [ca.jacobian(f, s) for f in (e.derivative, e.outputs) for s in (e.x, external)]
-        model.functions[key] = ca.Function(key, e.arguments, [ca.densify(b) for b in blocks])
-    A, B, C, D = (np.array(b.full()) for b in model.functions[key](*point.arguments))
+    linear = model.derived(
+        "linear",
+        lambda e: [
+            ca.densify(ca.jacobian(f, s)) for f in (e.derivative, e.outputs) for s in (e.x, e.u[: len(model.inputs)])
+        ],
+    )
+    A, B, C, D = (np.array(b.full()) for b in linear(*point.arguments))
     _check_finite(model, A, B, C, D)
     keep = point.kept(model)
     unbounded = ~np.isfinite(np.vstack([np.hstack([A, B]), np.hstack([C, D])])).all(axis=1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from engine.model import FRICTION, SWITCH, Model, Vector
@@ -29,12 +28,10 @@ class Fastest:
 def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
     """The fastest mode at ``x`` with joints sliding, over switches open and closed to either side."""
     e = model.equations
-    if "jacobian" not in model.functions:
-        model.functions["jacobian"] = ca.Function("jacobian", e.arguments, [ca.jacobian(e.derivative, e.x)])
     found = Fastest(0.0, "")
     for level in (0.0, 1.0, -1.0):
         m = [{FRICTION: 1.0, SWITCH: level}.get(mode.kind, 0.0) for mode in model.modes]
-        matrix = model.functions["jacobian"](0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), m, p)
+        matrix = model.jacobian(0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), m, p)
         matrix = np.array(matrix.full())
         if not matrix.size or not np.isfinite(matrix).all():
             continue
