@@ -51,7 +51,7 @@ def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: st
     odds = place_odds(study)
     lit = _lit(found, odds)
     picture = diagram(study.scenario, lit)
-    evidence = evidence_charts(found)
+    evidence = evidence_charts(found.evidence)
     after = before_after(found)
     given = study.scenario.path.read_text(encoding="utf-8")
     units = {v.name: v.unit for v in study.refit.fit.problem.model.outputs}
