@@ -6,7 +6,8 @@
     result = flexarm.simulate(scenario)
     result["link.hub.angle"]
 
-Names are imported on first use, so that importing the package costs nothing.
+A block of your own is a subclass of `Block`; the functions for its law are in `flexarm.symbolic`. Names are imported on
+first use, so that importing the package costs nothing.
 """
 
 from __future__ import annotations
@@ -21,11 +22,14 @@ if TYPE_CHECKING:
     from engine.assemble import build
     from engine.batch import batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
-    from engine.errors import FlexarmError
+    from engine.errors import FlexarmError, ParameterError
     from engine.linearise import LinearModel
     from engine.model import Model
     from engine.net import Net
+    from engine.ports import ROTATIONAL, TRANSLATIONAL, Port
+    from engine.quantity import SameAs
     from engine.simulate import Drive, Result
+    from engine.stamps import Clock, Motion, Velocity
     from engine.system import Connection, System
     from engine.tangent import tangents
     from flexarm._version import version
@@ -38,6 +42,7 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "Block": "engine.block",
+    "Clock": "engine.stamps",
     "Comparison": "diagnosis.compare",
     "Connection": "engine.system",
     "Drive": "engine.simulate",
@@ -45,19 +50,24 @@ _PLACES = {
     "FrequencyTable": "diagnosis.recording",
     "LinearModel": "engine.linearise",
     "Model": "engine.model",
+    "Motion": "engine.stamps",
     "Net": "engine.net",
+    "ParameterError": "engine.errors",
+    "Port": "engine.ports",
+    "ROTATIONAL": "engine.ports",
     "Recording": "diagnosis.recording",
     "Result": "engine.simulate",
+    "SameAs": "engine.quantity",
     "Scenario": "scenarios.load",
     "System": "engine.system",
+    "TRANSLATIONAL": "engine.ports",
+    "Velocity": "engine.stamps",
+    "batch": "engine.batch",
     "build": "engine.assemble",
     "compare": "flexarm.api",
     "diagnose": "diagnosis.api",
-    "fit": "diagnosis.api",
-    "tangents": "engine.tangent",
-    "version": "flexarm._version",
-    "batch": "engine.batch",
     "export": "flexarm.api",
+    "fit": "diagnosis.api",
     "flange": "engine.block",
     "json_schema": "scenarios.jsonschema",
     "linearise": "flexarm.api",
@@ -70,10 +80,15 @@ _PLACES = {
     "signal_out": "engine.block",
     "simulate": "flexarm.api",
     "sweep": "flexarm.sweeps.sweep",
+    "tangents": "engine.tangent",
+    "version": "flexarm._version",
 }
 
 __all__ = [
+    "ROTATIONAL",
+    "TRANSLATIONAL",
     "Block",
+    "Clock",
     "Comparison",
     "Connection",
     "Drive",
@@ -81,11 +96,16 @@ __all__ = [
     "FrequencyTable",
     "LinearModel",
     "Model",
+    "Motion",
     "Net",
+    "ParameterError",
+    "Port",
     "Recording",
     "Result",
+    "SameAs",
     "Scenario",
     "System",
+    "Velocity",
     "batch",
     "build",
     "compare",
@@ -114,6 +134,8 @@ def __getattr__(name: str) -> Any:
         from flexarm._version import version
 
         return version()
+    if name == "symbolic":
+        return importlib.import_module("flexarm.symbolic")
     if name not in _PLACES:
         raise AttributeError(f"module 'flexarm' has no attribute '{name}'")
     found = getattr(importlib.import_module(_PLACES[name]), name)
@@ -122,4 +144,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*__all__, "__version__", "symbolic"]
