@@ -10,14 +10,14 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from diagnosis.compare import find_recording
-from diagnosis.fit import Fit
-from diagnosis.fit import fit as fit_problem
-from diagnosis.prepare import problem
-from diagnosis.recording import Recorded
-from diagnosis.remote import RemoteWorkshop
-from diagnosis.select import Progress, study
-from diagnosis.verdict import Diagnosis, judge
-from diagnosis.workshop import Workshop
+from diagnosis.estimation.least_squares import Fit
+from diagnosis.estimation.least_squares import fit as fit_problem
+from diagnosis.problems import problem
+from diagnosis.recordings.mapping import Recorded
+from diagnosis.search.dask_fitter import DaskFitter
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.search import Progress, study
+from diagnosis.verdict.verdict import Diagnosis, judge
 from engine.errors import FlexarmError
 from engine.spread import JsonStore, Spread, cores
 from scenarios.load import Scenario, load
@@ -93,7 +93,7 @@ def diagnose(
     keep: Path | None = None,
     scheduler: str | None = None,
 ) -> Diagnosis:
-    """Say what a model leaves out of what was recorded; see `diagnosis.verdict.Diagnosis`.
+    """Say what a model leaves out of what was recorded; see `diagnosis.verdict.verdict.Diagnosis`.
 
     Args:
         source: the scenario.
@@ -118,7 +118,7 @@ def diagnose(
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
         if scheduler:
             spread = stack.enter_context(Spread(workers, scheduler))
-            shop: Workshop = RemoteWorkshop(scenario, recorded, spread, seed, store)
+            fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, seed, store)
         else:
-            shop = Workshop(scenario, recorded, workers or cores(), seed, store)
-        return judge(study(shop, without=without, progress=progress), seed)
+            fitter = CandidateFitter(scenario, recorded, workers or cores(), seed, store)
+        return judge(study(fitter, without=without, progress=progress), seed)

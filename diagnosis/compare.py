@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diagnosis.columns import RecordingError, Vector
-from diagnosis.frequency import SineModel, sine_model, sweep
-from diagnosis.location import at_hand, location
-from diagnosis.loop import check_loop
-from diagnosis.match import from_file
-from diagnosis.recording import Channel, FrequencyTable, Recording, from_scenario
-from diagnosis.starts import starting_values
+from diagnosis.estimation.initial_states import starting_values
+from diagnosis.frequency_response.sine_model import SineModel, sine_model, sweep
+from diagnosis.recordings.by_header import from_file
+from diagnosis.recordings.columns import RecordingError, Vector
+from diagnosis.recordings.feedback import check_loop
+from diagnosis.recordings.mapping import Channel, FrequencyTable, Recording, from_scenario
+from diagnosis.recordings.paths import at_hand, location
 from engine.assemble import build
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.quantity import compatible, factor

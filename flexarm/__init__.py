@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from diagnosis.api import diagnose, fit
     from diagnosis.compare import Comparison
-    from diagnosis.recording import FrequencyTable, Recording
+    from diagnosis.recordings.mapping import FrequencyTable, Recording
     from engine.assemble import build
     from engine.batch import batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
@@ -47,7 +47,7 @@ _PLACES = {
     "Connection": "engine.system",
     "Drive": "engine.simulate",
     "FlexarmError": "engine.errors",
-    "FrequencyTable": "diagnosis.recording",
+    "FrequencyTable": "diagnosis.recordings.mapping",
     "LinearModel": "engine.linearise",
     "Model": "engine.model",
     "Motion": "engine.stamps",
@@ -55,7 +55,7 @@ _PLACES = {
     "ParameterError": "engine.errors",
     "Port": "engine.ports",
     "ROTATIONAL": "engine.ports",
-    "Recording": "diagnosis.recording",
+    "Recording": "diagnosis.recordings.mapping",
     "Result": "engine.simulate",
     "SameAs": "engine.quantity",
     "Scenario": "scenarios.load",

@@ -12,11 +12,11 @@ from tools.reference import code, prose, table
 ROOT = Path(__file__).resolve().parent.parent
 
 RULES = {
-    "pairing": "Which two effects are tried together",
-    "choice": "When an effect pays, and which of several",
-    "trial": "How a model is scored",
-    "verdict": "What the verdict needs",
-    "screening": "What is odd about a recording",
+    "search/promising_pairs": "Which two effects are tried together",
+    "search/preference": "When an effect pays, and which of several",
+    "search/scored_model": "How a model is scored",
+    "verdict/verdict": "What the verdict needs",
+    "verdict/recording_checks": "What is odd about a recording",
 }
 """Module of the diagnosis whose constants are rules: its title."""
 

@@ -23,7 +23,7 @@ from benchmarks.concealed.truth import fine, simulator
 from benchmarks.proof.frozen import code_state
 from benchmarks.proof.run import diagnose
 from benchmarks.proof.suites import from_json
-from diagnosis.experiment import menu
+from diagnosis.verdict.experiment_design import menu
 from engine.spread import Spread
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
     """Read and assemble a scenario with its analyses and recordings, and report problems."""
     from diagnosis.compare import verify
-    from diagnosis.location import VARIABLE, at_hand
-    from diagnosis.recording import FrequencyTable, from_scenario
+    from diagnosis.recordings.mapping import FrequencyTable, from_scenario
+    from diagnosis.recordings.paths import VARIABLE, at_hand
     from flexarm.api import linearise as linear_model
     from flexarm.console.text import columns, plural
     from flexarm.cut import cut

@@ -11,9 +11,9 @@ import typer
 from engine.errors import FlexarmError, ParameterError, Where
 
 if TYPE_CHECKING:
-    from diagnosis.damping import Decrement
-    from diagnosis.decay_analysis import DampingReport
-    from diagnosis.waterfall import Waterfall
+    from diagnosis.decay.evolving_spectra import Waterfall
+    from diagnosis.decay.log_decrement import Decrement
+    from diagnosis.decay.report import DampingReport
 
 
 def damping(
@@ -42,8 +42,8 @@ def damping(
     ] = None,
 ) -> None:
     """Estimate damping ratios from a free decay: evolving spectra and logarithmic decrement."""
-    from diagnosis.decay import read_decay
-    from diagnosis.decay_analysis import analyse_decay
+    from diagnosis.decay.record import read_decay
+    from diagnosis.decay.report import analyse_decay
 
     modes = [_quantity(text, "Hz", "--frequency") for text in frequency or []]
     span, step = _seconds(window, "--window"), _seconds(hop, "--hop")

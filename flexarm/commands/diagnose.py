@@ -19,7 +19,7 @@ from flexarm.console.options import (
 )
 
 if TYPE_CHECKING:
-    from diagnosis.verdict import Diagnosis
+    from diagnosis.verdict.verdict import Diagnosis
 
 PROGRESS = ".progress"
 """Folder of the fits that are done, in the output folder, while a diagnosis is under way."""
@@ -55,7 +55,7 @@ def diagnose(
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from diagnosis.api import diagnose as run
-    from diagnosis.files import write
+    from diagnosis.verdict.write import write
     from flexarm.console.interrupt import heard
 
     console = Console(stderr=True)
@@ -102,8 +102,8 @@ def diagnose(
 
 def page(found: Diagnosis) -> str:
     """The verdict in plain sentences."""
-    from diagnosis.fit import span
-    from diagnosis.verdict import place_odds
+    from diagnosis.estimation.least_squares import span
+    from diagnosis.verdict.verdict import place_odds
     from flexarm.console.text import columns, number, plural
 
     study = found.study

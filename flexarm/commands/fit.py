@@ -17,7 +17,7 @@ from flexarm.console.options import (
 )
 
 if TYPE_CHECKING:
-    from diagnosis.fit import Fit
+    from diagnosis.estimation.least_squares import Fit
 
 
 def fit(
@@ -48,7 +48,7 @@ def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
 
 def fit_page(made: Fit, scores: dict[str, float]) -> str:
     """A fit as text: values, intervals, scores and what the data do not settle."""
-    from diagnosis.fit import span
+    from diagnosis.estimation.least_squares import span
     from flexarm.console.text import columns, number
 
     rows = [

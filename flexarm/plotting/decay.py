@@ -12,9 +12,9 @@ from engine.files import writing
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
-    from diagnosis.damping import Decrement
-    from diagnosis.decay import DecayRecord
-    from diagnosis.waterfall import Waterfall
+    from diagnosis.decay.evolving_spectra import Waterfall
+    from diagnosis.decay.log_decrement import Decrement
+    from diagnosis.decay.record import DecayRecord
 
 MOST_TRACES = 12
 GREY = "#444444"
@@ -46,7 +46,7 @@ def draw_waterfall(axis: Any, waterfall: Waterfall) -> None:
     """Draw a waterfall on an axis made with ``projection="3d", computed_zorder=False``."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    from diagnosis.spectra import BAND
+    from diagnosis.decay.spectra import BAND
 
     highest = max(mode.given for mode in waterfall.modes)
     shown = waterfall.axis <= max(1.6 * highest, highest + 6 / waterfall.window)

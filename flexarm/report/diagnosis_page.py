@@ -6,10 +6,10 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diagnosis.files import amended_text
-from diagnosis.recording import FrequencyTable
-from diagnosis.trial import log_evidence
-from diagnosis.verdict import fit_table, place_odds
+from diagnosis.recordings.mapping import FrequencyTable
+from diagnosis.search.scored_model import log_evidence
+from diagnosis.verdict.verdict import fit_table, place_odds
+from diagnosis.verdict.write import amended_text
 from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report.evidence import evidence_charts
 from flexarm.report.held_out import LABELS, ROLES, before_after, prediction
@@ -18,8 +18,8 @@ from flexarm.report.page import difference, render, write_page
 from scenarios.amend import relocated
 
 if TYPE_CHECKING:
-    from diagnosis.recording import Recorded
-    from diagnosis.verdict import Diagnosis
+    from diagnosis.recordings.mapping import Recorded
+    from diagnosis.verdict.verdict import Diagnosis
 
 VERDICTS = {
     "named": "The missing effect is named",

@@ -10,11 +10,11 @@ import numpy as np
 from flexarm.report.series import Chart, Panel, Trace
 
 if TYPE_CHECKING:
-    from diagnosis.evidence import Curve
+    from diagnosis.search.force_recovery import Curve
 
 
 def evidence_charts(curves: Iterable[Curve]) -> list[Chart]:
-    """One chart for each curve of the recovered force; see `diagnosis.verdict.Diagnosis.evidence`."""
+    """One chart for each curve of the recovered force; see `diagnosis.verdict.verdict.Diagnosis.evidence`."""
     return [_chart(f"evidence{i}", curve) for i, curve in enumerate(curves)]
 
 

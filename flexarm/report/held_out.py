@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.figures import models
-from diagnosis.sines import Sines
+from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.verdict.figures import models
 from flexarm.report.series import Chart, Panel, Trace
 
 if TYPE_CHECKING:
-    from diagnosis.experiment import Proposal
-    from diagnosis.fit import Fit
-    from diagnosis.problem import Experiment
-    from diagnosis.verdict import Diagnosis
+    from diagnosis.estimation.least_squares import Fit
+    from diagnosis.estimation.problem import Experiment
+    from diagnosis.verdict.experiment_design import Proposal
+    from diagnosis.verdict.verdict import Diagnosis
     from engine.model import Model
 
 ROLES = {"train": "fitted", "repeat": "fitted (repeat)", "hold_out": "held out"}
@@ -32,7 +32,7 @@ def before_after(found: Diagnosis) -> Chart:
     if not found.study.chosen.effects:
         del made["amended"]
     base = made["refit"].problem
-    tables = [e for e in base.experiments if isinstance(e, Sines)]
+    tables = [e for e in base.experiments if isinstance(e, TableExperiment)]
     if tables:
         view = ("", _rows(made, base.model, tables))
         chart = Chart(KEY, "Table and models over frequency", "frequency", "rad/s", (view,), log=True)
@@ -67,12 +67,12 @@ def _left(fit: Fit, experiment: Experiment) -> NDArray[np.float64]:
     """Recorded less simulated, in the signals' units; NaN where nothing was recorded."""
     own = next(e for e in fit.problem.experiments if e.name == experiment.name)
     left = fit.problem.residual(fit.x, own) * np.asarray(own.sigma)
-    if isinstance(own, Sines):
+    if isinstance(own, TableExperiment):
         left = left * own.relative
     return np.where(np.isfinite(own.measured), left, np.nan)
 
 
-def _rows(made: dict[str, Fit], model: Model, tables: list[Sines]) -> tuple[Panel, ...]:
+def _rows(made: dict[str, Fit], model: Model, tables: list[TableExperiment]) -> tuple[Panel, ...]:
     """The rows of tables, fitted and held out, in the order of their frequencies."""
     frequency = np.concatenate([e.frequency for e in tables])
     order = np.argsort(frequency)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from diagnosis.fit import span
+from diagnosis.estimation.least_squares import span
 from engine.files import writing
 from flexarm.plotting.wiring.places import share
 from flexarm.report.series import Chart, as_json, fitting
@@ -70,7 +70,7 @@ def significant(value: float, digits: int = 4) -> str:
 
 
 def interval(row: Mapping[str, Any]) -> str:
-    """An interval in words, as `diagnosis.fit.span` says it."""
+    """An interval in words, as `diagnosis.estimation.least_squares.span` says it."""
     return _typeset(span(row))
 
 
@@ -93,7 +93,7 @@ class Row:
 
 
 def difference(before: str, after: str) -> list[Row]:
-    """What changed from one text to another, with three lines of surroundings."""
+    """What changed from one text to another, with three lines of context."""
     rows = []
     lines = difflib.unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=3)
     for line in list(lines)[2:]:

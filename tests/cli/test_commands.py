@@ -178,7 +178,7 @@ def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: p
 
     from flexarm.commands.diagnose import page
 
-    monkeypatch.setattr("diagnosis.verdict.place_odds", lambda study: {})
+    monkeypatch.setattr("diagnosis.verdict.verdict.place_odds", lambda study: {})
     sizes = {"gain": (58.4, "*"), "share": (0.5, "1"), "torque": (2.5, "N.m"), "heights[1]": (1.0, "N.m")}
     finding = {
         "sentence": "A sentence.",

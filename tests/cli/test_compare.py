@@ -116,7 +116,7 @@ def test_uneven_samples_and_gaps(recorded: Path, command: Callable) -> None:
 
 
 def test_wrapped_angle(tmp_path: Path) -> None:
-    from diagnosis.recording import from_scenario
+    from diagnosis.recordings.mapping import from_scenario
     from scenarios.load import load
 
     turns = np.linspace(0, 3, 31)
@@ -226,7 +226,7 @@ def test_unknown_recording(recorded: Path, command: Callable) -> None:
 def test_matlab_structures(tmp_path: Path) -> None:
     from scipy.io import savemat
 
-    from diagnosis.columns import read_columns
+    from diagnosis.recordings.columns import read_columns
 
     t = np.arange(5.0)
     savemat(tmp_path / "m.mat", {"run": {"t": t, "y": np.column_stack([t, 2 * t])}, "fs": 1000.0, "note": "text"})

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.concealed.scenario import text, write
 from benchmarks.concealed.truth import MAXWELL_BAND, Nuisance, fine
 from diagnosis.compare import grid, plan
-from diagnosis.recording import from_scenario
+from diagnosis.recordings.mapping import from_scenario
 from engine.simulate import simulate
 from scenarios.amend import AtFlange, Between, InSignal, OnSensor, Replace, Set, amended
 from scenarios.load import load

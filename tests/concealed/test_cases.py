@@ -26,7 +26,7 @@ from benchmarks.concealed.sites import find, sites
 from benchmarks.concealed.suites import CORE, PAIRS, TIES
 from benchmarks.concealed.ties import FLOOR, from_answers, tie_class
 from benchmarks.concealed.truth import Nuisance
-from diagnosis.experiment import menu
+from diagnosis.verdict.experiment_design import menu
 
 FOLDER = Path(benchmarks.concealed.__file__).parent
 OURS = {"engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm"}

@@ -9,15 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis import verdict
 from diagnosis.api import gather
-from diagnosis.candidate import Candidate, Knob
-from diagnosis.catalogue import candidates
-from diagnosis.select import PART, exchanged, halves
-from diagnosis.surroundings import surroundings
-from diagnosis.ties import same_laws
-from diagnosis.uncertainty import TIMING
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.effects.scales import operating_scales
+from diagnosis.estimation.covariance import TIMING
+from diagnosis.search.equivalent_effects import same_laws
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.search import PART, exchanged, halves
+from diagnosis.verdict import verdict
 from engine.errors import FlexarmError
 from scenarios.load import load
 from tests.diagnosis import plants
@@ -25,14 +25,14 @@ from tests.diagnosis.plants import case
 
 
 @pytest.fixture(scope="module")
-def shop(tmp_path_factory):
+def fitter(tmp_path_factory):
     scenario = load(case(tmp_path_factory.mktemp("bench"), seed=2))
-    return Workshop(scenario, gather(scenario, [], []), 1)
+    return CandidateFitter(scenario, gather(scenario, [], []), 1)
 
 
 @pytest.fixture(scope="module")
-def listed(shop):
-    return candidates(surroundings(shop.base))
+def listed(fitter):
+    return candidates(operating_scales(fitter.base))
 
 
 def found(listed, effect, place="motor.shaft"):
@@ -40,23 +40,25 @@ def found(listed, effect, place="motor.shaft"):
 
 
 @pytest.mark.parametrize("effect", ["gravity", "torque_ripple"])
-def test_gravity_and_a_ripple_of_order_one_are_one_law(shop, listed, effect):
+def test_gravity_and_a_ripple_of_order_one_are_one_law(fitter, listed, effect):
     """-m g sin(a - h) = m g sin(a + pi - h): residuals are the same where the twin starts, whichever was chosen."""
     sizes = {"gravity": {"mass": 3e-5, "hanging_angle": 0.7}, "torque_ripple": {"order": 1.0, "amplitude": 3e-4}}
     start = sizes[effect] | ({"phase": -0.4} if effect == "torque_ripple" else {})
-    chosen = shop.finish(shop.draft((replace(found(listed, effect), starts=(start,)),), shop.refit().fit), 0)
+    chosen = fitter.finish(
+        fitter.partial_fit((replace(found(listed, effect), starts=(start,)),), fitter.refit().fit), 0
+    )
     ((twin,),) = same_laws(chosen, listed)
     assert twin.effect != effect
-    (entry,) = shop.entries((twin,), [list(twin.starts)], chosen.fit.parameters())
-    made = replace(entry.problem, internal_step=chosen.fit.problem.internal_step)
+    (point,) = fitter.points((twin,), [list(twin.starts)], chosen.fit.parameters())
+    made = replace(point.problem, internal_step=chosen.fit.problem.internal_step)
     for e in chosen.fit.problem.experiments:
-        mine, other = chosen.fit.problem.residual(chosen.fit.x, e), made.residual(entry.x, e)
+        mine, other = chosen.fit.problem.residual(chosen.fit.x, e), made.residual(point.x, e)
         np.testing.assert_allclose(other, mine, rtol=0, atol=1e-5 * np.abs(mine).max())
 
 
-def test_a_ripple_of_another_order_has_no_twin(shop, listed):
+def test_a_ripple_of_another_order_has_no_twin(fitter, listed):
     ripple = replace(found(listed, "torque_ripple"), starts=({"order": 2.0, "amplitude": 3e-4, "phase": 0.1},))
-    chosen = shop.finish(shop.draft((ripple,), shop.refit().fit), 0)
+    chosen = fitter.finish(fitter.partial_fit((ripple,), fitter.refit().fit), 0)
     assert same_laws(chosen, listed) == []
 
 
@@ -64,7 +66,7 @@ def test_a_further_body_is_not_heavier_than_twice_what_it_hangs_on(listed):
     """Beyond that it stands still, and is a spring and a damper to the ground."""
     mode = found(listed, "extra_mode")
     free = next(f for f in mode.free(mode.starts[0]) if f.name.endswith(".inertia"))
-    felt = mode.knobs[0].reference
+    felt = mode.parameters[0].reference
     assert free.value(1e3) == pytest.approx(2 * felt)
     assert free.value(0.0) == mode.starts[0]["inertia"] < felt
 
@@ -81,11 +83,11 @@ def test_the_inductance_is_fitted_like_any_other_size(listed):
 
 
 def test_a_delay_is_known_as_well_as_the_timing_and_an_order_exactly():
-    study = SimpleNamespace(around=SimpleNamespace(sample=2e-3))
-    row = verdict._chosen_size(study, Knob("delay", 1e-3, fixed=True, unit="s"), 5e-3)
+    study = SimpleNamespace(scales=SimpleNamespace(sample=2e-3))
+    row = verdict._chosen_size(study, EffectParameter("delay", 1e-3, fixed=True, unit="s"), 5e-3)
     assert row["low"] == pytest.approx(5e-3 - 1.96 * TIMING * 2e-3)
     assert row["high"] == pytest.approx(5e-3 + 1.96 * TIMING * 2e-3)
-    order = verdict._chosen_size(study, Knob("order", 1.0, fixed=True), 6.0)
+    order = verdict._chosen_size(study, EffectParameter("order", 1.0, fixed=True), 6.0)
     assert order == {"value": 6.0, "low": 6.0, "high": 6.0, "unit": "1"}
 
 
@@ -104,8 +106,8 @@ def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain, told):
     )
 
 
-def test_the_halves_of_a_recording_are_all_of_it_once(shop):
-    whole = shop.recordings[0]
+def test_the_halves_of_a_recording_are_all_of_it_once(fitter):
+    whole = fitter.recordings[0]
     fitted, judged = halves(whole)
     assert (fitted.role, judged.role) == ("train", "hold_out")
     a, b, y = (r.measurements[0].values for r in (fitted, judged, whole))
@@ -131,8 +133,8 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(tmp_
     speed = plants.speed
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
     scenario = load(case(tmp_path, seed=5))
-    shop = Workshop(scenario, gather(scenario, [], []), 1)
-    moved, told = exchanged(shop, shop.refit())
+    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    moved, told = exchanged(fitter, fitter.refit())
     roles = {r.name: r.role for r in moved}
     assert roles == {
         "steps": "train",

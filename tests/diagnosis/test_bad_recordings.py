@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from diagnosis.api import diagnose
-from diagnosis.columns import LONG_TEXT, read_columns
 from diagnosis.compare import find_recording
-from diagnosis.prepare import MOST_SAMPLES, problem
-from diagnosis.screening import screen, warnings
+from diagnosis.problems import MOST_SAMPLES, problem
+from diagnosis.recordings.columns import LONG_TEXT, read_columns
+from diagnosis.verdict.recording_checks import screen, warnings
 from engine.errors import FlexarmError
 from scenarios.load import load
 from tests.diagnosis.plants import case
@@ -216,7 +216,7 @@ def test_more_samples_than_a_fit_takes(bench: Path) -> None:
 def test_long_text_is_read_as_the_short_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.csv").write_text("# made here\n\nt;u\n0;1\n1;nan\n2;-3.5e-2\n")
     short = read_columns(tmp_path / "a.csv")
-    monkeypatch.setattr("diagnosis.columns.LONG_TEXT", 1)
+    monkeypatch.setattr("diagnosis.recordings.columns.LONG_TEXT", 1)
     long = read_columns(tmp_path / "a.csv")
     assert long.names == short.names == ["t", "u"]
     for name in short.names:

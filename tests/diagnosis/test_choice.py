@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from diagnosis import choice, select
-from diagnosis.candidate import Candidate, Knob
-from diagnosis.fit import Fit
-from diagnosis.problem import Experiment, Free
-from diagnosis.recording import Channel, Recording
-from diagnosis.trial import CHANCE, STRAIN, Trial, by_chance, gain_band, strained
+from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.estimation.least_squares import Fit
+from diagnosis.estimation.problem import Experiment, FreeParameter
+from diagnosis.recordings.mapping import Channel, Recording
+from diagnosis.search import preference as choice
+from diagnosis.search import search as select
+from diagnosis.search.scored_model import CHANCE, STRAIN, ScoredModel, by_chance, gain_band, outside_tolerances
 
 N = 20_000
 """Rows of a long residual: its mean square is known to about one per cent."""
@@ -25,7 +26,7 @@ class Still:
 
     rows: dict[str, np.ndarray]
     experiments: tuple[Experiment, ...]
-    free: tuple[Free, ...] = ()
+    free: tuple[FreeParameter, ...] = ()
 
     def chosen(self, *roles):
         return [e for e in self.experiments if e.role in roles]
@@ -47,25 +48,25 @@ def still(free: int = 0, **rows) -> Still:
         sigma = np.ones(r.shape[1])
         time = 1e-3 * np.arange(len(r))
         experiments.append(Experiment(name, role, time, 1e-3, 1, None, r, sigma, (False,) * r.shape[1]))
-    names = tuple(Free(f"p{k}", 1.0, 0.1, True) for k in range(free))
+    names = tuple(FreeParameter(f"p{k}", 1.0, 0.1, True) for k in range(free))
     return Still(made, tuple(experiments), names)
 
 
-def effect(name: str, place: str = "a.shaft", knobs: int = 1) -> Candidate:
-    rows = tuple(Knob(f"k{k}", 1.0) for k in range(knobs))
+def effect(name: str, place: str = "a.shaft", parameters: int = 1) -> Candidate:
+    rows = tuple(EffectParameter(f"k{k}", 1.0) for k in range(parameters))
     return Candidate(name, place, "a", f"found_{name}", lambda values: [], rows)
 
 
 def trial(
     hold_out: float, *effects: Candidate, fitted: float | None = None, x: tuple[float, ...] = (), **more
-) -> Trial:
+) -> ScoredModel:
     """A trial with the same held-out error everywhere, over a residual that is white and of the stated size."""
     problem = more.pop("problem", None) or still(len(x), held=np.random.default_rng(1).normal(size=64))
     samples = more.pop("samples", 10_000)
     chi2 = hold_out if fitted is None else fitted
     fit = Fit(problem, np.array(x), more.pop("cost", chi2 * samples), chi2, True, np.zeros((len(x), len(x))))
     errors = more.pop("errors", np.full(50, hold_out * samples / 50))
-    return Trial(effects, fit, ({},) * len(effects), hold_out, errors, samples)
+    return ScoredModel(effects, fit, ({},) * len(effects), hold_out, errors, samples)
 
 
 @pytest.fixture
@@ -76,7 +77,7 @@ def white():
 @pytest.fixture
 def silent(monkeypatch):
     """The floor is exactly 1, so that shares are exact."""
-    monkeypatch.setattr(choice, "floor", lambda t: 1.0)
+    monkeypatch.setattr(choice, "noise_floor", lambda t: 1.0)
 
 
 # -- the floor
@@ -85,45 +86,45 @@ def silent(monkeypatch):
 @pytest.mark.parametrize("scale", [1.3, 2.0])
 def test_the_floor_of_white_noise_is_its_variance(white, scale):
     made = trial(1.0, problem=still(held=scale * white))
-    assert choice.floor(made) == pytest.approx(scale**2, rel=0.03)
+    assert choice.noise_floor(made) == pytest.approx(scale**2, rel=0.03)
 
 
 def test_the_floor_is_not_below_what_was_stated(white):
-    assert choice.floor(trial(1.0, problem=still(held=0.6 * white))) == 1.0
+    assert choice.noise_floor(trial(1.0, problem=still(held=0.6 * white))) == 1.0
 
 
 def test_what_a_model_leaves_out_is_not_noise(white):
     """A slow error of twenty standard deviations, and one that ends in a jump."""
     t = 1e-3 * np.arange(N)
     slow = 20 * np.sin(2 * np.pi * 3.0 * t)[:, None]
-    assert choice.floor(trial(400.0, problem=still(held=1.3 * white + slow))) == pytest.approx(1.69, rel=0.03)
+    assert choice.noise_floor(trial(400.0, problem=still(held=1.3 * white + slow))) == pytest.approx(1.69, rel=0.03)
     jump = 10.0 * (t > t[-1] / 2)[:, None]
-    assert choice.floor(trial(50.0, problem=still(held=1.3 * white + jump))) == pytest.approx(1.69, rel=0.03)
+    assert choice.noise_floor(trial(50.0, problem=still(held=1.3 * white + jump))) == pytest.approx(1.69, rel=0.03)
 
 
 def test_kinks_are_not_noise(white):
     """Where a friction is not quite right a residual has a kink at each reversal: here every 1.6 s, of 50 sigma."""
     rows = 1.3 * white
     rows[100::1600] += 50.0
-    assert choice.floor(trial(1.0, problem=still(held=rows))) == pytest.approx(1.69, rel=0.05)
+    assert choice.noise_floor(trial(1.0, problem=still(held=rows))) == pytest.approx(1.69, rel=0.05)
 
 
 def test_the_floor_of_slow_rows_is_not_too_low(white):
     """At 20 Hz a piece of 0.2 s has four rows, the median of whose squares is far below their mean."""
     made = still(held=2.0 * white[:4_000])
     slow = replace(made.experiments[0], time=0.05 * np.arange(4_000), step=0.05)
-    assert choice.floor(trial(1.0, problem=replace(made, experiments=(slow,)))) == pytest.approx(4.0, rel=0.05)
+    assert choice.noise_floor(trial(1.0, problem=replace(made, experiments=(slow,)))) == pytest.approx(4.0, rel=0.05)
 
 
 def test_the_floor_is_that_of_held_out_data_where_there_are_some(white):
     both = still(train=3.0 * white, held=1.3 * white)
-    assert choice.floor(trial(1.0, problem=both)) == pytest.approx(1.69, rel=0.03)
-    assert choice.floor(trial(1.0, problem=still(train=3.0 * white))) == pytest.approx(9.0, rel=0.03)
+    assert choice.noise_floor(trial(1.0, problem=both)) == pytest.approx(1.69, rel=0.03)
+    assert choice.noise_floor(trial(1.0, problem=still(train=3.0 * white))) == pytest.approx(9.0, rel=0.03)
 
 
 def test_the_floor_averages_over_recordings_and_signals(white):
     made = still(one=white * [1.2, 2.0], other=white[::-1] * 1.6)
-    assert choice.floor(trial(1.0, problem=made)) == pytest.approx((1.44 + 4.0 + 2 * 2.56) / 4, rel=0.03)
+    assert choice.noise_floor(trial(1.0, problem=made)) == pytest.approx((1.44 + 4.0 + 2 * 2.56) / 4, rel=0.03)
 
 
 def test_the_floor_counts_only_what_was_recorded(white):
@@ -131,12 +132,12 @@ def test_the_floor_counts_only_what_was_recorded(white):
     rows = 2.0 * white + 20 * np.sin(2 * np.pi * 3e-3 * np.arange(N))[:, None]
     rows[np.arange(N) % 4 != 0, 0] = np.nan
     rows[5_000:9_000, 1] = np.nan
-    assert choice.floor(trial(1.0, problem=still(held=rows))) == pytest.approx(4.0, rel=0.06)
-    assert choice.floor(trial(1.0, problem=still(held=np.full((N, 1), np.nan)))) == 1.0
+    assert choice.noise_floor(trial(1.0, problem=still(held=rows))) == pytest.approx(4.0, rel=0.06)
+    assert choice.noise_floor(trial(1.0, problem=still(held=np.full((N, 1), np.nan)))) == 1.0
 
 
 def test_a_few_rows_have_no_floor_of_their_own(white):
-    assert choice.floor(trial(1.0, problem=still(held=5.0 * white[:63]))) == 1.0
+    assert choice.noise_floor(trial(1.0, problem=still(held=5.0 * white[:63]))) == 1.0
 
 
 # -- chance
@@ -171,7 +172,7 @@ def test_noise_alone_exceeds_chance_once_in_twenty_times(samples):
 
 
 def test_parameters_far_outside_their_tolerances_are_told():
-    assert strained(trial(1.0, x=(STRAIN + 0.1, 0.3, -STRAIN - 0.1))) == ["p0", "p2"]
+    assert outside_tolerances(trial(1.0, x=(STRAIN + 0.1, 0.3, -STRAIN - 0.1))) == ["p0", "p2"]
 
 
 # -- whether something is left, and whether it is worth it
@@ -269,8 +270,8 @@ def test_a_name_must_reach_the_floor_where_the_noise_was_stated(silent):
 
 
 def test_the_price_counts_parameters_and_strain():
-    made = trial(1.0, effect("e", knobs=2), effect("wrong_parameter", knobs=0), x=(1.0, -3.0), samples=1000)
-    assert made.strain == pytest.approx(10.0)
+    made = trial(1.0, effect("e", parameters=2), effect("wrong_parameter", parameters=0), x=(1.0, -3.0), samples=1000)
+    assert made.prior_cost == pytest.approx(10.0)
     assert choice.price(made) == pytest.approx(10.0 + 3 * math.log(1000))
     assert made.merit == pytest.approx(1.0 + 10.0 / 1000)
 
@@ -306,7 +307,7 @@ def test_a_model_that_misses_the_fitted_recordings_is_not_near():
 
 def test_of_equals_the_one_with_fewest_parameters_is_taken(silent):
     parent = trial(50.0)
-    rich, plain = trial(1.00, effect("rich", knobs=3)), trial(1.02, effect("plain"))
+    rich, plain = trial(1.00, effect("rich", parameters=3)), trial(1.02, effect("plain"))
     assert choice.choose(parent, [rich, plain]) is plain
     assert choice.choose(parent, [rich, trial(9.0, effect("plain"))]) is rich
 
@@ -314,7 +315,7 @@ def test_of_equals_the_one_with_fewest_parameters_is_taken(silent):
 def test_strain_speaks_against_a_model(silent):
     parent = trial(50.0)
     bent = trial(1.0, effect("bent"), x=(0.0, 6.0))
-    straight = trial(1.0, effect("straight", knobs=2), x=(0.0, 0.1))
+    straight = trial(1.0, effect("straight", parameters=2), x=(0.0, 0.1))
     assert choice.choose(parent, [bent, straight]) is straight
 
 
@@ -356,15 +357,15 @@ def test_a_strained_model_is_relieved_by_a_wrong_parameter_beside_it(silent):
 def test_equals_elsewhere_are_rivals_and_others_are_not(silent):
     refit, chosen = trial(50.0), trial(1.0, effect("chosen"))
     equal, worse = trial(1.01, effect("equal", "b.shaft")), trial(3.0, effect("worse"))
-    costly = trial(1.0, effect("costly", knobs=9))
+    costly = trial(1.0, effect("costly", parameters=9))
     assert choice.price(costly) - choice.price(chosen) > 3 * choice.DECISIVE
     assert choice.rivals(chosen, refit, [chosen, equal, worse, costly]) == (equal,)
 
 
 def test_a_richer_law_is_a_rival_only_if_it_does_better(silent):
     refit, chosen = trial(50.0), trial(2.0, effect("coulomb_friction"))
-    same = trial(2.0 * (1 - 0.5 * choice.RICHER), effect("stribeck_friction", knobs=3))
-    better = trial(2.0 * (1 - 1.5 * choice.RICHER), effect("stribeck_friction", knobs=3))
+    same = trial(2.0 * (1 - 0.5 * choice.RICHER), effect("stribeck_friction", parameters=3))
+    better = trial(2.0 * (1 - 1.5 * choice.RICHER), effect("stribeck_friction", parameters=3))
     assert choice.rivals(chosen, refit, [same]) == ()
     assert choice.rivals(chosen, refit, [better]) == (better,)
     elsewhere = replace(same, effects=(effect("stribeck_friction", "b.shaft"),))
@@ -372,7 +373,7 @@ def test_a_richer_law_is_a_rival_only_if_it_does_better(silent):
 
 
 def test_a_pair_with_an_offset_rivals_a_single_effect(silent):
-    refit, chosen = trial(50.0), trial(1.0, effect("direction_dependent_friction", knobs=2))
+    refit, chosen = trial(50.0), trial(1.0, effect("direction_dependent_friction", parameters=2))
     pair = trial(1.0, effect("coulomb_friction"), effect("offset", "u -> a"))
     other = trial(1.0, effect("coulomb_friction"), effect("lag", "u -> a"))
     assert choice.rivals(chosen, refit, [pair, other]) == (pair,)
@@ -381,29 +382,34 @@ def test_a_pair_with_an_offset_rivals_a_single_effect(silent):
 def test_a_rival_that_only_contains_another_rival_is_none(silent):
     refit, chosen = trial(50.0), trial(2.0, effect("lag", "u -> a"), effect("coulomb_friction"))
     delay = trial(2.0, effect("delay", "u -> a"), effect("coulomb_friction"))
-    richer = trial(1.99, effect("delay", "u -> a"), effect("stribeck_friction", knobs=3))
+    richer = trial(1.99, effect("delay", "u -> a"), effect("stribeck_friction", parameters=3))
     assert choice.rivals(chosen, refit, [delay, richer]) == (delay,)
-    better = trial(2.0 * (1 - 1.5 * choice.RICHER), effect("delay", "u -> a"), effect("stribeck_friction", knobs=3))
+    better = trial(
+        2.0 * (1 - 1.5 * choice.RICHER), effect("delay", "u -> a"), effect("stribeck_friction", parameters=3)
+    )
     assert choice.rivals(chosen, refit, [delay, better]) == (better, delay)
 
 
 def test_a_rival_that_was_fitted_twice_is_told_once(silent):
-    refit, chosen = trial(50.0), trial(2.0, effect("direction_dependent_friction", knobs=2))
+    refit, chosen = trial(50.0), trial(2.0, effect("direction_dependent_friction", parameters=2))
     pair = trial(2.0, effect("coulomb_friction"), effect("offset", "u -> a"))
     again = trial(2.001, effect("offset", "u -> a"), effect("coulomb_friction"))
     assert choice.rivals(chosen, refit, [again, pair]) == (pair,)
 
 
-def ended(hold_out: float, share: float) -> Trial:
+def ended(hold_out: float, share: float) -> ScoredModel:
     """A spring that is at rest so far away, as a share of how far it may be."""
     spring = effect("stray_spring", "b.shaft")
-    spring = replace(spring, knobs=(Knob("rest_angle", 2.0, signed=True, most=3.0),))
+    spring = replace(spring, parameters=(EffectParameter("rest_angle", 2.0, signed=True, most=3.0),))
     return replace(trial(hold_out, spring), sizes=({"rest_angle": -6.0 * share},))
 
 
 def test_a_spring_that_is_at_rest_outside_its_range_is_no_rival_of_a_constant(silent):
     refit, chosen = trial(50.0), trial(1.0, effect("offset", "u -> a"))
-    spring, other = trial(1.0, effect("stray_spring", "b.shaft", knobs=2)), trial(1.0, effect("gravity", knobs=2))
+    spring, other = (
+        trial(1.0, effect("stray_spring", "b.shaft", parameters=2)),
+        trial(1.0, effect("gravity", parameters=2)),
+    )
     assert choice.rivals(chosen, refit, [spring, other]) == (other,)
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from diagnosis.columns import RecordingError
-from diagnosis.damping import decrement_of, logarithmic_decrement, ratio_of
-from diagnosis.decay import DampingWarning
+from diagnosis.decay.log_decrement import decrement_of, logarithmic_decrement, ratio_of
+from diagnosis.decay.record import DampingWarning
+from diagnosis.recordings.columns import RecordingError
 from engine.errors import ParameterError
 from tests.diagnosis.decays import coulomb, viscous
 

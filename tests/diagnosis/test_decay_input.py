@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.columns import RecordingError
-from diagnosis.decay import decay_record, read_decay
-from diagnosis.decay_analysis import analyse_decay
+from diagnosis.decay.record import decay_record, read_decay
+from diagnosis.decay.report import analyse_decay
+from diagnosis.recordings.columns import RecordingError
 from engine.errors import FlexarmError
 from tests.diagnosis.decays import LIGHT, MODES, two_modes, viscous
 

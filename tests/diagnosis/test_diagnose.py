@@ -9,7 +9,7 @@ import pytest
 
 import flexarm
 from diagnosis.api import diagnose, fit
-from diagnosis.files import write
+from diagnosis.verdict.write import write
 from scenarios.load import load
 from tests.diagnosis.plants import INERTIA, RESISTANCE, case
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.catalogue import candidates
-from diagnosis.evidence import BINS, KNOT, place_of, recover
-from diagnosis.select import study
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.force_recovery import BINS, KNOT, place_of, recover
+from diagnosis.search.search import study
 from scenarios.load import load
 from tests.diagnosis.plants import INERTIA, RESISTANCE, case
 
@@ -32,7 +32,7 @@ def studied(folder, **truth):
     """
     path = case(folder, given_resistance=RESISTANCE, given_inertia=INERTIA, **truth)
     scenario = load(path)
-    return study(Workshop(scenario, gather(scenario, [], [])), without=sorted(EFFECTS))
+    return study(CandidateFitter(scenario, gather(scenario, [], [])), without=sorted(EFFECTS))
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def against(found, name):
 
 
 def test_only_two_effects_are_tried(sticky):
-    listed = {c.effect for c in candidates(sticky.around)} - EFFECTS
+    listed = {c.effect for c in candidates(sticky.scales)} - EFFECTS
     assert listed == {"coulomb_friction", "dead_zone"}
 
 

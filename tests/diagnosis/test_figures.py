@@ -9,8 +9,8 @@ import matplotlib as mpl
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from diagnosis import figures
 from diagnosis.api import diagnose
+from diagnosis.verdict import figures
 from tests.diagnosis.plants import case
 from tests.diagnosis.test_resume import LEFT_OUT
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from diagnosis.frequency import half_range, periodic, settling_time, sine_model
-from diagnosis.recording import FrequencyTable, from_scenario
+from diagnosis.frequency_response.sine_model import half_range, periodic, settling_time, sine_model
+from diagnosis.recordings.mapping import FrequencyTable, from_scenario
 from tests.diagnosis.test_orbit import PUSHING, TwoMassesWithPlay, decibels, table
 from tests.diagnosis.test_sines import scenario
 
@@ -37,8 +37,8 @@ def test_a_sweep_over_a_contact_is_that_of_exact_propagation(w):
     made, whole = table("srv02-2mass-b3", PUSHING)
     e = whole.rows(np.flatnonzero(whole.frequency == w))
     amplitude, sine, model = float(e.amplitude[0]), e.answers.driven.sine, e.answers.model
-    (orbit,) = e.answers.solve({}, e.frequency, e.amplitude, {})
-    start = np.array([orbit.x[0] - orbit.x[1], *orbit.x[2:]])
+    (solution,) = e.answers.solve({}, e.frequency, e.amplitude, {})
+    start = np.array([solution.x[0] - solution.x[1], *solution.x[2:]])
     exact = TwoMassesWithPlay({f.name: f.value(0.0) for f in made.free}, w, amplitude).amplitude(start)
     values = {f"{sine}.amplitude": amplitude, f"{sine}.frequency": w / (2 * math.pi)}
     found, settled = periodic(model, values, w, settling_time(model, model.parameter_values, 4.0), None)

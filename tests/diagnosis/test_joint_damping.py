@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from diagnosis.decay import DampingWarning
-from diagnosis.joint_damping import (
+from diagnosis.decay.joint_damping import (
     critical_joint_damping,
     joint_damping,
     modal_damping,
     published_critical_factor,
     published_joint_damping,
 )
+from diagnosis.decay.record import DampingWarning
 from engine.errors import ParameterError
 
 DENSITY, LENGTH, HUB, GRAVITY = 0.5455, 0.33, 2.95e-5, 9.81

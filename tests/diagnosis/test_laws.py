@@ -7,8 +7,8 @@ import pytest
 
 import flexarm
 from diagnosis.api import diagnose
-from diagnosis.files import amended_text
-from diagnosis.laws import POINTS
+from diagnosis.search.nonparametric import POINTS
+from diagnosis.verdict.write import amended_text
 from scenarios.load import load
 from tests.diagnosis import plants
 

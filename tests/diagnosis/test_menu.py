@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from diagnosis.api import gather
-from diagnosis.catalogue import candidates
-from diagnosis.experiment import NOTHING, menu, propose
-from diagnosis.surroundings import surroundings
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.scales import operating_scales
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.verdict.experiment_design import NOTHING, menu, propose
 from scenarios.load import load
 from tests.diagnosis import plants
 
@@ -46,10 +46,10 @@ def rivals(tmp_path_factory):
         patch.setattr(plants, "speed", lambda t, u: made(t, late(u, LATE), parts=5))
         path = plants.case(tmp_path_factory.mktemp("late"), noise=0.05, seed=5)
     scenario = load(path)
-    shop = Workshop(scenario, gather(scenario, [], []), 1)
-    refit = shop.refit()
-    listed = [c for c in candidates(surroundings(shop.base)) if c.effect in ("lag", "delay")]
-    return [shop.finish(shop.draft((c,), refit.fit)) for c in listed]
+    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    refit = fitter.refit()
+    listed = [c for c in candidates(operating_scales(fitter.base)) if c.effect in ("lag", "delay")]
+    return [fitter.finish(fitter.partial_fit((c,), refit.fit)) for c in listed]
 
 
 @pytest.mark.parametrize("sample", [2e-4, 1e-3, 1e-2, 0.2])

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import flexarm
-from diagnosis import experiment
 from diagnosis.api import diagnose
-from diagnosis.files import EXPERIMENT, THINNED, write
+from diagnosis.verdict import experiment_design as experiment
+from diagnosis.verdict.write import EXPERIMENT, THINNED, write
 from scenarios.load import load
 from tests.diagnosis import plants
 

@@ -10,9 +10,9 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, fsolve
 
 from diagnosis.api import gather
-from diagnosis.period import extremes, quiet_row
-from diagnosis.prepare import problem
-from diagnosis.sines import STEP
+from diagnosis.frequency_response.period import extremes, quiet_row
+from diagnosis.frequency_response.table_experiment import STEP
+from diagnosis.problems import problem
 from scenarios.load import load
 
 PUSHING = ["contact.law=push_only", "contact.half_gap=0.03", "friction.coulomb_friction=0"]
@@ -130,10 +130,10 @@ def test_an_answer_does_not_jump_as_its_corner_moves_over_the_rows():
     values = {name: f.value(0.0) for name, f in free.items()}
     for v in np.linspace(-0.04, 0.04, 9):
         moved = {"motor.resistance": free["motor.resistance"].value(v)}
-        (orbit,) = e.answers.solve(moved, e.frequency, e.amplitude, {})
-        start = np.array([orbit.x[0] - orbit.x[1], *orbit.x[2:]])
+        (solution,) = e.answers.solve(moved, e.frequency, e.amplitude, {})
+        start = np.array([solution.x[0] - solution.x[1], *solution.x[2:]])
         exact = TwoMassesWithPlay(values | moved, 30.0, float(e.amplitude[0])).amplitude(start)
-        assert abs(decibels(orbit.amplitudes[0] / exact)) < 1e-4
+        assert abs(decibels(solution.amplitudes[0] / exact)) < 1e-4
 
 
 @pytest.mark.parametrize("role", ["train", "hold_out"])

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.candidate import Candidate, Knob
-from diagnosis.catalogue import candidates
-from diagnosis.pairing import FACTOR, _gains, promising
-from diagnosis.problem import ALIKE, prior
-from diagnosis.surroundings import surroundings
-from diagnosis.trial import at_end
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.effects.scales import operating_scales
+from diagnosis.estimation.problem import ALIKE, prior
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.promising_pairs import FACTOR, _gains, promising
+from diagnosis.search.scored_model import at_end
 from scenarios.load import load
 from tests.diagnosis import plants
 from tests.diagnosis.plants import case
@@ -25,7 +25,7 @@ from tests.diagnosis.plants import case
 
 def bench(folder, **more):
     scenario = load(case(folder, **more))
-    return Workshop(scenario, gather(scenario, [], []), 1)
+    return CandidateFitter(scenario, gather(scenario, [], []), 1)
 
 
 def test_the_gain_of_every_pair_is_that_of_least_squares():
@@ -44,21 +44,21 @@ def test_the_gain_of_every_pair_is_that_of_least_squares():
 
 
 def test_courses_that_are_one_and_the_same_make_no_pair():
-    course = np.linspace(0.0, 1.0, 50)
-    table = np.column_stack([course, 2 * course])
-    assert _gains(table.T @ table, -table.T @ (-course))[0][0, 1] == 0.0
+    sensitivity = np.linspace(0.0, 1.0, 50)
+    table = np.column_stack([sensitivity, 2 * sensitivity])
+    assert _gains(table.T @ table, -table.T @ (-sensitivity))[0][0, 1] == 0.0
 
 
 def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_path):
     """A motor with 25 mV of dead zone and 1.5e-5 N.m of dry friction, integrated without flexarm."""
-    shop = bench(tmp_path, seed=3, coulomb=1.5e-5, dead=0.025)
-    refit = shop.refit()
-    pairs = promising(shop, refit, candidates(surroundings(shop.base)), 16)
+    fitter = bench(tmp_path, seed=3, coulomb=1.5e-5, dead=0.025)
+    refit = fitter.refit()
+    pairs = promising(fitter, refit, candidates(operating_scales(fitter.base)), 16)
     keys = [{c.effect for c in pair} for pair in pairs]
     assert {"dead_zone", "coulomb_friction"} in keys
     pair = pairs[keys.index({"dead_zone", "coulomb_friction"})]
     assert all(1 <= len(c.starts) <= 2 for c in pair)  # neither is a wave
-    made = shop.polish(shop.finish(shop.draft(pair, refit.fit)))
+    made = fitter.polish(fitter.finish(fitter.partial_fit(pair, refit.fit)))
     assert made.hold_out < 1.1 < refit.hold_out
     found = made.added()
     assert found["coulomb_friction.coulomb_friction"] == pytest.approx(1.5e-5, rel=0.2)
@@ -78,9 +78,9 @@ def test_of_an_amplifier_that_reached_one_limit_the_other_is_taken_to_be_as_larg
     monkeypatch.setattr(plants, "inputs", one_way)
     speed = plants.speed
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
-    shop = bench(tmp_path, seed=5)
-    limits = next(c for c in candidates(surroundings(shop.base)) if c.effect == "saturation")
-    made = shop.polish(shop.finish(shop.draft((limits,), shop.refit().fit)))
+    fitter = bench(tmp_path, seed=5)
+    limits = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "saturation")
+    made = fitter.polish(fitter.finish(fitter.partial_fit((limits,), fitter.refit().fit)))
     found = made.added()
     assert found["saturation.upper"] == pytest.approx(1.0, rel=0.01)
     assert found["saturation.lower"] == pytest.approx(-found["saturation.upper"], rel=1e-3)
@@ -91,16 +91,16 @@ def test_two_ends_that_the_recordings_know_may_differ(tmp_path, monkeypatch):
     """At 1 and -0.7 V the recordings speak against the prior by thousands, and win."""
     speed = plants.speed
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -0.7, 1.0), **more))
-    shop = bench(tmp_path, seed=5)
-    limits = next(c for c in candidates(surroundings(shop.base)) if c.effect == "saturation")
-    found = shop.polish(shop.finish(shop.draft((limits,), shop.refit().fit))).added()
+    fitter = bench(tmp_path, seed=5)
+    limits = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "saturation")
+    found = fitter.polish(fitter.finish(fitter.partial_fit((limits,), fitter.refit().fit))).added()
     assert (found["saturation.lower"], found["saturation.upper"]) == pytest.approx((-0.7, 1.0), rel=0.01)
 
 
 def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(tmp_path):
-    shop = bench(tmp_path, seed=1)
-    limits = next(c for c in candidates(surroundings(shop.base)) if c.effect == "saturation")
-    made = shop.build((limits,), ({"lower": -0.5, "upper": 1.5},))
+    fitter = bench(tmp_path, seed=1)
+    limits = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "saturation")
+    made = fitter.build((limits,), ({"lower": -0.5, "upper": 1.5},))
     x = np.random.default_rng(2).normal(size=len(made.free))
     values = made.values(x)[0]
     r, J = prior(made, x)
@@ -112,16 +112,25 @@ def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(t
 
 @pytest.mark.parametrize(("size", "ended"), [(1.0, False), (1.99, True), (-1.99, True)])
 def test_a_size_that_went_as_far_as_it_may_is_noticed(size, ended):
-    body = Candidate("extra_mode", "a", "a", "found", lambda v: [], (Knob("inertia", 1.0, most=2.0), Knob("k", 1.0)))
+    body = Candidate(
+        "extra_mode",
+        "a",
+        "a",
+        "found",
+        lambda v: [],
+        (EffectParameter("inertia", 1.0, most=2.0), EffectParameter("k", 1.0)),
+    )
     trial = SimpleNamespace(effects=(body,), added=lambda: {"extra_mode.inertia": size, "extra_mode.k": 1e9})
     assert at_end(trial) == (["extra_mode.inertia"] if ended else [])
-    free = replace(body, knobs=(Knob("inertia", 1.0),))
+    free = replace(body, parameters=(EffectParameter("inertia", 1.0),))
     assert at_end(SimpleNamespace(effects=(free,), added=trial.added)) == []
 
 
 @pytest.mark.parametrize("start", [-0.5, 0.5])
 def test_a_size_of_either_sign_goes_as_far_as_it_may(start):
-    spring = Candidate("stray_spring", "a", "a", "found", lambda v: [], (Knob("rest", 2.0, signed=True, most=3.0),))
+    spring = Candidate(
+        "stray_spring", "a", "a", "found", lambda v: [], (EffectParameter("rest", 2.0, signed=True, most=3.0),)
+    )
     (row,) = spring.free({"rest": start})
     assert (row.low, row.high) == (-6.0, 6.0)
     assert (row.value(-1e3), row.value(0.0), row.value(1e3)) == (-6.0, start, 6.0)

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 from diagnosis.api import fit
 from diagnosis.compare import compare, find_recording
-from diagnosis.loop import plant_inputs
-from diagnosis.prepare import problem
-from diagnosis.surroundings import surroundings
+from diagnosis.effects.scales import operating_scales
+from diagnosis.problems import problem
+from diagnosis.recordings.feedback import plant_inputs
 from engine.errors import FlexarmError
 from scenarios.load import load
 
@@ -313,9 +313,9 @@ def test_places_in_the_loop(loop: Path) -> None:
     scenario = load(loop)
     assert plant_inputs(scenario.system, ["controller.reference"]) == ["motor.torque"]
     assert plant_inputs(scenario.system, ["motor.torque"]) == []
-    around = surroundings(problem(scenario, [find_recording(scenario, "run")]))
-    assert set(around.inputs) == {"controller.reference", "motor.torque"}
-    assert around.units["motor.torque"] == "N.m"
+    scales = operating_scales(problem(scenario, [find_recording(scenario, "run")]))
+    assert set(scales.inputs) == {"controller.reference", "motor.torque"}
+    assert scales.units["motor.torque"] == "N.m"
 
 
 def test_a_loop_that_is_none(loop: Path) -> None:

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from diagnosis.api import diagnose, gather
-from diagnosis.remote import Order, Task, perform
-from diagnosis.workshop import Workshop
+from diagnosis.search.dask_fitter import Order, Task, perform
+from diagnosis.search.fitter import CandidateFitter
 from engine.errors import FlexarmError
 from scenarios.files import packed
 from scenarios.load import load
@@ -35,7 +35,7 @@ def test_a_cluster_comes_to_the_same_verdict(path, cluster, tmp_path):
 
 def test_on_this_machine_no_pool_is_opened(path, monkeypatch):
     monkeypatch.setattr("diagnosis.api.Spread", None)
-    monkeypatch.setattr("diagnosis.api.study", lambda shop, **_: shop.workers)
+    monkeypatch.setattr("diagnosis.api.study", lambda fitter, **_: fitter.workers)
     monkeypatch.setattr("diagnosis.api.judge", lambda workers, seed: workers)
     assert diagnose(path, workers=3) == 3
     with pytest.raises(FlexarmError, match="0 workers"):
@@ -50,7 +50,7 @@ def test_an_address_where_nobody_answers(path, monkeypatch):
 
 def test_a_worker_that_builds_another_model_says_so(path):
     scenario = load(path)
-    shop = Workshop(scenario, gather(scenario, [], []))
-    order = Order(packed(scenario), tuple(scenario.overrides), shop.recordings, 0, shop.digest)
+    fitter = CandidateFitter(scenario, gather(scenario, [], []))
+    order = Order(packed(scenario), tuple(scenario.overrides), fitter.recordings, 0, fitter.digest)
     with pytest.raises(FlexarmError, match="another model"):
         perform((replace(order, digest="0" * 64), Task((), {})))

@@ -12,9 +12,9 @@ import time
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.select import study
-from diagnosis.verdict import judge
-from diagnosis.workshop import Workshop
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.search import study
+from diagnosis.verdict.verdict import judge
 from engine.errors import FlexarmError
 from engine.spread import JsonStore
 from flexarm.commands.diagnose import INTERRUPTED, PROGRESS
@@ -46,7 +46,7 @@ def started(folder, workers, output):
     )
 
 
-def finished(folder, workers, output):
+def compute_finish(folder, workers, output):
     process = started(folder, workers, output)
     said, complaint = process.communicate(timeout=LONGEST)
     assert process.returncode == 0, complaint
@@ -80,14 +80,14 @@ def bench(tmp_path_factory):
 @pytest.fixture(scope="module")
 def calm(bench):
     """What a command that nothing disturbs writes."""
-    return finished(bench, 2, "calm")[1]
+    return compute_finish(bench, 2, "calm")[1]
 
 
 def resumed(bench, calm, output, workers):
     assert not (bench / output / "diagnosis.json").exists()
     for path in (bench / output / PROGRESS).glob("[!.]*.json"):
         assert {"x", "cost"} <= set(json.loads(path.read_text()))
-    assert finished(bench, workers, output)[1] == calm
+    assert compute_finish(bench, workers, output)[1] == calm
 
 
 def test_interrupted_it_says_so_and_goes_on(bench, calm):
@@ -116,7 +116,7 @@ def test_killed_it_goes_on(bench, calm, workers):
 
 @pytest.mark.slow
 def test_one_thread_comes_to_the_same_bytes(bench, calm):
-    assert finished(bench, 1, "alone")[1] == calm
+    assert compute_finish(bench, 1, "alone")[1] == calm
 
 
 class Counted(dict):
@@ -141,7 +141,7 @@ def quick(bench):
     few = (*few, "stribeck_friction", "direction_dependent_friction")
 
     def run(store=None, seed=0):
-        return study(Workshop(scenario, gather(scenario, [], []), 1, seed, store), without=few)
+        return study(CandidateFitter(scenario, gather(scenario, [], []), 1, seed, store), without=few)
 
     return run
 
@@ -178,7 +178,7 @@ def test_fits_of_another_seed_or_other_data_are_not_taken(quick, bench, tmp_path
     path = case(tmp_path, **(TRUTH | {"seed": 4}))
     scenario = load(path)
     other = Counted(first)
-    study(Workshop(scenario, gather(scenario, [], []), 1, store=other), without=[*LEFT_OUT, "dead_zone"], most=1)
+    study(CandidateFitter(scenario, gather(scenario, [], []), 1, store=other), without=[*LEFT_OUT, "dead_zone"], most=1)
     assert other.put > 0
 
 

@@ -9,13 +9,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from diagnosis.api import diagnose, fit, gather
-from diagnosis.catalogue import candidates
-from diagnosis.files import write
-from diagnosis.prepare import problem
-from diagnosis.sines import STEP, Sines, quantum, scatter
-from diagnosis.surroundings import surroundings
-from diagnosis.suspects import suspects
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.scales import operating_scales
+from diagnosis.frequency_response.table_experiment import STEP, TableExperiment, quantum, scatter
+from diagnosis.problems import problem
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.wrong_parameters import suspects
+from diagnosis.verdict.write import write
 from engine.errors import FlexarmError
 from scenarios.load import load
 
@@ -123,7 +123,7 @@ def sticking_motor(w, amplitude, cycles=6):
 
 def only(made):
     (e,) = made.experiments
-    assert isinstance(e, Sines)
+    assert isinstance(e, TableExperiment)
     return e
 
 
@@ -367,8 +367,8 @@ def test_the_lowest_rows_of_table_a_2_accuse_no_parameter():
 
 def _suspects(name):
     s = load(name)
-    shop = Workshop(s, gather(s, (), ()))
-    return suspects(shop, candidates(surroundings(shop.base)), shop.refit())
+    fitter = CandidateFitter(s, gather(s, (), ()))
+    return suspects(fitter, candidates(operating_scales(fitter.base)), fitter.refit())
 
 
 @pytest.mark.slow

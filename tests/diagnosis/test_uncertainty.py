@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.fit import Fit, Interval, descend, known, span
-from diagnosis.prepare import problem
-from diagnosis.problem import Free
-from diagnosis.uncertainty import SIZE, uncertainty
+from diagnosis.estimation.covariance import SIZE, uncertainty
+from diagnosis.estimation.least_squares import Fit, Interval, descend, known, span
+from diagnosis.estimation.problem import FreeParameter
+from diagnosis.problems import problem
 from scenarios.load import load
 
 INERTIA, DAMPING, NOISE, STEP, COUNT = 2.0, 0.5, 0.01, 0.01, 400
@@ -71,9 +71,9 @@ def test_an_input_that_may_be_three_per_cent_off_leaves_an_inertia_uncertain_by_
 
 def test_white_noise_alone_gives_the_textbook_interval(tmp_path, monkeypatch):
     """With the input exact and nothing left out: at least sigma^2 (J'J)^-1, and not much more."""
-    monkeypatch.setattr("diagnosis.uncertainty.SIZE", 0.0)
-    monkeypatch.setattr("diagnosis.uncertainty.TIMING", 0.0)
-    monkeypatch.setattr("diagnosis.uncertainty.LEAST", 0.0)
+    monkeypatch.setattr("diagnosis.estimation.covariance.SIZE", 0.0)
+    monkeypatch.setattr("diagnosis.estimation.covariance.TIMING", 0.0)
+    monkeypatch.setattr("diagnosis.estimation.covariance.LEAST", 0.0)
     made = problem(*wheel(tmp_path, noise=0.05))
     _, J = slopes(made, np.zeros(1))
     textbook = 1 / (1 + float((J.T @ J)[0, 0]))
@@ -99,7 +99,7 @@ def test_a_limit_that_is_never_reached_is_bounded_on_one_side_alone(tmp_path):
     """The recorded torque goes to 1 N.m: a limit below it would show, one above it changes nothing."""
     scenario, recorded = wheel(tmp_path)
     limits = [
-        Free(f"limit.{end}", value, 0.3, True, *sorted((0.0, 1e6 * value)), prior=False)
+        FreeParameter(f"limit.{end}", value, 0.3, True, *sorted((0.0, 1e6 * value)), prior=False)
         for end, value in (("lower", -1.7), ("upper", 1.4))
     ]
     made = problem(scenario, recorded, limits)

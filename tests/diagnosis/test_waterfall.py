@@ -5,9 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
-from diagnosis.columns import RecordingError
-from diagnosis.decay import DampingWarning
-from diagnosis.waterfall import evolving_spectra, find_lines
+from diagnosis.decay.evolving_spectra import evolving_spectra, find_lines
+from diagnosis.decay.record import DampingWarning
+from diagnosis.recordings.columns import RecordingError
 from engine.errors import ParameterError
 from tests.diagnosis.decays import HEAVY, LIGHT, MODES, coulomb, two_modes, viscous
 
@@ -189,6 +189,6 @@ def test_dry_friction_shows_in_the_windows_too():
 
 
 def test_lines_of_a_decay():
-    from diagnosis.decay import decay_record
+    from diagnosis.decay.record import decay_record
 
     assert find_lines(decay_record(*two_modes(1000, LIGHT, duration=2.0))) == pytest.approx(MODES, rel=0.01)

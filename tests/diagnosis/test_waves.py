@@ -10,11 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from diagnosis.api import gather
-from diagnosis.catalogue import candidates
-from diagnosis.draft import ended
-from diagnosis.surroundings import surroundings
-from diagnosis.waves import solved
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.scales import operating_scales
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.partial_fit import ended
+from diagnosis.search.wave_starts import solved
 from scenarios.load import load
 from tests.diagnosis import plants
 from tests.diagnosis.plants import case
@@ -43,9 +43,9 @@ def bench(folder, seed, **truth):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plants, "speed", rippled)
         scenario = load(case(folder, noise=NOISE, seed=seed, **truth))
-    shop = Workshop(scenario, gather(scenario, [], []), 1)
-    listed = candidates(surroundings(shop.base))
-    return shop, {c.effect: c for c in listed if c.place == "motor.shaft" or c.effect == "offset"}
+    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    listed = candidates(operating_scales(fitter.base))
+    return fitter, {c.effect: c for c in listed if c.place == "motor.shaft" or c.effect == "offset"}
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +54,9 @@ def strong(tmp_path_factory):
 
 
 def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong):
-    shop, listed = strong
-    ripple, refit = listed["torque_ripple"], shop.refit()
-    found = shop.finish(shop.draft((ripple,), refit.fit))
+    fitter, listed = strong
+    ripple, refit = listed["torque_ripple"], fitter.refit()
+    found = fitter.finish(fitter.partial_fit((ripple,), refit.fit))
     assert refit.hold_out > 100
     assert found.hold_out < 1.2
     sizes = found.added()
@@ -65,7 +65,7 @@ def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong
     # Torque and inertia are known by their ratio.
     share = found.fit.parameters()["motor.rotor_inertia"] / plants.INERTIA
     assert sizes["torque_ripple.amplitude"] == pytest.approx(3e-4 * share, rel=0.01)
-    gridded = shop.finish(shop.draft((replace(ripple, wave=None),), refit.fit))
+    gridded = fitter.finish(fitter.partial_fit((replace(ripple, wave=None),), refit.fit))
     assert gridded.fit.cost > 100 * found.fit.cost
 
 
@@ -75,25 +75,25 @@ def pushed(tmp_path_factory):
 
 
 def test_a_wrong_order_is_chosen_anew_beside_another_effect(pushed):
-    shop, listed = pushed
+    fitter, listed = pushed
     ripple, offset = listed["torque_ripple"], listed["offset"]
-    refit = shop.refit()
+    refit = fitter.refit()
     wrong = replace(ripple, starts=({"order": 4.0, "amplitude": 2e-5, "phase": 0.0},))
-    alone = shop.finish(shop.draft((wrong,), refit.fit))
+    alone = fitter.finish(fitter.partial_fit((wrong,), refit.fit))
     kept = ended(alone, alone.effects[0])
     assert kept.starts[0]["order"] == 4.0
-    pair = shop.finish(shop.draft((kept, offset), alone.fit))
+    pair = fitter.finish(fitter.partial_fit((kept, offset), alone.fit))
     assert pair.added()["torque_ripple.order"] == 2.0
     assert pair.added()["torque_ripple.phase"] % (2 * math.pi) == pytest.approx(2.4, abs=0.05)
     assert pair.added()["offset.offset"] == pytest.approx(0.01, rel=0.1)
     assert pair.fit.chi2 < 1.2
-    held = shop.finish(shop.draft((replace(kept, wave=None), offset), alone.fit))
+    held = fitter.finish(fitter.partial_fit((replace(kept, wave=None), offset), alone.fit))
     assert held.fit.cost > 2 * pair.fit.cost
 
 
 def test_the_linear_solution_ranks_the_orders(pushed):
-    shop, listed = pushed
+    fitter, listed = pushed
     effects = (listed["torque_ripple"], replace(listed["offset"], starts=({"offset": 0.01},)))
-    best, second, *_ = solved(shop, effects, 0, shop.refit().fit.parameters())
+    best, second, *_ = solved(fitter, effects, 0, fitter.refit().fit.parameters())
     assert best.sizes[0]["order"] == 2.0
     assert best.cost < 0.5 * second.cost

@@ -10,35 +10,35 @@ import pytest
 from benchmarks.concealed.case import draw
 from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.scenario import write
-from diagnosis import workshop
 from diagnosis.api import gather
-from diagnosis.catalogue import candidates
-from diagnosis.surroundings import surroundings
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.scales import operating_scales
+from diagnosis.search import fitter as fitting
+from diagnosis.search.fitter import CandidateFitter
 from scenarios.load import load
 from tests.diagnosis.plants import case
 
 
 @pytest.fixture(scope="module")
-def shop(tmp_path_factory):
+def fitter(tmp_path_factory):
     """A motor with 25 mV of dead zone, integrated without flexarm."""
     scenario = load(case(tmp_path_factory.mktemp("motor"), dead=0.025))
-    return Workshop(scenario, gather(scenario, [], []), 1)
+    return CandidateFitter(scenario, gather(scenario, [], []), 1)
 
 
 @pytest.fixture(scope="module")
-def listed(shop):
-    return candidates(surroundings(shop.base))
+def listed(fitter):
+    return candidates(operating_scales(fitter.base))
 
 
-def test_a_fit_that_runs_away_is_left_at_its_last_good_place(shop, listed, monkeypatch):
+def test_a_fit_that_runs_away_is_left_at_its_last_good_place(fitter, listed, monkeypatch):
     """Where a model cannot be differentiated, descending gives no cost."""
     zone = next(c for c in listed if c.effect == "dead_zone")
-    draft = replace(shop.draft((zone,), shop.refit().fit), converged=False)
-    before = shop.finish(draft, 0)
+    partial = replace(fitter.partial_fit((zone,), fitter.refit().fit), converged=False)
+    before = fitter.finish(partial, 0)
     assert before.hold_out < 1.2  # it is a good place
-    monkeypatch.setattr(workshop, "descend", lambda problem, x, *rest, **more: (x + 9.0, math.inf, False))
-    for after in (shop.finish(draft), shop.polish(before)):
+    monkeypatch.setattr(fitting, "descend", lambda problem, x, *rest, **more: (x + 9.0, math.inf, False))
+    for after in (fitter.finish(partial), fitter.polish(before)):
         assert after.fit.cost == before.fit.cost
         assert after.added() == before.added()
 
@@ -47,8 +47,10 @@ def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path):
     """Of a Bouc-Wen joint recordings tell stiffness, yield, what is left of it and losses (the shape hardly shows)."""
     write(draw("pendulum", [], [], 1, Options(seconds=0.5, nuisance=0.0)), tmp_path / "case", tmp_path / "sealed")
     scenario = load(tmp_path / "case" / "scenario.yaml")
-    made = Workshop(scenario, gather(scenario, [], []), 1)
-    yields = next(c for c in candidates(surroundings(made.base)) if c.key == "hysteresis at gear.output -> arm.shaft")
+    made = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    yields = next(
+        c for c in candidates(operating_scales(made.base)) if c.key == "hysteresis at gear.output -> arm.shaft"
+    )
     names = [f.name.rpartition(".") for f in made.build((yields,), (yields.starts[0],)).free]
     assert {key for block, _, key in names if block == yields.name} == {
         "stiffness",

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from diagnosis.compare import find_recording
-from diagnosis.recording import RecordingError
+from diagnosis.recordings.mapping import RecordingError
 from scenarios.load import load
 from tools import console
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from diagnosis.api import gather
-from diagnosis.candidate import Candidate
-from diagnosis.catalogue import candidates
-from diagnosis.surroundings import surroundings
-from diagnosis.trial import Trial
-from diagnosis.workshop import Workshop
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate
+from diagnosis.effects.scales import operating_scales
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.scored_model import ScoredModel
 from scenarios.load import load
 
 
@@ -17,8 +17,8 @@ from scenarios.load import load
 class Bench:
     """A scenario's refit, and the effects that can be put in."""
 
-    shop: Workshop
-    refit: Trial
+    fitter: CandidateFitter
+    refit: ScoredModel
     known: list[Candidate]
 
     def find(self, effect: str, place: str = "", exact: bool = False) -> Candidate:
@@ -26,13 +26,13 @@ class Bench:
         there = [c for c in self.known if c.effect == effect and place in c.place]
         return next(c for c in there if c.place == place) if exact else there[0]
 
-    def put_in(self, *effects: Candidate) -> Trial:
+    def put_in(self, *effects: Candidate) -> ScoredModel:
         """The model with effects in it, fitted from the refit."""
-        return self.shop.polish(self.shop.finish(self.shop.draft(effects, self.refit.fit)))
+        return self.fitter.polish(self.fitter.finish(self.fitter.draft(effects, self.refit.fit)))
 
 
 def bench(name: str, *overrides: str) -> Bench:
     """Prepare a shipped scenario with all its recordings."""
     scenario = load(name, overrides)
-    shop = Workshop(scenario, gather(scenario, (), ()), 2, 0)
-    return Bench(shop, shop.refit(), candidates(surroundings(shop.base)))
+    fitter = CandidateFitter(scenario, gather(scenario, (), ()), 2, 0)
+    return Bench(fitter, fitter.refit(), candidates(operating_scales(fitter.base)))

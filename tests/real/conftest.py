@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.location import VARIABLE
+from diagnosis.recordings.paths import VARIABLE
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ from scipy.signal import butter, filtfilt
 
 from diagnosis.api import diagnose
 from diagnosis.compare import find_recording
-from diagnosis.trial import Trial, gain_band
+from diagnosis.search.scored_model import ScoredModel, gain_band
 from scenarios.load import load
 from tests.real.bench import Bench, bench
 
@@ -27,16 +27,16 @@ def axis(recordings: Path) -> Bench:
 
 
 @pytest.fixture(scope="module")
-def directional(axis: Bench) -> Trial:
+def directional(axis: Bench) -> ScoredModel:
     return axis.put_in(axis.find("direction_dependent_friction"))
 
 
 @pytest.fixture(scope="module")
-def pair(axis: Bench) -> Trial:
+def pair(axis: Bench) -> ScoredModel:
     return axis.put_in(axis.find("coulomb_friction"), axis.find("offset", "motor.force"))
 
 
-def relative(trial: Trial) -> float:
+def relative(trial: ScoredModel) -> float:
     """Root mean square of the held-out force residual relative to the force, both filtered, at every sample."""
     made = trial.fit
     (e,) = made.problem.chosen("hold_out")
@@ -47,7 +47,7 @@ def relative(trial: Trial) -> float:
     return float(np.linalg.norm(filtfilt(b, a, simulated) - force) / np.linalg.norm(force))
 
 
-def test_friction_and_its_asymmetry_have_the_published_size(directional: Trial) -> None:
+def test_friction_and_its_asymmetry_have_the_published_size(directional: ScoredModel) -> None:
     found = directional.fit.parameters()
     forward = found["found_direction_dependent_friction.coulomb_friction"]
     backward = found["found_direction_dependent_friction.coulomb_friction_backward"]
@@ -57,7 +57,7 @@ def test_friction_and_its_asymmetry_have_the_published_size(directional: Trial) 
     assert found["carriage.mass"] == pytest.approx(95.11, rel=0.03)
 
 
-def test_the_pair_does_the_same_and_cannot_be_told_apart(directional: Trial, pair: Trial) -> None:
+def test_the_pair_does_the_same_and_cannot_be_told_apart(directional: ScoredModel, pair: ScoredModel) -> None:
     found = pair.fit.parameters()
     assert found["found_coulomb_friction.coulomb_friction"] == pytest.approx(FRICTION, rel=0.03)
     # The offset is put into the force, which moves the carriage; published as what must be overcome.
@@ -79,7 +79,7 @@ def inverse(parameters: dict[str, float], forward: float, backward: float) -> fl
     return float(np.linalg.norm(force - applied) / np.linalg.norm(applied))
 
 
-def test_held_out_force(axis: Bench, directional: Trial) -> None:
+def test_held_out_force(axis: Bench, directional: ScoredModel) -> None:
     """Published with zero-phase filters of 20 to 150 Hz: 0.180 without dry friction, 0.048 to 0.083 with it."""
     found = directional.fit.parameters()
     levels = [found[f"found_direction_dependent_friction.coulomb_friction{way}"] for way in ("", "_backward")]

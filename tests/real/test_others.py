@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from diagnosis.api import diagnose
-from diagnosis.trial import Trial
+from diagnosis.search.scored_model import ScoredModel
 from tests.real.bench import Bench, bench
 
 
-def nrmse(trial: Trial, role: str) -> float:
+def nrmse(trial: ScoredModel, role: str) -> float:
     """100 (1 - |e| / |y - mean y|) over the recordings of a role."""
     made, error, spread = trial.fit, 0.0, 0.0
     for e in made.problem.chosen(role):
@@ -45,7 +45,7 @@ def stage(recordings: Path) -> Bench:
     return bench("flexible-joint-stage")
 
 
-def frequency(trial: Trial) -> float:
+def frequency(trial: ScoredModel) -> float:
     p = trial.fit.parameters()
     return math.sqrt(p["joint.stiffness"] / p["arm.inertia"]) / (2 * math.pi)
 
@@ -84,10 +84,10 @@ def test_the_pendulum_s_joint_is_damped_viscously(pendulum: Bench) -> None:
     assert damping == pytest.approx(2.24e-4, rel=0.25)
     assert nrmse(viscous, "train") > 99.5 > nrmse(dry, "train")
     assert nrmse(viscous, "hold_out") > 97 > nrmse(dry, "hold_out")
-    begun = pendulum.shop.draft(
+    begun = pendulum.fitter.draft(
         (pendulum.find("viscous_friction", "arm.shaft"), pendulum.find("coulomb_friction", "arm.shaft")), viscous.fit
     )
-    both = pendulum.shop.finish(begun)
+    both = pendulum.fitter.finish(begun)
     weight = 0.1476 * 9.81 * 0.1476
     assert both.fit.parameters()["found_coulomb_friction.coulomb_friction"] < 1e-4 * weight
 

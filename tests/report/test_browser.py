@@ -9,7 +9,7 @@ import pytest
 
 import flexarm
 from diagnosis.api import diagnose, gather
-from diagnosis.experiment import propose
+from diagnosis.verdict.experiment_design import propose
 from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report import write_diagnosis, write_run
 from scenarios.load import load, shipped_names

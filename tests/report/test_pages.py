@@ -13,10 +13,10 @@ import pytest
 
 import flexarm
 from diagnosis.api import gather
-from diagnosis.evidence import Curve
-from diagnosis.fit import Fit
-from diagnosis.prepare import problem
-from diagnosis.recording import from_scenario
+from diagnosis.estimation.least_squares import Fit
+from diagnosis.problems import problem
+from diagnosis.recordings.mapping import from_scenario
+from diagnosis.search.force_recovery import Curve
 from engine.errors import FlexarmError
 from flexarm.report.evidence import evidence_charts
 from flexarm.report.held_out import before_after

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.columns import Vector
-from diagnosis.waterfall import evolving_spectra
+from diagnosis.decay.evolving_spectra import evolving_spectra
+from diagnosis.recordings.columns import Vector
 from engine.files import writing
 from flexarm.plotting.decay import draw_decay, draw_waterfall
 
@@ -36,7 +36,7 @@ def draw(target: Path = TARGET) -> Path:
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    from diagnosis.decay import decay_record
+    from diagnosis.decay.record import decay_record
 
     time, values = synthetic()
     record = decay_record(time, values, name="tip", unit="mm")

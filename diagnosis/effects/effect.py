@@ -1,0 +1,132 @@
+"""An effect at a place, as edits to the scenario with parameters that start from sizes that matter."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from diagnosis.estimation.problem import FreeParameter
+from scenarios.amend import Edit
+
+NAME = "found"
+"""First part of the name of every block that is put in."""
+
+Sizes = dict[str, float]
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """A parameter of an inserted effect.
+
+    Attributes:
+        name: of the parameter of the inserted or changed block.
+        reference: a size that matters (SI).
+        signed: whether it may change its sign; else it keeps that of its start and moves on a logarithmic scale.
+        fixed: whether it is only chosen among its starting sizes: the model has no derivative with respect to it.
+        unit: of one that is only chosen.
+        most: multiple of ``reference`` that it cannot exceed, if there is one: beyond it is another effect.
+        like: another parameter that is about as large, which speaks for it where the recordings do not reach it.
+    """
+
+    name: str
+    reference: float
+    signed: bool = False
+    fixed: bool = False
+    unit: str = "1"
+    most: float | None = None
+    like: str = ""
+
+
+@dataclass(frozen=True)
+class Wave:
+    """What an effect whose torque is amplitude * sin(... + phase) starts from: both sizes can be solved for.
+
+    Attributes:
+        amplitude, phase: their parameters.
+        starts: waves that are hardly there, one for each order or frequency.
+    """
+
+    amplitude: str
+    phase: str
+    starts: tuple[Sizes, ...]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at a place.
+
+    Attributes:
+        effect: machine name.
+        place: where, in the words of the block diagram.
+        block: the block of the user's scenario it belongs to.
+        name: of the block that is put in or changed.
+        edits: what to do to the scenario, with starting sizes in place of its parameters.
+        parameters: its own, to be fitted or chosen.
+        starts: sizes to start from, the least effect first, so that no fit ends worse than without the effect.
+        freed: for ``wrong_parameter``, the parameter that may leave its tolerance.
+        finer: for sizes that are only chosen, further ones at a distance from the best, halved from time to time.
+        bold: starts that are fitted however bad they look: the model's own parameters have to make room for them.
+        held: further parameters of the block, which are given and not fitted.
+        wave: for a torque that is a wave, what its amplitude and phase are solved from.
+    """
+
+    effect: str
+    place: str
+    block: str
+    name: str
+    edits: Callable[[Sizes], list[Edit]]
+    parameters: tuple[EffectParameter, ...] = ()
+    starts: tuple[Sizes, ...] = ({},)
+    freed: FreeParameter | None = None
+    finer: Callable[[Sizes, float], Sequence[Sizes]] | None = None
+    bold: tuple[Sizes, ...] = ()
+    held: tuple[str, ...] = ()
+    wave: Wave | None = None
+
+    @property
+    def key(self) -> str:
+        """Effect and place, for tables."""
+        return f"{self.effect} at {self.place}"
+
+    def structures(self) -> list[list[Sizes]]:
+        """The starts, those together that share one model: they differ in parameters that are fitted alone."""
+        fixed = [k.name for k in self.parameters if k.fixed]
+        groups: dict[tuple[float, ...], list[Sizes]] = {}
+        for start in self.starts:
+            groups.setdefault(tuple(start[name] for name in fixed), []).append(start)
+        return list(groups.values())
+
+    def free(self, start: Sizes) -> list[FreeParameter]:
+        """The parameters to fit, from given starting sizes."""
+        rows = [self.freed] if self.freed else []
+        for parameter in self.parameters:
+            if parameter.fixed:
+                continue
+            value, name = start[parameter.name], f"{self.name}.{parameter.name}"
+            if parameter.signed:
+                end = parameter.most * parameter.reference if parameter.most else math.inf
+                scale = max(0.2 * abs(value), 0.02 * parameter.reference)
+                rows.append(FreeParameter(name, value, scale, False, -end, end, prior=False))
+            else:
+                largest = math.copysign(parameter.most * parameter.reference, value) if parameter.most else 1e6 * value
+                low, high = sorted((0.0, largest))
+                like = f"{self.name}.{parameter.like}" if parameter.like else ""
+                rows.append(FreeParameter(name, value, 0.3, True, low, high, prior=False, like=like))
+        return rows
+
+
+def grid(**values: Sequence[float]) -> tuple[Sizes, ...]:
+    """Starting sizes: every combination of the values of each parameter."""
+    return tuple(dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values()))
+
+
+def shares(reference: float, *values: float) -> list[float]:
+    """Multiples of a reference."""
+    return [reference * value for value in values]
+
+
+def with_unit(value: float, unit: str) -> str:
+    """The number as text, with its unit if it has one."""
+    return f"{float(value):.10g} {unit}" if unit not in ("1", "", "*") else f"{float(value):.10g}"

@@ -1,0 +1,1 @@
+"""Periodic answers to sines, and frequency-response tables as experiments."""

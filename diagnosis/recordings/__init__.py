@@ -1,0 +1,1 @@
+"""Recordings read from files: columns, mappings, time axes and checks. No model is needed here."""

@@ -1,0 +1,112 @@
+"""The time axis of a recording: from a column or an interval, cut to a window, and even but for a jitter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.recordings.columns import RecordingError, Vector
+from engine.errors import ParameterError, Where
+from engine.quantity import factor
+
+if TYPE_CHECKING:
+    from diagnosis.recordings.mapping import Reader, Recording
+    from scenarios.schema import TimeRecording
+
+JITTER = 1e-3
+"""Share of the interval by which sampling instants may stray and still count as even."""
+
+
+def time_axis(reader: Reader, made: TimeRecording) -> tuple[Vector, str]:
+    """Time in seconds, and what the column is called."""
+    given = made.time
+    if (given.column is None) == (given.interval is None):
+        raise RecordingError(
+            "the time needs either a column or an interval", reader.where("time"), "give one of them, such as column: t"
+        )
+    if given.column is None:
+        interval = reader.convert(given.interval, "s", "time", "interval")
+        if not interval > 0:
+            raise RecordingError(f"the interval is {interval:g} s", reader.where("time"), "give a time above zero")
+        reader.notes.append(f"samples are taken to be {interval:g} s apart; the file does not say")
+        return np.asarray(interval * np.arange(len(reader.columns)), dtype=float), "time"
+    try:
+        seconds = factor(given.unit, "s")
+    except ParameterError as error:
+        raise error.at(reader.where("time", "unit") or Where(reader.columns.file)) from None
+    return reader.column(given.column, "time") * seconds, given.column
+
+
+def window(reader: Reader, made: TimeRecording, time: Vector) -> NDArray[np.bool_]:
+    """Rows within the window of the description."""
+    if made.window is None:
+        return np.ones(len(time), dtype=bool)
+    first, last = (reader.convert(value, "s", "window") for value in made.window)
+    keep = np.asarray((time >= first) & (time <= last))
+    if not keep.any():
+        held = time[np.isfinite(time)]
+        span = f"{held.min():g} s to {held.max():g} s" if held.size else "no time at all"
+        raise RecordingError(
+            f"no row lies within the window from {first:g} s to {last:g} s", reader.where("window"), f"it holds {span}"
+        )
+    reader.notes.append(f"{int(keep.sum())} of {len(time)} rows lie within the window from {first:g} s to {last:g} s")
+    return keep
+
+
+def steadied(time: Vector) -> tuple[Vector, tuple[str, ...]]:
+    """The time axis made even if it is so but for a jitter, and a note that says what it is otherwise.
+
+    Args:
+        time: seconds from the first sample, rising, shape (samples,).
+    """
+    intervals = len(time) - 1
+    mean = float(time[-1]) / intervals
+    jitter = float(np.abs(time - mean * np.arange(intervals + 1)).max())
+    if jitter <= JITTER * mean:
+        said = (f"samples jitter by up to {jitter:.2g} s and are taken to be {mean:g} s apart",)
+        even = np.asarray(mean * np.arange(intervals + 1), dtype=float)
+        return (even, said) if jitter > 1e-6 * mean else (time, ())
+    gaps = np.diff(time)
+    usual = float(np.median(gaps))
+    wide = np.flatnonzero(gaps > 1.5 * usual)
+    if len(wide) and np.ptp(np.delete(gaps, wide)) < 0.01 * usual:
+        return time, (
+            f"{len(wide)} gap{'s' if len(wide) > 1 else ''} in time, the longest of {gaps.max():g} s at "
+            f"{time[int(np.argmax(gaps))]:g} s; the model is simulated through {'them' if len(wide) > 1 else 'it'}",
+        )
+    return time, (
+        f"the time axis is uneven, with intervals from {gaps.min():g} s to {gaps.max():g} s; the model is simulated on "
+        "a finer even grid and read at the recorded instants",
+    )
+
+
+def led_in(recording: Recording, periods: int) -> Recording:
+    """The recording with its drive repeated before it, during which nothing is measured.
+
+    Args:
+        recording: one whole period of something periodic.
+        periods: how often it is repeated.
+
+    Raises:
+        RecordingError: it has no drive, or its samples are not evenly spaced.
+    """
+    if not periods:
+        return recording
+    time = recording.time
+    interval = float(time[-1]) / (len(time) - 1)
+    if not recording.drive or np.abs(time - interval * np.arange(len(time))).max() > JITTER * interval:
+        raise RecordingError(
+            f"recording '{recording.name}' cannot be led in: it needs a drive and evenly spaced samples",
+            remedy="leave 'lead_in' out, and let the starting values be free",
+        )
+    silent = np.full(periods * len(time), np.nan)
+    return replace(
+        recording,
+        time=np.asarray(interval * np.arange((periods + 1) * len(time)), dtype=float),
+        drive=tuple(replace(c, values=np.tile(c.values, periods + 1)) for c in recording.drive),
+        measurements=tuple(replace(c, values=np.concatenate([silent, c.values])) for c in recording.measurements),
+        notes=(*recording.notes, f"{periods} period{'s' if periods > 1 else ''} of the drive lead in"),
+    )

@@ -1,0 +1,1 @@
+"""The search for the missing effect: candidates are inserted, fitted and compared."""

@@ -1,0 +1,112 @@
+"""A candidate fitter whose fits are done by the workers of a dask cluster.
+
+What travels is the scenario's files, the recordings, and for each fit the effects and the numbers to start from;
+numbers come back. The models are built on both sides, so that the verdict is that of a study on one machine.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from diagnosis.effects.effect import Candidate
+from diagnosis.recordings.mapping import Recorded
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.partial_fit import PartialFit
+from engine.errors import FlexarmError
+from engine.spread import Spread, Store
+from scenarios.files import Shipment, packed, unpacked
+from scenarios.load import Scenario, load
+
+STUDIES = 2
+"""Studies whose models a worker keeps."""
+
+_building = threading.Lock()
+_shops: dict[str, CandidateFitter] = {}
+
+
+@dataclass(frozen=True)
+class Order:
+    """What a worker needs to build a study's models."""
+
+    files: Shipment
+    overrides: tuple[str, ...]
+    recordings: tuple[Recorded, ...]
+    seed: int
+    digest: str
+
+
+@dataclass(frozen=True)
+class Task:
+    """A fit: of effects at their starting sizes from ``parent``'s parameters, or one begun elsewhere that is gone on with."""
+
+    effects: tuple[Candidate, ...]
+    parent: dict[str, float]
+    begun: dict[str, Any] | None = None
+    iterations: int = 0
+
+
+class DaskFitter(CandidateFitter):
+    """A candidate fitter that leaves its fits to a cluster; arguments as of `CandidateFitter`.
+
+    Args:
+        spread: the cluster.
+    """
+
+    def __init__(
+        self, scenario: Scenario, recordings: Sequence[Recorded], spread: Spread, seed: int, store: Store | None
+    ) -> None:
+        super().__init__(scenario, recordings, spread.workers, seed, store)
+        self.spread = spread
+        order = Order(packed(scenario), tuple(scenario.overrides), self.recordings, seed, self.digest)
+        self.order = spread.shared(order)
+
+    def again(self, recordings: Sequence[Recorded]) -> DaskFitter:
+        """The same with other recordings."""
+        return DaskFitter(self.scenario, recordings, self.spread, self.seed, self.store)
+
+    def compute_partial_fit(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> PartialFit:
+        """As of `CandidateFitter`, on a worker."""
+        return self._done(Task(effects, parent))
+
+    def compute_finish(self, partial: PartialFit, iterations: int) -> PartialFit:
+        """As of `CandidateFitter`, on a worker."""
+        return self._done(Task(partial.effects, {}, partial.row(), iterations))
+
+    def _done(self, task: Task) -> PartialFit:
+        return self.restored(task.effects, self.spread.call(perform, (self.order, task)))
+
+
+def perform(given: tuple[Order, Task]) -> dict[str, Any]:
+    """Do a fit, on a worker.
+
+    Raises:
+        FlexarmError: the model has no meaning, or this worker builds another one.
+    """
+    order, task = given
+    with threadpool_limits(1):
+        fitter = _shop(order)
+        if task.begun is None:
+            made = fitter.compute_partial_fit(task.effects, task.parent)
+        else:
+            made = fitter.compute_finish(fitter.restored(task.effects, task.begun), task.iterations)
+    return made.row()
+
+
+def _shop(order: Order) -> CandidateFitter:
+    with _building:  # a worker may have several threads
+        if order.digest not in _shops:
+            made = CandidateFitter(load(unpacked(order.files), order.overrides), order.recordings, 1, order.seed)
+            if made.digest != order.digest:
+                raise FlexarmError(
+                    "a worker builds another model from the same scenario",
+                    remedy="install the same version of flexarm and its packages everywhere",
+                )
+            while len(_shops) >= STUDIES:
+                del _shops[next(iter(_shops))]
+            _shops[order.digest] = made
+        return _shops[order.digest]

@@ -1,0 +1,308 @@
+"""The rules of the choice: when an effect pays, which of those that do equally well is taken, and what rivals it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.problem import Array
+from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.recordings.mapping import Recorded, Recording
+from diagnosis.search.equivalent_effects import KNOWN
+from diagnosis.search.scored_model import STRAIN, ScoredModel, at_end, by_chance, gain_band, outside_tolerances
+
+DECISIVE = 10.0
+"""Difference in cost, twice the log likelihood ratio, beyond which one change is preferred to another."""
+
+NEAR = 0.05
+"""Models whose held-out errors differ by less than this share do equally well, or by less than the best one itself
+leaves over: what a right law leaves is what is not modelled, and that favours one law or another."""
+
+RICHER = 0.02
+"""A richer law that does better by more than this share is a rival of the simpler one that was preferred."""
+
+LEAST = 0.25
+"""Excess over the floor, as a share of it, that is worth explaining."""
+
+FAR = 1.5
+"""The same where the fitted data are at the floor."""
+
+FITTED = 0.1
+"""The same for the data that are fitted, which more samples and free parameters bring closer to the floor."""
+
+REACHED, LEFT_OVER, AT_MOST = 0.5, 0.015, 2.0
+"""Where the noise is known, a right law brings the held-out error so close to it, or leaves so small a share, which
+is at most so many floors."""
+
+UNCERTAIN, AT_MOST_THEN = 0.25, 5.0
+"""Where the fitted data are at the floor, this share of the mismatch may be what the parameters are uncertain by, and
+at most so many floors."""
+
+UNKNOWN = 1.0
+"""Held-out excess over the floor, in floors, beyond which something is missing even if no effect accounts for it."""
+
+EXPLAINS = 0.6
+"""A name must account for at least this share of the held-out excess over the floor."""
+
+PAYS, PAYS_AGAIN = 0.3, 0.5
+"""Share of the held-out excess that a first and a second effect must take away."""
+
+PIECE, ROWS = 0.2, 32
+"""Length (s) of the pieces of a residual of which the median tells its noise, and how many rows they have at least."""
+
+BENT = 5.0
+"""Tolerances; an effect that needs a parameter of the user's so far out, where the refit did not, is not named."""
+
+RELIEVES = 0.6
+"""A single change relieves the strain on the tolerances if it leaves at most this share of it."""
+
+NESTED = {
+    "coulomb_friction": ("stribeck_friction", "direction_dependent_friction"),
+    "joint_flexibility": ("hardening_spring", "backlash", "hysteresis"),
+    # A further body that is heavy, stiffly held or both is no further body.
+    "viscous_friction": ("extra_mode",),
+    "stray_spring": ("extra_mode",),
+    "payload": ("extra_mode",),
+    "lag": (),
+}
+"""Effect: those that contain it, so that equal merit speaks for it."""
+
+NESTED_ANYWHERE = {"offset": ("stray_spring",)}
+"""The same wherever they are: a soft spring at rest outside the range of its angle is nearly a constant torque."""
+
+
+def noise_floor(trial: ScoredModel) -> float:
+    """Mean squared residual that is noise, in units of the stated variance: that stated, or more where it shows more.
+
+    White noise is what second differences leave of a residual: a model's errors are smooth at the rate of the samples,
+    save where a friction or a contact that is not quite right makes kinks, so that it is the median of pieces that
+    counts. What a signal did not record counts for nothing.
+    """
+    problem = trial.fit.problem
+    held = problem.chosen("hold_out") or problem.chosen("train", "repeat")
+    levels = []
+    for e in held:
+        if isinstance(e, TableExperiment) or len(e.time) < 64:
+            return 1.0
+        for r, y in zip(problem.residual(trial.fit.x, e).T, e.measured.T, strict=True):
+            there = np.flatnonzero(np.isfinite(y))
+            bend = np.diff(r[there], 2)[np.diff(there, 2) == 0]
+            if len(bend):
+                pieces = min(round(float(e.time[-1] - e.time[0]) / PIECE), len(bend) // ROWS)
+                levels.append(_typical(bend**2, pieces) / 6)
+    return max(1.0, float(np.mean(levels))) if levels else 1.0
+
+
+def _typical(squares: Array, pieces: int) -> float:
+    """Mean of squared second differences of white noise, from the median of the means of so many pieces."""
+    if pieces < 3:
+        return float(squares.mean())
+    middle = float(np.median([part.mean() for part in np.array_split(squares, pieces)]))
+    # Neighbours correlate by -2/3 and 1/6, so that a mean of n is a chi-square of 18/35 n freedoms (Wilson-Hilferty).
+    return middle / (1 - 2 / (9 * len(squares) / pieces * 18 / 35)) ** 3
+
+
+def unexplained(trial: ScoredModel, floor: float) -> bool:
+    """Whether more than noise is left over, of the held-out data and of those that were fitted.
+
+    Where the fitted data are at the floor, what is left of the others is what the parameters are uncertain by, unless
+    it is much.
+    """
+    left = trial.hold_out - floor
+    fitted = trial.fit.chi2 - floor > FITTED * floor
+    return (fitted or left > FAR * floor) and left > max(LEAST * floor, by_chance(trial))
+
+
+def missing(refit: ScoredModel) -> bool:
+    """Whether so much is left over that something is missing, even if no effect accounts for it."""
+    return refit.hold_out - noise_floor(refit) > max(UNKNOWN, by_chance(refit))
+
+
+def pays(better: ScoredModel, worse: ScoredModel) -> bool:
+    """Whether what a model adds takes enough away of what another leaves over, beyond the bootstrap band."""
+    floor = noise_floor(better)
+    share = PAYS if len(better.effects) == 1 or not worse.effects else PAYS_AGAIN
+    gain = worse.hold_out - better.hold_out
+    return gain > share * (worse.hold_out - floor) and gain_band(better, worse)[0] > 0 and unexplained(worse, floor)
+
+
+def reached(refit: ScoredModel, chosen: ScoredModel) -> bool:
+    """Whether the amended model leaves little more than noise of what it was fitted to and of what it was not.
+
+    Where the fitted data are at the floor, more may be left of the others: what the parameters are uncertain by.
+    """
+    floor = noise_floor(chosen)
+    left, before = chosen.hold_out - floor, refit.hold_out - floor
+    if chosen.fit.chi2 - floor > _little(refit.fit.chi2 - floor, floor):
+        return False
+    uncertain = min(UNCERTAIN * before, AT_MOST_THEN * floor)
+    at_floor = chosen.fit.chi2 - floor < FITTED * floor
+    return left < max(_little(before, floor), uncertain if at_floor else 0.0)
+
+
+def _little(before: float, floor: float) -> float:
+    """How much above the floor a right law may leave of what was there before."""
+    return max(REACHED * floor, min(LEFT_OVER * before, AT_MOST * floor))
+
+
+def explained(refit: ScoredModel, chosen: ScoredModel) -> float:
+    """Share of the held-out excess over the floor that is gone; of the strain on the tolerances where there is none."""
+    floor = noise_floor(chosen)
+    if not unexplained(refit, floor):
+        return min(max(1 - chosen.prior_cost / max(refit.prior_cost, 1e-9), 0.0), 1.0)
+    if _of_tables(refit):
+        # Parameters bent far out of their tolerances follow a few rows: that explains nothing.
+        return min(max((refit.merit - chosen.merit) / (refit.merit - floor), 0.0), 1.0)
+    return min(max((refit.hold_out - chosen.hold_out) / (refit.hold_out - floor), 0.0), 1.0)
+
+
+def _of_tables(trial: ScoredModel) -> bool:
+    return any(isinstance(e, TableExperiment) for e in trial.fit.problem.experiments)
+
+
+def accounted(recordings: Sequence[Recorded], refit: ScoredModel, chosen: ScoredModel) -> bool:
+    """Whether what was found accounts for the mismatch: to the floor where the noise was stated, else most of it.
+
+    Where the noise of every signal is stated, a law that is right reaches it; one that only resembles the missing one
+    leaves a share of the mismatch.
+    """
+    least = EXPLAINS if unexplained(refit, noise_floor(chosen)) else 1 - RELIEVES
+    if not chosen.effects or explained(refit, chosen) < least:
+        return False
+    if beyond(refit, chosen):
+        return False
+    stated = all(isinstance(r, Recording) and all(c.noise is not None for c in r.measurements) for r in recordings)
+    return reached(refit, chosen) if stated else True
+
+
+def beyond(refit: ScoredModel, chosen: ScoredModel) -> list[str]:
+    """What stands far from what it can be for a model to do as it does, where it does not for the refit."""
+    return [*at_end(chosen), *sorted(_bent(chosen) - _bent(refit))]
+
+
+def _bent(trial: ScoredModel) -> set[str]:
+    """Parameters of the user's that stand far outside their tolerances."""
+    return {f.name for f, x in zip(trial.fit.problem.free, trial.fit.x, strict=True) if f.prior and abs(x) > BENT}
+
+
+def price(trial: ScoredModel) -> float:
+    """What a model costs before it explains anything: its parameters, and how far those of the user had to move."""
+    return trial.prior_cost + trial.size * math.log(max(trial.samples, 2))
+
+
+def near(best: ScoredModel, trials: Sequence[ScoredModel], before: ScoredModel) -> list[ScoredModel]:
+    """The trials that do as well as the best one on held-out data, as far as the data can tell.
+
+    One that misses the fitted recordings by far is none: what is missing may hardly show in those held out.
+
+    Args:
+        best: one of them, or the one that was chosen.
+        trials: models.
+        before: the model without what they add.
+    """
+    rows, left = [], min(max(best.hold_out - noise_floor(best), 0.0), LEAST)
+    for t in trials:
+        apart = (t.merit - best.merit) * best.samples / max(best.hold_out, 1.0)
+        if t.merit - best.merit < max(NEAR * best.merit, left) or gain_band(best, t)[0] <= 0 or apart < DECISIVE:
+            rows.append(t)
+    if _of_tables(best):
+        return rows
+    least = min([best.fit.chi2, *(t.fit.chi2 for t in rows)])
+    slack = max(LEAST * max(least, 1.0), LEFT_OVER * (before.fit.chi2 - least))
+    return [t for t in rows if t.fit.chi2 - least < slack]
+
+
+def choose(parent: ScoredModel, trials: Sequence[ScoredModel]) -> ScoredModel:
+    """The trial to prefer to its parent, or the parent: of those that do equally well the one of the least price.
+
+    Args:
+        parent: the model without what the trials add.
+        trials: with one effect more, best first.
+    """
+    if not trials:
+        return parent
+    if not parent.effects and not unexplained(parent, noise_floor(trials[0])):
+        return _freed(parent, trials) if outside_tolerances(parent) else parent
+    able = [t for t in trials if not at_end(t)]
+    if able and reached(parent, able[0]):
+        trials = able  # an effect that ended where it is another one does well because it is like something
+    best = min(near(trials[0], trials, parent), key=lambda t: (price(t), t.merit))
+    return best if pays(best, parent) else parent
+
+
+def relieved(chosen: ScoredModel, pairs: Sequence[ScoredModel]) -> ScoredModel:
+    """The pair with a wrong parameter that lets all others stay within their tolerances, where the best model strains.
+
+    Args:
+        chosen: the best model found.
+        pairs: of a parameter let go of and an effect.
+    """
+    if not outside_tolerances(chosen) or len(chosen.effects) > 1:
+        return chosen
+    mine = {c.key for c in chosen.effects}
+    able = [t for t in pairs if mine <= {c.key for c in t.effects} and t.hold_out < 1.1 * chosen.hold_out]
+    best = min(able, key=lambda t: t.fit.cost, default=chosen)
+    return best if chosen.fit.cost - best.fit.cost > DECISIVE * max(best.fit.chi2, 1.0) else chosen
+
+
+def _freed(refit: ScoredModel, trials: Sequence[ScoredModel]) -> ScoredModel:
+    """The single change that lets all other parameters stay within their tolerances, if one does."""
+    able = _relieving(refit, refit, trials)
+    best = min(able, key=lambda t: (t.fit.cost, t.effects[0].effect != "wrong_parameter"), default=refit)
+    return best if refit.fit.cost - best.fit.cost > STRAIN**2 else refit
+
+
+def _relieving(refit: ScoredModel, chosen: ScoredModel, trials: Sequence[ScoredModel]) -> list[ScoredModel]:
+    """Single changes that take most of the strain away; what only follows the noise closer does not."""
+    able = [t for t in trials if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
+    return [t for t in able if t.prior_cost < RELIEVES * refit.prior_cost]
+
+
+def rivals(chosen: ScoredModel, refit: ScoredModel, trials: Sequence[ScoredModel]) -> tuple[ScoredModel, ...]:
+    """Other models with as many effects that the held-out data cannot tell from the chosen one.
+
+    A model that contains the chosen one, or that costs much more before it explains as much, is none.
+    """
+    others = [t for t in trials if len(t.effects) == len(chosen.effects) and not _same(t, chosen)]
+    pair = set(KNOWN.get(chosen.effects[0].effect, ())) if len(chosen.effects) == 1 else set()
+    others += [t for t in trials if len(t.effects) > 1 and {c.effect for c in t.effects} == pair]
+    if not unexplained(refit, noise_floor(chosen)):
+        able = _relieving(refit, chosen, others)
+        return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)
+    alike = [t for t in near(chosen, others, refit) if not at_end(t)]
+    if _of_tables(chosen) and not outside_tolerances(chosen):
+        # One that needs further parameters outside their tolerances is none.
+        alike = [t for t in alike if not outside_tolerances(t)]
+    rows = [t for t in alike if not _contains(t, chosen) and price(t) - price(chosen) < 3 * DECISIVE]
+    # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.
+    richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + LEAST) * chosen.merit]
+    rows += [t for t in richer if better(t, chosen)]
+    found: dict[frozenset[str], ScoredModel] = {}
+    for t in sorted(rows, key=lambda t: t.merit):
+        found.setdefault(frozenset(c.key for c in t.effects), t)
+    rows = list(found.values())
+    return tuple(t for t in rows if not any(_contains(t, s) and not better(t, s) for s in rows if s is not t))
+
+
+def better(one: ScoredModel, other: ScoredModel) -> bool:
+    """Whether a law does clearly better than another, on held-out data beyond chance or on the fitted ones."""
+    held = other.hold_out - one.hold_out > RICHER * other.hold_out and gain_band(one, other)[0] > 0
+    return held or other.fit.chi2 - one.fit.chi2 > RICHER * other.fit.chi2
+
+
+def _same(one: ScoredModel, other: ScoredModel) -> bool:
+    return {c.key for c in one.effects} == {c.key for c in other.effects}
+
+
+def _contains(larger: ScoredModel, smaller: ScoredModel) -> bool:
+    """Whether each effect of one model is in the other, or in a richer effect of it."""
+    return all(any(_is_in(a, b) for b in larger.effects) for a in smaller.effects)
+
+
+def _is_in(a: Candidate, b: Candidate) -> bool:
+    if b.place == a.place and (b.effect == a.effect or b.effect in NESTED.get(a.effect, ())):
+        return True
+    return b.effect in NESTED_ANYWHERE.get(a.effect, ())

@@ -1,0 +1,396 @@
+"""Choosing what is missing: each candidate put in, refitted with equal care, and judged on data it has not seen."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate
+from diagnosis.effects.scales import OperatingScales, operating_scales
+from diagnosis.estimation.least_squares import Fit
+from diagnosis.estimation.problem import Array
+from diagnosis.recordings.mapping import Channel, Recorded, Recording
+from diagnosis.search.equivalent_effects import lookalike, same_laws
+from diagnosis.search.fitter import MOST, CandidateFitter
+from diagnosis.search.nonparametric import laws
+from diagnosis.search.partial_fit import PartialFit, ended
+from diagnosis.search.preference import (
+    AT_MOST,
+    FITTED,
+    LEFT_OVER,
+    accounted,
+    better,
+    choose,
+    missing,
+    near,
+    noise_floor,
+    pays,
+    reached,
+    relieved,
+    unexplained,
+)
+from diagnosis.search.promising_pairs import promising
+from diagnosis.search.scored_model import ScoredModel, at_end
+from diagnosis.search.wrong_parameters import pairs, suspects
+from engine.errors import FlexarmError
+from engine.spread import Spread
+from scenarios.load import Scenario
+
+FINISHED, PROMISING, EXCHANGED = 15, 0.2, 6
+"""At most so many effects are fitted to the end, of those that gained this share of what the best gained; of those that
+take the place of half a pair, so many."""
+
+SECONDS, LEADERS = 12, 2
+"""A second effect is sought among all others beside the first of so many leaders, among so many beside the rest."""
+
+SECONDS_AT_TABLES, LEADERS_AT_TABLES = 3, 1
+"""The same for tables, which are dear to simulate for the few numbers they give."""
+
+TOGETHER, ROUNDS = 20, 2
+"""So many pairs are fitted that look best taken together, and halves are exchanged so often at most."""
+
+SWAPS = 0.2
+"""Share of the held-out excess that the best pair must take away for its halves to be exchanged."""
+
+BLIND = 5.0
+"""Held-out excess, in floors, that calls for another recording to be fitted where one effect brings the fitted ones to
+the floor."""
+
+UNSEEN = 0.5
+"""Held-out excess, in floors, that calls for another recording to be fitted where the fitted ones are at the floor."""
+
+PART = 0.5
+"""Length (s) of the parts into which a recording is cut that alone shows a mismatch."""
+
+LINES = 3
+"""How many frequencies of what is left over are tried as a vibration from outside."""
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A scenario and its recordings, and everything tried on them.
+
+    Attributes:
+        scenario: the user's.
+        recordings: of all roles.
+        nominal: mean squared residual of the model as given, (train, hold-out).
+        refit: the user's model with its parameters fitted.
+        trials: single effects, best first, and pairs that may be taken for the chosen one.
+        chosen: the best model found, of one or more effects, or the refit.
+        around: sizes at the places.
+        failures: candidates that could not be built, with the reason.
+        notes: what was done differently from what was asked, in sentences.
+    """
+
+    scenario: Scenario
+    recordings: tuple[Recorded, ...]
+    nominal: tuple[float, float]
+    refit: ScoredModel
+    trials: tuple[ScoredModel, ...]
+    chosen: ScoredModel
+    scales: OperatingScales
+    failures: tuple[tuple[str, str], ...]
+    notes: tuple[str, ...] = ()
+
+
+def study(
+    fitter: CandidateFitter,
+    *,
+    most: int = 2,
+    without: Sequence[str] = (),
+    progress: Progress | None = None,
+    told: Sequence[str] = (),
+) -> Study:
+    """Refit, try every candidate, then pairs with the best, and keep what pays on held-out data.
+
+    Args:
+        fitter: the user's model and the recordings, training and held-out, and where they are fitted.
+        most: at most so many effects.
+        without: effects that are not to be tried.
+        progress: told what is done, how many of how many.
+        told: what was done differently from what was asked, before.
+    """
+    if progress:
+        progress("fitting the model's own parameters", 0, 1)
+    refit, notes = fitter.refit(), list(told)
+    swapped = None if notes else exchanged(fitter, refit)
+    if swapped:
+        fitter = fitter.again(swapped[0])
+        refit, notes = fitter.refit(), [swapped[1]]
+    base = fitter.base
+    zero = np.zeros(len(base.free))
+    nominal = Fit(base, zero, 0.0, 0.0, True, np.zeros((len(zero), len(zero))))
+    before = (nominal.score(base.chosen("train", "repeat")), nominal.score(base.chosen("hold_out")))
+    scales = operating_scales(base)
+    scales.lines = lines(refit)
+    listed = [c for c in candidates(scales) if c.effect not in without]
+    trials, failures = _try_all(fitter, [(c,) for c in listed], refit.fit, progress)
+    trials.sort(key=lambda t: (t.merit, t.size))
+    chosen = choose(refit, trials)
+    if most > 1 and unexplained(chosen, noise_floor(chosen)):
+        suspected, found = suspects(fitter, listed, refit), list[ScoredModel]()
+        for start, beside in pairs(fitter, suspected, trials):
+            found += _try_all(fitter, beside, replace(start, cost=refit.fit.cost), progress)[0]
+        found.sort(key=lambda t: (t.merit, t.size))
+        chosen = relieved(choose(chosen, found), found)
+        notes += [s.told() for s in suspected if s.candidate.key in {c.key for c in chosen.effects}]
+        trials += found
+    lead = min(trials, key=lambda t: t.fit.chi2, default=refit)
+    if not (notes or fitter.tables or reached(refit, chosen)) and lead.hold_out - noise_floor(
+        lead
+    ) > BLIND * noise_floor(lead):
+        floor = noise_floor(lead)
+        swapped = exchanged(fitter, lead, max(FITTED, min(LEFT_OVER * (refit.fit.chi2 - floor) / floor, AT_MOST)))
+        if swapped:
+            return study(fitter.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
+    if most > 1 and len(chosen.effects) <= 1 and unexplained(chosen, noise_floor(chosen)):
+        chosen, tried = _second(fitter, refit, chosen, [t for t in trials if len(t.effects) == 1], progress)
+        trials += tried
+    chosen = fitter.polish(chosen)
+    pair = lookalike(chosen, trials)
+    for made in (fitter.polish(t) for t in _try_all(fitter, [pair] if pair else [], refit.fit, progress)[0]):
+        trials.append(made)
+        simpler = made.size <= chosen.size and made.hold_out < chosen.hold_out and better(made, chosen)
+        if simpler or (at_end(chosen) and made in near(chosen, [made], refit)):
+            chosen = made
+    twins = same_laws(chosen, listed)
+    alike = [{c.key for c in twin} for twin in twins]
+    trials = [t for t in trials if {c.key for c in t.effects} not in alike]
+    trials += [fitter.polish(t) for t in _try_all(fitter, twins, chosen.fit, progress)[0]]
+    whole = Study(
+        fitter.scenario, fitter.recordings, before, refit, tuple(trials), chosen, scales, tuple(failures), tuple(notes)
+    )
+    return whole if accounted(whole.recordings, refit, chosen) else _unnamed(fitter, whole, progress)
+
+
+def _unnamed(fitter: CandidateFitter, study: Study, progress: Progress | None) -> Study:
+    """The study with a law without a name, where none with a name accounts for what the refit leaves over.
+
+    If that is little, nothing is.
+    """
+    refit = study.refit
+    if not unexplained(refit, noise_floor(refit)):
+        return study
+    if not missing(refit):
+        return replace(study, chosen=refit)
+    curves = [(c,) for c in laws(replace(study, chosen=refit))]
+    found, _ = _try_all(fitter, curves, refit.fit, progress)
+    found = [t for t in sorted(found, key=lambda t: t.merit) if pays(t, study.chosen)]
+    if not found:
+        return study
+    return replace(study, chosen=min(fitter.polish(found[0]), found[0], key=lambda t: t.hold_out))
+
+
+def exchanged(fitter: CandidateFitter, refit: ScoredModel, slack: float = FITTED) -> tuple[list[Recorded], str] | None:
+    """The recordings with the worst held-out one fitted in place of none, where only held-out data show a mismatch.
+
+    What no recording to fit shows cannot be fitted: an amplifier that saturates in the held-out recordings alone. Where
+    a single recording shows it, that one is fitted in part and judged in part, for the others could not judge.
+
+    Args:
+        fitter: of the study.
+        refit: a model that brings the fitted recordings to the floor, or to this share above it:
+        slack: share.
+    """
+    base, floor = fitter.base, noise_floor(refit)
+    held = base.chosen("hold_out")
+    if len(held) < 2 or refit.fit.chi2 - floor > slack * floor or refit.hold_out - floor < UNSEEN * floor:
+        return None
+    errors = {e.name: refit.fit.score([e]) for e in held}
+    worst = max(held, key=lambda e: errors[e.name])
+    told = f"what the recordings to fit show can be fitted, and what '{worst.name}' shows cannot: "
+    if any(error - floor > UNSEEN * floor for name, error in errors.items() if name != worst.name):
+        moved = [replace(r, role="train") if r.name == worst.name else r for r in fitter.recordings]
+        return moved, told + "it was fitted too, and the rest is held out"
+    rows = [r for r in fitter.recordings if r.name != worst.name]
+    only = next(r for r in fitter.recordings if r.name == worst.name)
+    if not isinstance(only, Recording):
+        return None
+    fitted, judged = halves(only)
+    return [*rows, fitted, judged], told + f"of it, every other {PART:g} s was fitted and the rest held out"
+
+
+def halves(recording: Recording) -> tuple[Recording, Recording]:
+    """A recording twice: with one part of its measurements, to fit, and with the other, to judge on."""
+    mine = np.floor(np.asarray(recording.time) / PART).astype(int) % 2 == 0
+
+    def only(keep: Array) -> tuple[Channel, ...]:
+        return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in recording.measurements)
+
+    return (
+        replace(recording, name=f"{recording.name} (fitted part)", role="train", measurements=only(mine)),
+        replace(recording, name=f"{recording.name} (held-out part)", role="hold_out", measurements=only(~mine)),
+    )
+
+
+def lines(refit: ScoredModel) -> list[float]:
+    """Frequencies (rad/s) that stand out in what the refitted model leaves over of the training recordings."""
+    problem = refit.fit.problem
+    found: dict[float, float] = {}
+    for e in problem.chosen("train", "repeat"):
+        if len(e.time) < 64:
+            return []
+        r = problem.residual(refit.fit.x, e)
+        power = np.sum(np.abs(np.fft.rfft((r - r.mean(axis=0)) * np.hanning(len(r))[:, None], axis=0)) ** 2, axis=1)
+        rate = 2 * math.pi / float(e.time[-1] - e.time[0])
+        peaks = [k for k in range(2, len(power) - 1) if power[k] == power[k - 2 : k + 3].max()]
+        for k in sorted(peaks, key=lambda k: -power[k])[:LINES]:
+            found[k * rate] = float(power[k])
+    return sorted(found, key=lambda w: -found[w])[:LINES]
+
+
+def _second(
+    fitter: CandidateFitter,
+    refit: ScoredModel,
+    chosen: ScoredModel,
+    singles: Sequence[ScoredModel],
+    progress: Progress | None,
+) -> tuple[ScoredModel, list[ScoredModel]]:
+    """The best pair if it pays, and all pairs tried: what looks best together, what leads, then each half exchanged.
+
+    Two effects that are missing may hide each other, so that neither pays alone: all pairs are looked at together
+    first. Where none of them reaches the floor, a second effect is sought beside the best, and beside the one that the
+    fitted recordings ask for most.
+    """
+    pairs: list[ScoredModel] = []
+    if not fitter.tables:
+        together = promising(fitter, refit, [t.effects[0] for t in singles], TOGETHER)
+        pairs = _try_all(fitter, together, refit.fit, progress)[0]
+        pairs.sort(key=lambda t: (t.merit, t.size))
+    if not (pairs and _settled(refit, pairs[0])):
+        for k, leader in enumerate(_leaders(fitter, chosen, singles)):
+            others = singles if k == 0 else singles[:SECONDS]
+            pairs += _beside(fitter, leader, leader.effects[0], others, pairs, progress)
+    pairs.sort(key=lambda t: (t.merit, t.size))
+    left = chosen.hold_out - noise_floor(chosen)
+    if not pairs or not (pays(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > SWAPS * left):
+        return chosen, pairs
+    for _ in range(ROUNDS):
+        best, nearest = pairs[0], min(pairs, key=lambda t: t.fit.cost)
+        for pair in [best] if best is nearest or _settled(refit, best) else [best, nearest]:
+            pairs += _around(fitter, refit, pair, singles, pairs, progress)
+        pairs.sort(key=lambda t: (t.merit, t.size))
+        if not pays(pairs[0], chosen):
+            return chosen, pairs
+        if pairs[0] is best:
+            break
+    best = choose(chosen, pairs)
+    # One of the two may only have helped the other out of a local optimum.
+    alone: list[ScoredModel] = []
+    for effect in best.effects if len(best.effects) > 1 else ():
+        with contextlib.suppress(FlexarmError):
+            alone.append(fitter.reduced(best, effect))
+    alone.sort(key=lambda t: t.merit)
+    if not alone or pays(best, alone[0]):
+        return best, [*alone, *pairs]
+    # Then it is the model's own parameters that were helped, and the other effects are fitted from there as well.
+    known = alone[0].effects[0].key
+    again = [(t.effects[0],) for t in singles[:SECONDS] if t.effects[0].key != known]
+    alone += _try_all(fitter, again, alone[0].fit, progress)[0]
+    alone.sort(key=lambda t: (t.merit, t.size))
+    return choose(refit, alone), [*alone, *pairs]
+
+
+def _settled(refit: ScoredModel, pair: ScoredModel) -> bool:
+    """Whether a pair leaves nothing to look for."""
+    return reached(refit, pair) and not unexplained(pair, noise_floor(pair))
+
+
+def _leaders(fitter: CandidateFitter, chosen: ScoredModel, singles: Sequence[ScoredModel]) -> list[ScoredModel]:
+    """The single effects beside which a second one is sought."""
+    leaders: list[ScoredModel] = []
+    wished = [*([chosen] if chosen.effects else []), *sorted(singles, key=lambda t: t.fit.cost)[:1], *singles]
+    for t in wished:
+        known = {c.effect for leader in leaders for c in leader.effects}
+        if len(leaders) < (LEADERS_AT_TABLES if fitter.tables else LEADERS) and t.effects[0].effect not in known:
+            leaders.append(t)
+    return leaders
+
+
+def _beside(
+    fitter: CandidateFitter,
+    start: ScoredModel,
+    kept: Candidate,
+    singles: Sequence[ScoredModel],
+    done: Sequence[ScoredModel],
+    progress: Progress | None,
+    compute_finish: int = FINISHED,
+) -> list[ScoredModel]:
+    """One effect kept, every other one beside it."""
+    known = {frozenset(c.key for c in t.effects) for t in done}
+    others = [t for t in singles if t.effects[0].effect != kept.effect and len(t.effects) == 1]
+    others = [t for t in others if frozenset((kept.key, t.effects[0].key)) not in known]
+    # It goes on from where it ended, so that no pair ends worse than what it began with.
+    begun = ended(start, kept) if kept in start.effects else kept
+    wanted = [(begun, t.effects[0]) for t in others]
+    if fitter.tables:
+        wanted = [(begun, ended(t, t.effects[0])) for t in others[:SECONDS_AT_TABLES]]
+    return _try_all(fitter, wanted, start.fit, progress, compute_finish)[0]
+
+
+def _around(
+    fitter: CandidateFitter,
+    refit: ScoredModel,
+    pair: ScoredModel,
+    singles: Sequence[ScoredModel],
+    done: Sequence[ScoredModel],
+    progress: Progress | None,
+) -> list[ScoredModel]:
+    """A pair with each half exchanged: for what acts at its place, for what does best alone, for itself elsewhere.
+
+    Beside another effect a wide law may be a narrow one, and alone other places may have looked poor.
+    """
+    found: list[ScoredModel] = []
+    # What ended above it may have been in a local optimum, and is tried again from here.
+    known = [t for t in done if t.fit.cost <= pair.fit.cost]
+    begun = replace(pair, fit=replace(pair.fit, cost=refit.fit.cost))  # what they gain is counted from there
+    for kept, moved in (pair.effects, pair.effects[::-1]):
+        alike = [t for t in singles if moved.place == t.effects[0].place or moved.effect == t.effects[0].effect]
+        others = [*([] if fitter.tables else alike), *singles[:SECONDS]]
+        unlike = list({id(t): t for t in others}.values())
+        found += _beside(fitter, begun, kept, unlike, [*known, *found], progress, EXCHANGED)
+    return found
+
+
+def _try_all(
+    fitter: CandidateFitter,
+    combinations: Sequence[tuple[Candidate, ...]],
+    start: Fit,
+    progress: Progress | None,
+    compute_finish: int = FINISHED,
+) -> tuple[list[ScoredModel], list[tuple[str, str]]]:
+    partials: list[PartialFit] = []
+    failures: list[tuple[str, str]] = []
+
+    def one(effects: tuple[Candidate, ...]) -> PartialFit | tuple[str, str]:
+        try:
+            return fitter.partial_fit(effects, start)
+        except FlexarmError as error:
+            return effects[-1].key, error.message
+
+    with Spread(fitter.workers, threads=True) as pool:
+        for done, found in enumerate(pool.map(one, combinations), 1):
+            if isinstance(found, PartialFit):
+                partials.append(found)
+            else:
+                failures.append(found)
+            if progress:
+                progress("trying effects", done, len(combinations))
+        partials.sort(key=lambda partial: partial.point.cost)
+        best = start.cost - partials[0].point.cost if partials else 0.0
+        promising = [d for d in partials[:compute_finish] if start.cost - d.point.cost > PROMISING * best]
+        left = [MOST if k < len(promising) else 0 for k in range(len(partials))]
+        trials = []
+        tasks = zip(partials, left, strict=True)
+        for done, trial in enumerate(pool.map(lambda task: fitter.finish(*task), tasks), 1):
+            trials.append(trial)
+            if progress:
+                progress("fitting the promising ones", done, len(partials))
+    return trials, failures

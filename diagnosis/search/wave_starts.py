@@ -1,0 +1,82 @@
+"""Where to begin with a torque that is a wave of the angle or of time: its amplitude and phase are solved for.
+
+A sin(n angle + phase) is linear in A cos(phase) and A sin(phase), and the model's own parameters always take up part of
+what it does: they have moved in the parent's fit, and with them left there a wave looks poor at every size, or good at
+the wrong order. So both are solved for at once, by the tangents from a wave that is hardly there.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.problem import Array, Problem, prior
+from engine.errors import SimulationError
+
+if TYPE_CHECKING:
+    from diagnosis.search.fitter import CandidateFitter
+    from diagnosis.search.partial_fit import StartingPoint
+
+FARTHEST = 3.0
+"""So many tolerances at most may a parameter move in the linear solution."""
+
+
+def solved(
+    fitter: CandidateFitter, effects: Sequence[Candidate], k: int, parent: dict[str, float]
+) -> list[StartingPoint]:
+    """A start at each order of a wave, the best first; costs are those of all training recordings.
+
+    Args:
+        fitter: builds models.
+        effects: what is put in, the others at the first of their sizes.
+        k: which of them is the wave.
+        parent: parameters to begin from.
+    """
+    wave = effects[k].wave
+    assert wave is not None
+    groups = [[list(c.starts[:1])] for c in effects]
+    groups[k] = replace(effects[k], starts=wave.starts).structures()
+    rows: list[StartingPoint] = []
+    for chosen in itertools.product(*groups):
+        for point in fitter.points(tuple(effects), chosen, parent):
+            x = _solution(point.problem, point.x, effects[k])
+            if x is not None:
+                rows.append(replace(point, x=x, cost=_cost(point.problem, x)))
+    return sorted(rows, key=lambda point: point.cost)
+
+
+def _cost(made: Problem, x: Array) -> float:
+    parts = [made.residual(x, e) for e in made.chosen("train", "repeat")]
+    return sum(float(np.sum(r**2)) for r in [*parts, prior(made, x)[0]])
+
+
+def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
+    """The search vector that solves the linear problem around ``x``; None where there is none.
+
+    With s the amplitude at ``x``, a wave (1 + c) s at the phase there and d s a quarter of a turn on.
+    """
+    assert effect.wave is not None
+    names = [f.name for f in made.free]
+    a, p = (names.index(f"{effect.name}.{key}") for key in (effect.wave.amplitude, effect.wave.phase))
+    try:
+        parts = [*(made.linearised(x, e) for e in made.chosen("train", "repeat")), prior(made, x)]
+    except SimulationError:
+        return None
+    r, J = np.concatenate([r for r, _ in parts]), np.vstack([J for _, J in parts])
+    amplitude, phase = made.free[a], made.free[p]
+    J[:, a] *= amplitude.value(x[a]) / amplitude.slope(x[a])
+    J[:, p] /= phase.slope(x[p])
+    mine = [i for i, name in enumerate(names) if name.startswith(f"{effect.name}.") and i not in (a, p)]
+    J[:, mine] = 0.0  # a frequency has no slope where the amplitude is nothing
+    size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    step = -np.linalg.lstsq(J / size, r, rcond=1e-9)[0] / size
+    there = x + np.clip(step, -FARTHEST, FARTHEST)
+    there[a] = amplitude.position(amplitude.value(x[a]) * math.hypot(1 + step[a], step[p]))
+    there[p] = phase.position(phase.value(x[p]) + math.atan2(step[p], 1 + step[a]))
+    return np.asarray(there)

@@ -1,0 +1,1 @@
+"""What the search found, in words, figures and files."""

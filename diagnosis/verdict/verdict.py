@@ -1,0 +1,380 @@
+"""The verdict: what was found, how sure it is, what it cannot be told from, and what to measure next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.estimation.covariance import TIMING
+from diagnosis.estimation.least_squares import Fit, known
+from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
+from diagnosis.search.preference import EXPLAINS, accounted, beyond, explained, missing, noise_floor, reached, rivals
+from diagnosis.search.scored_model import ScoredModel, log_evidence
+from diagnosis.search.search import Study
+from diagnosis.verdict.experiment_design import Proposal, propose
+from diagnosis.verdict.recording_checks import Remark, screen
+from diagnosis.verdict.table_report import absorbed, remarks
+
+WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
+"""Statuses of findings, the weakest first."""
+
+LEFT = 2.0
+"""Held-out error, in floors, beyond which a sentence about a tie says what is left."""
+
+SCALES = {
+    "degrees and radians": math.degrees(1),
+    "thousands": 1000.0,
+    "rpm and rad/s": 60 / math.tau,
+    "turns and radians": math.tau,
+    "inches and millimetres": 25.4,
+}
+"""Factors between units that are taken for one another."""
+
+WORDS = {
+    "dead_zone": "a dead zone",
+    "saturation": "saturation",
+    "uneven_gain": "a gain that differs between the directions",
+    "offset": "an offset",
+    "lag": "a first-order lag",
+    "delay": "a delay",
+    "coulomb_friction": "Coulomb friction",
+    "stribeck_friction": "Stribeck friction",
+    "direction_dependent_friction": "friction that differs between the directions",
+    "viscous_friction": "viscous friction",
+    "quadratic_drag": "quadratic drag",
+    "joint_flexibility": "a flexible joint",
+    "one_sided_contact": "a contact that only pushes, without play,",
+    "hardening_spring": "a hardening spring",
+    "extra_mode": "a further bending mode",
+    "torque_ripple": "torque ripple",
+    "stray_spring": "a stray spring",
+}
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The result of `flexarm.diagnose`.
+
+    Attributes:
+        study: everything that was tried.
+        verdict: ``named``, ``none``, ``tie``, ``unknown`` or ``wrong_parameter``.
+        findings: one dictionary per finding; see ``diagnosis.json``.
+        rivals: trials that the data cannot exclude, best first.
+        proposal: the experiment that would separate them, if there are any.
+        warnings: what makes the verdict less sure.
+        fit: the chosen model's fit with its intervals.
+        recovered: the force that is missing where something was found, without a name.
+    """
+
+    study: Study
+    verdict: str
+    findings: tuple[dict[str, Any], ...]
+    rivals: tuple[ScoredModel, ...]
+    proposal: Proposal | None
+    warnings: tuple[str, ...]
+    fit: Fit
+    recovered: RecoveredForce | None = None
+
+    @property
+    def evidence(self) -> tuple[Curve, ...]:
+        """The recovered force against what it may depend on, the curve that explains most first."""
+        return self.recovered.curves if self.recovered else ()
+
+    def numbers(self) -> dict[str, Any]:
+        """The verdict as it stands in ``diagnosis.json``."""
+        study = self.study
+        best = study.chosen
+        evidence = {t.label: log_evidence(t, best) for t in (study.refit, *study.trials)}
+        return {
+            "verdict": self.verdict,
+            "findings": list(self.findings),
+            "place_odds": place_odds(study),
+            "rivals": [
+                {
+                    "effects": [c.key for c in t.effects],
+                    "log_evidence": evidence.get(t.label, log_evidence(t, best)),
+                    "hold_out_chi2": t.hold_out,
+                    "parameters": t.added(),
+                }
+                for t in self.rivals
+            ],
+            "fit": fit_table(study),
+            "next_experiment": self.proposal.numbers() if self.proposal else None,
+            "warnings": list(self.warnings),
+            "recovered_force": self.recovered.numbers() if self.recovered else None,
+            "trials": [
+                {"effects": [c.key for c in t.effects], "train_chi2": t.fit.chi2, "hold_out_chi2": t.hold_out}
+                for t in study.trials
+            ],
+        }
+
+
+def place_odds(study: Study) -> dict[str, float]:
+    """Odds of each place: the evidence of its best candidate, shared out."""
+    best: dict[str, float] = {}
+    noise_floor = study.trials[0] if study.trials else study.refit
+    for trial in study.trials:
+        effect = trial.effects[0]
+        if effect.effect != "wrong_parameter":
+            best[effect.place] = max(best.get(effect.place, -math.inf), log_evidence(trial, noise_floor))
+    if not best:
+        return {}
+    top = max(best.values())
+    weights = {place: math.exp(max(value - top, -700.0)) for place, value in best.items()}
+    total = sum(weights.values())
+    return {place: weight / total for place, weight in sorted(weights.items(), key=lambda item: -item[1])}
+
+
+def fit_table(study: Study) -> dict[str, Any]:
+    """Per role and model: nrmse (per cent) and chi2 of each signal."""
+    base = study.refit.fit.problem
+    given = replace(study.refit.fit, x=np.zeros(len(base.free)))
+    models = {"nominal": given, "refit": study.refit.fit, "amended": study.chosen.fit}
+    table: dict[str, Any] = {}
+    for role, roles in (("train", ("train", "repeat")), ("hold_out", ("hold_out",))):
+        table[role] = {name: _signals(made, roles) for name, made in models.items()}
+    return table
+
+
+def _signals(made: Fit, roles: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    names = [v.name for v in made.problem.model.outputs]
+    rows: dict[str, dict[str, float]] = {}
+    for k, name in enumerate(names):
+        error = spread = squares = 0.0
+        count = 0
+        for e in made.problem.chosen(*roles):
+            r = made.problem.residual(made.x, e)[:, k]
+            y = e.measured[:, k]
+            error += float(np.sum((r * e.sigma[k]) ** 2))
+            spread += float(np.nansum((y - np.nanmean(y)) ** 2))
+            squares += float(np.sum(r**2))
+            count += int(np.isfinite(y).sum())
+        if count:
+            nrmse = 100 * (1 - math.sqrt(error / spread)) if spread > 0 else -math.inf
+            rows[name] = {"nrmse": nrmse, "chi2": squares / count}
+    return rows
+
+
+def judge(study: Study, seed: int = 0) -> Diagnosis:
+    """Turn a study into a verdict."""
+    chosen, refit = study.chosen, study.refit
+    made = known(chosen.fit, chosen.hold_out - noise_floor(chosen))
+    found = screen(refit.fit.problem)
+    warnings = (*study.notes, *(remark.text for remark in found), *_warnings(study))
+    if not chosen.effects:
+        status = "unknown" if missing(refit) else "none"
+        near = study.trials[0].effects[0] if status == "unknown" and study.trials else None
+        force = recover(study, *place_of(near, study)) if near else None
+        return Diagnosis(study, status, (_nothing(study, status, near),), (), None, warnings, made, force)
+    others = rivals(chosen, refit, study.trials)
+    share = explained(refit, chosen)
+    intervals = {i.name: i for i in made.intervals()}
+    findings = []
+    for k, effect in enumerate(chosen.effects):
+        against = [t for t in others if effect.key not in {c.key for c in t.effects}]
+        if effect.effect == "unknown" or not accounted(study.recordings, refit, chosen) or _spoilt(study, found):
+            status = "unknown"
+        elif against:
+            status = "tie"
+        else:
+            status = "wrong_parameter" if effect.effect == "wrong_parameter" else "named"
+        findings.append(_finding(study, k, status, share, intervals, against))
+    weakest = min((f["status"] for f in findings), key=WEAKEST.index)
+    proposal = propose([chosen, *others]) if others else None
+    force = recover(study, *place_of(chosen.effects[0], study))
+    return Diagnosis(study, weakest, tuple(findings), others, proposal, warnings, made, force)
+
+
+def _spoilt(study: Study, found: Sequence[Remark]) -> bool:
+    """Whether a recording looks so wrong that no name is to be trusted, and the amended model does not refute that."""
+    refuted = reached(study.refit, study.chosen)
+    return any(r.grave and not (r.refutable and refuted) for r in found)
+
+
+def _finding(
+    study: Study, k: int, status: str, explained: float, intervals: dict[str, Any], rivals: Sequence[ScoredModel]
+) -> dict[str, Any]:
+    chosen = study.chosen
+    effect = chosen.effects[k]
+    parameters = {}
+    names = [f"{effect.name}.{parameter.name}" for parameter in effect.parameters]
+    names += [effect.freed.name] if effect.freed else []
+    for name in names:
+        found = intervals.get(name)
+        if found is not None:
+            row = found.numbers()
+            if effect.freed:
+                row["factor"] = found.value / found.start if found.start else math.inf
+            parameters[name.rpartition(".")[2]] = row
+    for parameter in effect.parameters:
+        if parameter.fixed:
+            parameters[parameter.name] = _chosen_size(study, parameter, study.chosen.sizes[k][parameter.name])
+    when, frequency = traits(study.refit)
+    name = effect.effect if status != "unknown" else "unknown"
+    return {
+        "status": status,
+        "effect": name,
+        "place": effect.place,
+        "block": effect.block,
+        "indistinguishable_from": [t.label for t in rivals],
+        "conditional_on": _conditional(study.chosen.fit, effect.name),
+        "when": when,
+        "frequency": frequency,
+        "sentence": _sentence(effect.effect, effect.place, status, explained, study, rivals),
+        "explained": explained,
+        "remaining": 1 - explained,
+        "parameters": parameters,
+    }
+
+
+def _chosen_size(study: Study, parameter: EffectParameter, value: float) -> dict[str, Any]:
+    """A size that is not fitted but chosen, as a parameter; one in time is known as well as the input's timing is."""
+    half = 1.96 * TIMING * study.scales.sample if parameter.unit == "s" else 0.0
+    return {"value": value, "low": value - half, "high": value + half, "unit": parameter.unit}
+
+
+def _conditional(made: Fit, name: str) -> list[str]:
+    """Parameters that the data do not settle, on which the finding's own sizes depend."""
+    named = " ".join(made.weak)
+    return [f.name for f in made.problem.free if f.prior and f.name in named and not f.name.startswith(name)]
+
+
+def _nothing(study: Study, status: str, near: Candidate | None) -> dict[str, Any]:
+    """The finding that there is nothing to find, or nothing with a name: then it is told where an effect did best."""
+    when, frequency = traits(study.refit)
+    sentence = (
+        f"Nothing is missing that these recordings show: with its parameters fitted within their tolerances the model "
+        f"stands at {study.refit.hold_out:.2f} times the noise floor on held-out data, and no effect of the catalogue "
+        f"accounts for more."
+        if status == "none"
+        else f"Something is missing (held-out error {study.refit.hold_out:.1f} times the floor), but no effect of the "
+        f"catalogue accounts for it{f'; the best, {name_of(near.effect)}, is at {near.place}' if near else ''}."
+    )
+    return {
+        "status": status,
+        "effect": status,
+        "place": near.place if near else "",
+        "block": near.block if near else "",
+        "indistinguishable_from": [],
+        "conditional_on": [],
+        "when": when if status == "unknown" else "",
+        "frequency": frequency if status == "unknown" else "",
+        "sentence": sentence,
+        "explained": 0.0,
+        "remaining": 1.0 if status == "unknown" else 0.0,
+        "parameters": {},
+    }
+
+
+def _sentence(
+    effect: str, place: str, status: str, explained: float, study: Study, rivals: Sequence[ScoredModel]
+) -> str:
+    what = name_of(effect)
+    before, after = study.refit.hold_out, study.chosen.hold_out
+    numbers = f"the held-out error falls from {before:.3g} to {after:.3g} times the noise floor"
+    if status == "wrong_parameter":
+        return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
+    if status == "tie":
+        others = "; ".join(t.label for t in rivals[:8])
+        left = f" {numbers.capitalize()}." if after > LEFT else ""
+        return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}.{left}"
+    if effect == "unknown":
+        return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
+    if status == "unknown" and explained >= EXPLAINS:
+        what = f"{what.capitalize()} at {place} would explain {explained:.0%}"
+        if accounted(study.recordings, study.refit, study.chosen):
+            return f"{what}, but a recording looks wrong: see the warnings."
+        far = beyond(study.refit, study.chosen)
+        if far:
+            return f"{what}, but only with {', '.join(far)} far from what it can be: something like it is missing."
+        return f"{what}, but leaves more than noise ({after:.3g} times the floor): something like it is missing."
+    if status == "unknown":
+        return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."
+    return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."
+
+
+def traits(trial: ScoredModel) -> tuple[str, str]:
+    """When and at which frequency the residual of a model is large, in words."""
+    problem = trial.fit.problem
+    e = (problem.chosen("hold_out") or problem.chosen("train", "repeat"))[0]
+    r = problem.residual(trial.fit.x, e)
+    if isinstance(e, TableExperiment):
+        return e.traits(r, [v.name for v in problem.model.outputs])
+    energy = np.sum(r**2, axis=1)
+    dt = float(e.time[1] - e.time[0])
+    length = max(1, round(0.2 / dt))
+    edges = np.arange(0, len(energy), length)
+    blocks = np.add.reduceat(energy, edges)
+    order = np.argsort(-blocks)
+    count = int(np.searchsorted(np.cumsum(blocks[order]), 0.5 * blocks.sum())) + 1
+    spans = sorted(float(edges[i] * dt) for i in order[:count])
+    when = (
+        f"half of it within {count * length * dt:.2g} s of {len(energy) * dt:.2g} s, from {_spans(spans, length * dt)}"
+    )
+    k = int(np.argmax(np.sum(r**2, axis=0)))
+    spectrum = np.abs(np.fft.rfft((r[:, k] - r[:, k].mean()) * np.hanning(len(r)))) ** 2
+    peak = int(np.argmax(spectrum[1:])) + 1
+    name = problem.model.outputs[k].name
+    return when, f"strongest at {peak / (len(r) * dt):.3g} Hz, in {name}"
+
+
+def name_of(effect: str) -> str:
+    """An effect in words."""
+    return WORDS.get(effect, effect.replace("_", " "))
+
+
+def _spans(starts: Sequence[float], width: float) -> str:
+    merged: list[list[float]] = []
+    for begin in starts:
+        if merged and begin - merged[-1][1] < 1e-9 + 0.5 * width:
+            merged[-1][1] = begin + width
+        else:
+            merged.append([begin, begin + width])
+    shown = [f"{a:.2f}-{b:.2f} s" for a, b in merged[:4]]
+    return ", ".join(shown) + (", ..." if len(merged) > 4 else "")
+
+
+def _units(study: Study) -> list[str]:
+    """What a sensor's or input's scale that is near the factor between two units suggests."""
+    rows = []
+    for trial in (study.chosen, *study.trials[:1]):
+        for key, value in trial.added().items():
+            if key == "sensor_scale.gain" and value:
+                off = {what: abs(abs(math.log(abs(value))) / math.log(factor) - 1) for what, factor in SCALES.items()}
+                what = min(off, key=lambda k: off[k])
+                if off[what] < 0.02:
+                    place = next((c.place for c in trial.effects), "")
+                    rows.append(f"a scale of {value:.4g} at {place} is near that between {what}: is its unit right?")
+    return list(dict.fromkeys(rows))
+
+
+def _warnings(study: Study) -> tuple[str, ...]:
+    rows: list[str] = []
+    problem = study.refit.fit.problem
+    drives = [np.asarray(e.drive.values) for e in problem.chosen("train", "repeat") if e.drive is not None]
+    if drives and (all((d >= 0).all() for d in drives) or all((d <= 0).all() for d in drives)):
+        rows.append(
+            "the training recordings drive in one direction only: names given from one direction deserve distrust"
+        )
+    if drives and len({round(float(np.abs(d).max()), 6) for d in drives}) == 1 and len(drives) > 1:
+        rows.append(
+            "all training recordings have one amplitude: effects that depend on amplitude are hard to tell apart"
+        )
+    rows += remarks(problem) + absorbed(study) + _units(study)
+    if not problem.chosen("hold_out"):
+        rows.append("no recording was held out: gains are judged on the data that were fitted")
+    if not study.refit.fit.converged:
+        rows.append("the fit of the model's own parameters did not converge")
+    if not study.chosen.fit.converged:
+        rows.append("the fit of the chosen model did not converge")
+    pairs = zip(study.chosen.fit.problem.free, study.chosen.fit.x, strict=True)
+    beyond = [f.name for f, x in pairs if f.prior and abs(x) > 3]
+    if beyond:
+        rows.append(f"fitted more than three tolerances away: {', '.join(beyond)}")
+    return tuple(rows)

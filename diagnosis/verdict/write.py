@@ -1,0 +1,133 @@
+"""The files of a diagnosis: the verdict, the amended scenario, figures, and the next experiment."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagnosis.estimation.least_squares import span
+from diagnosis.verdict.experiment_design import Proposal
+from diagnosis.verdict.verdict import Diagnosis
+from engine.errors import FlexarmError
+from engine.files import writing
+from scenarios.amend import Edit, Feed, Set, amended, relocated, without
+
+EXPERIMENT = "next_experiment"
+"""Name of the block that plays the proposed input."""
+
+THINNED = 5
+"""Every so manieth row of the rivals' predictions is written."""
+
+
+def amended_text(found: Diagnosis) -> str:
+    """The user's scenario with what was missing put in and every parameter fitted; unchanged if nothing was found."""
+    study = found.study
+    original = study.scenario.path.read_text(encoding="utf-8")
+    if not study.chosen.effects:
+        return original
+    values = study.chosen.fit.parameters()
+    intervals = {i.name: i for i in found.fit.intervals()}
+    edits: list[Edit] = []
+    notes: dict[str, str] = {}
+    for finding, effect, start in zip(found.findings, study.chosen.effects, study.chosen.sizes, strict=True):
+        sizes = {k.name: values.get(f"{effect.name}.{k.name}", start[k.name]) for k in effect.parameters}
+        edits += effect.edits(sizes)
+        evidence = [f"{finding['status']}: {finding['sentence']}"]
+        for parameter in effect.parameters:
+            i = intervals.get(f"{effect.name}.{parameter.name}")
+            if i is None:
+                continue
+            evidence.append(f"{parameter.name}: 95 % interval {span(i.numbers())} {i.unit}")
+        notes[effect.name] = "\n".join(evidence)
+    given = {p.name: p for p in study.refit.fit.problem.model.parameters}
+    for name, value in values.items():
+        block, _, key = name.rpartition(".")
+        if name in given and block in study.scenario.file.blocks and "[" not in key:
+            unit = given[name].unit
+            edits.append(Set(block, key, f"{value:.8g} {unit}" if unit not in ("1", "*") else float(f"{value:.8g}")))
+    return amended(original, edits, notes)
+
+
+def write(found: Diagnosis, folder: Path) -> list[Path]:
+    """Write ``diagnosis.json``, ``amended.yaml`` and the figures; each appears whole or not at all.
+
+    Raises:
+        FlexarmError: the folder cannot be written.
+    """
+    from diagnosis.verdict import figures
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FlexarmError(f"cannot make the folder '{folder}': {error.strerror}") from error
+    made = [folder / "diagnosis.json", folder / "amended.yaml"]
+    with writing(made[0], (".json",)) as temporary:
+        temporary.write_text(json.dumps(_plain(found.numbers()), indent=2) + "\n", encoding="utf-8")
+    text = relocated(amended_text(found), found.study.scenario.path.parent, folder)
+    with writing(made[1], (".yaml",)) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    made.append(figures.held_out(found, folder / "held-out.png"))
+    made.append(figures.odds(found, folder / "places.png"))
+    made.append(figures.before_after(found, folder / "before-after.png"))
+    made.append(figures.recovered(found, folder / "recovered-force.png")) if found.recovered else None
+    if found.proposal is not None and found.proposal.separating:
+        made += _next(found, found.proposal, folder)
+    return made
+
+
+def _next(found: Diagnosis, proposal: Proposal, folder: Path) -> list[Path]:
+    """The proposed input and what each rival predicts; over time also a scenario that plays it."""
+    made = [folder / "next-experiment.csv"]
+    header = f"{proposal.axis},{proposal.input} [{proposal.unit}]"
+    _table(made[0], header, [proposal.time, proposal.drive])
+    if not proposal.axis.startswith("t "):
+        return made
+    outputs = found.study.refit.fit.problem.model.outputs
+    names, columns = [proposal.axis], [proposal.time[::THINNED]]
+    for label, values in proposal.predictions.items():
+        for signal, column in zip(outputs, values.T, strict=True):
+            names.append(f'"{signal.name} with {label} [{signal.unit}]"')
+            columns.append(column[: len(proposal.time)][::THINNED])
+    made.append(folder / "next-experiment-predictions.csv")
+    _table(made[1], ",".join(names), columns)
+    made.append(folder / "next-experiment.yaml")
+    with writing(made[2], (".yaml",)) as temporary:
+        temporary.write_text(experiment_text(found, proposal, folder), encoding="utf-8")
+    return made
+
+
+def experiment_text(found: Diagnosis, proposal: Proposal, folder: Path) -> str:
+    """The user's scenario with the proposed input in place of its own source, for the rig and for the simulation."""
+    path = found.study.scenario.path
+    text = relocated(
+        without(path.read_text(encoding="utf-8"), "recordings", "analyses", "simulate"), path.parent, folder
+    )
+    source = {
+        "file": "next-experiment.csv",
+        "time": proposal.axis,
+        "column": f"{proposal.input} [{proposal.unit}]",
+        "scale": f"1 {proposal.unit}" if proposal.unit not in ("", "1") else 1,
+    }
+    task = proposal.sentence[:1].upper() + proposal.sentence[1:]
+    note = f"To tell apart: {'; '.join(proposal.separates)}.\n{task} ({proposal.kind})."
+    fed = amended(text, [Feed(EXPERIMENT, "Table", proposal.input, source)], {EXPERIMENT: note})
+    return fed.rstrip() + f"\n\nsimulate: {{stop: {float(proposal.time[-1]):g} s, step: 1 ms}}\n"
+
+
+def _table(path: Path, header: str, columns: list[Any]) -> None:
+    with writing(path, (".csv",)) as temporary:
+        np.savetxt(temporary, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
+
+
+def _plain(value: Any) -> Any:
+    """The value with numbers that JSON cannot hold as null."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
