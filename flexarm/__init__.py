@@ -15,6 +15,10 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from flexarm import _packages
+
+_packages.claim()
+
 if TYPE_CHECKING:
     from diagnosis.api import diagnose, fit
     from diagnosis.compare import Comparison
