@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from engine.net import Net
     from engine.ports import ROTATIONAL, TRANSLATIONAL, Port
     from engine.quantity import SameAs
-    from engine.simulate import Drive, Result
+    from engine.simulate import Drive, Result, SimulationOptions
     from engine.stamps import Clock, Motion, Velocity
     from engine.system import Connection, System
     from engine.tangent import tangents
     from flexarm._version import version
-    from flexarm.api import compare, export, linearise, simulate
+    from flexarm.api import ExportOptions, compare, export, linearise, simulate
     from flexarm.plotting.results import plot
-    from flexarm.sweeps.sweep import sweep
+    from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
     from scenarios.jsonschema import json_schema
     from scenarios.load import Scenario, load
@@ -50,6 +50,7 @@ _PLACES = {
     "Comparison": "diagnosis.compare",
     "Connection": "engine.system",
     "Drive": "engine.simulate",
+    "ExportOptions": "flexarm.api",
     "FlexarmError": "engine.errors",
     "FrequencyTable": "diagnosis.recordings.mapping",
     "LinearModel": "engine.linearise",
@@ -63,6 +64,8 @@ _PLACES = {
     "Result": "engine.simulate",
     "SameAs": "engine.quantity",
     "Scenario": "scenarios.load",
+    "SimulationOptions": "engine.simulate",
+    "SweepOptions": "flexarm.sweeps.sweep",
     "System": "engine.system",
     "TRANSLATIONAL": "engine.ports",
     "Velocity": "engine.stamps",
@@ -96,6 +99,7 @@ __all__ = [
     "Comparison",
     "Connection",
     "Drive",
+    "ExportOptions",
     "FlexarmError",
     "FrequencyTable",
     "LinearModel",
@@ -108,6 +112,8 @@ __all__ = [
     "Result",
     "SameAs",
     "Scenario",
+    "SimulationOptions",
+    "SweepOptions",
     "System",
     "Velocity",
     "batch",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from engine.errors import ParameterError, Where, nearest
 from engine.model import TIME, Model
-from engine.simulate import Drive, Result
+from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
 from flexarm.cut import Cut, Source, as_scenario, cut, find_mode
 from scenarios.load import si
@@ -25,14 +26,8 @@ def simulate(
     source: Source | Model,
     stop: float | None = None,
     step: float | None = None,
-    *,
-    parameters: dict[str, float] | None = None,
-    drive: Drive | None = None,
-    initial: dict[str, float] | None = None,
-    internal_step: float | None = None,
-    step_tolerance: float | None = None,
-    record_states: bool = False,
-    backend: str = "auto",
+    options: SimulationOptions | None = None,
+    **given: Unpack[SimulationKeywords],
 ) -> Result:
     """Simulate a scenario as its file says, or a model.
 
@@ -40,17 +35,14 @@ def simulate(
         source: a scenario, its file or shipped name, or a model built from one.
         stop: end (s); that of the scenario if None.
         step: time between rows (s); that of the scenario, or 1 ms, if None.
-        parameters: values that replace the model's, SI units.
-        drive: external inputs of a model built with inputs.
-        initial: starting values by name, SI units.
-        internal_step: longest integration step (s).
-        step_tolerance: warn if half that step changes an output by more than this share of its range.
-        record_states: also keep states and modes at every row.
-        backend: ``c``, ``interpreter`` or ``auto``.
+        options: how to simulate; the internal step and its tolerance are those of the scenario where None.
+        **given: fields of `SimulationOptions` as keywords, over those of ``options``, such as ``parameters={...}``,
+            ``drive=...`` or ``record_states=True``.
 
     Raises:
         FlexarmError: the scenario or a value does not fit, or the simulation diverges.
     """
+    chosen = replace(options or SimulationOptions(), **given)
     if isinstance(source, Model):
         model = source
     else:
@@ -60,8 +52,10 @@ def simulate(
         if planned is not None:
             stop = planned.stop if stop is None else stop
             step = planned.step if step is None else step
-            internal_step = planned.internal_step if internal_step is None else internal_step
-            step_tolerance = planned.step_tolerance if step_tolerance is None else step_tolerance
+            if chosen.internal_step is None:
+                chosen = replace(chosen, internal_step=planned.internal_step)
+            if chosen.step_tolerance is None:
+                chosen = replace(chosen, step_tolerance=planned.step_tolerance)
         elif stop is None:
             raise ScenarioError(
                 "the scenario does not say how long to simulate",
@@ -70,18 +64,7 @@ def simulate(
             )
     if stop is None:
         raise ParameterError("no stop time is given", remedy="give one in seconds")
-    return run_model(
-        model,
-        stop,
-        1e-3 if step is None else step,
-        parameters=parameters,
-        drive=drive,
-        initial=initial,
-        internal_step=internal_step,
-        step_tolerance=step_tolerance,
-        record_states=record_states,
-        backend=backend,
-    )
+    return run_model(model, stop, 1e-3 if step is None else step, chosen)
 
 
 def linearise(
@@ -175,27 +158,25 @@ def _label(model: Model, name: str, value: int | str) -> tuple[str, str]:
     return found.name, found.labels[number + 1]
 
 
-def export(
-    source: Source | Cut,
-    path: str | Path,
-    analysis: str | None = None,
-    *,
-    inputs: Iterable[str] | None = None,
-    outputs: Iterable[str] | None = None,
-    platforms: Iterable[str] | None = None,
-    version: int = 2,
-    linear_twin: bool = False,
-    beside: bool = True,
-    backend: str = "c",
-    modes: Mapping[str, int | str] | None = None,
-    at: Mapping[str, Any] | None = None,
-) -> Path:
-    """Write a scenario's model as an FMU, whose default experiment is that of the scenario.
+class ExportKeywords(TypedDict, total=False):
+    """The fields of `ExportOptions` as keyword arguments; why there are both: `engine.simulate.SimulationKeywords`."""
 
-    Args:
-        source: a scenario, its file or shipped name, or the result of `cut`.
-        path: the file to write.
-        analysis: name of an analysis in the file; the first of kind ``export`` if None.
+    inputs: Iterable[str] | None
+    outputs: Iterable[str] | None
+    platforms: Iterable[str] | None
+    version: int
+    linear_twin: bool
+    beside: bool
+    backend: str
+    modes: Mapping[str, int | str] | None
+    at: Mapping[str, Any] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """What an FMU holds.
+
+    Attributes:
         inputs: signal inputs in place of those of the analysis.
         outputs: signals in place of those of the analysis.
         platforms: what to compile for, such as ``linux64`` and ``win64``; those of `fmu.export` if None.
@@ -205,6 +186,34 @@ def export(
         backend: ``c``, or ``python`` for a model with Python functions: the FMU then needs Python where it runs.
         modes: modes of the linear model, over those of the analysis; see `linearise`.
         at: operating point of the linear model, over that of the analysis.
+    """
+
+    inputs: Iterable[str] | None = None
+    outputs: Iterable[str] | None = None
+    platforms: Iterable[str] | None = None
+    version: int = 2
+    linear_twin: bool = False
+    beside: bool = True
+    backend: str = "c"
+    modes: Mapping[str, int | str] | None = None
+    at: Mapping[str, Any] | None = None
+
+
+def export(
+    source: Source | Cut,
+    path: str | Path,
+    analysis: str | None = None,
+    options: ExportOptions | None = None,
+    **given: Unpack[ExportKeywords],
+) -> Path:
+    """Write a scenario's model as an FMU, whose default experiment is that of the scenario.
+
+    Args:
+        source: a scenario, its file or shipped name, or the result of `cut`.
+        path: the file to write.
+        analysis: name of an analysis in the file; the first of kind ``export`` if None.
+        options: what the FMU holds.
+        **given: fields of `ExportOptions` as keywords, over those of ``options``, such as ``version=3``.
 
     Returns:
         The path written.
@@ -214,14 +223,15 @@ def export(
     """
     from fmu import export as write_fmu
 
-    made = source if isinstance(source, Cut) else cut(source, "export", analysis, inputs=inputs, outputs=outputs)
-    if backend not in ("c", "python"):
-        raise ParameterError(f"there is no backend '{backend}'", remedy="allowed: c, python")
+    o = replace(options or ExportOptions(), **given)
+    made = source if isinstance(source, Cut) else cut(source, "export", analysis, inputs=o.inputs, outputs=o.outputs)
+    if o.backend not in ("c", "python"):
+        raise ParameterError(f"there is no backend '{o.backend}'", remedy="allowed: c, python")
     settings: dict[str, Any] = {}
     if made.simulation is not None:
         settings |= {"step": made.simulation.step, "stop": made.simulation.stop}
-    if backend == "python":
-        if version != 2 or linear_twin or platforms is not None:
+    if o.backend == "python":
+        if o.version != 2 or o.linear_twin or o.platforms is not None:
             raise ParameterError(
                 "the python backend writes FMI 2 without a linear twin, for any platform that has Python",
                 remedy="leave out --fmi, --linear-twin and --platforms",
@@ -230,13 +240,13 @@ def export(
         from fmu.python_backend import export_python
 
         return export_python(made.model, path, LOADER, *recipe(made), **settings)
-    if platforms is not None:
-        settings["platforms"] = tuple(platforms)
+    if o.platforms is not None:
+        settings["platforms"] = tuple(o.platforms)
     model = made.model
-    if beside or linear_twin:
-        settings |= _linear_settings(made, modes, at)
-        beside = beside and "linear" in settings
-    return write_fmu(model, path, version=version, linear_twin=linear_twin, beside=beside, **settings)
+    if o.beside or o.linear_twin:
+        settings |= _linear_settings(made, o.modes, o.at)
+    beside = o.beside and "linear" in settings
+    return write_fmu(model, path, version=o.version, linear_twin=o.linear_twin, beside=beside, **settings)
 
 
 def _linear_settings(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -64,6 +64,7 @@ def export(
 ) -> None:
     """Write the model as an FMU, and its linear model beside it as NAME_linear.mat and NAME_linear.m."""
     from engine.files import check_suffix
+    from flexarm.api import ExportOptions
     from flexarm.api import export as write_fmu
     from flexarm.cut import cut
 
@@ -79,9 +80,7 @@ def export(
         _refuse_with_split(linear_twin, backend)
         _split(made, path, split, names(platforms), {"version": fmi, "bare": bare})
         return
-    write_fmu(
-        made,
-        path,
+    options = ExportOptions(
         platforms=names(platforms),
         version=fmi,
         linear_twin=linear_twin,
@@ -89,6 +88,7 @@ def export(
         modes=pairs(mode, "--mode"),
         at=pairs(at, "--at"),
     )
+    write_fmu(made, path, options=options)
     model: Model = made.model
     typer.echo(f"inputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.inputs) or 'none'}")
     typer.echo(f"outputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.outputs)}")

@@ -50,6 +50,7 @@ def sweep(
     from flexarm.console.interrupt import heard
     from flexarm.console.progress import Progress
     from flexarm.console.text import plural
+    from flexarm.sweeps.sweep import SweepOptions
     from flexarm.sweeps.sweep import sweep as run
 
     loaded = load(scenario, overrides)
@@ -63,10 +64,7 @@ def sweep(
                 check()
                 bar.update(done / total)
 
-            made = run(
-                loaded,
-                vary or [],
-                output,
+            options = SweepOptions(
                 runs=runs,
                 seed=seed,
                 outputs=names(outputs),
@@ -78,6 +76,7 @@ def sweep(
                 restart=restart,
                 progress=progress,
             )
+            made = run(loaded, vary or [], output, options)
     except KeyboardInterrupt:
         sys.stderr.write(f"interrupted after {at[0]} of {at[1]} runs; the same command goes on from there\n")
         raise typer.Exit(130) from None
