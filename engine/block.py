@@ -19,48 +19,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from engine.errors import ParameterError, nearest
+from engine.ports import ROTATIONAL, Port
 from engine.quantity import Option, Parameter, SameAs, coherent, split
 
 if TYPE_CHECKING:
     from engine.net import Net
-
-Expression = Any
-"""A CasADi SX expression, or a number where the value is structural."""
-
-ROTATIONAL = "rotational"
-TRANSLATIONAL = "translational"
-
-MOTION = {
-    ROTATIONAL: (("angle", "rad"), ("speed", "rad/s"), ("acceleration", "rad/s2"), ("torque", "N.m")),
-    TRANSLATIONAL: (("position", "m"), ("speed", "m/s"), ("acceleration", "m/s2"), ("force", "N")),
-}
-"""For each kind of flange, the names and units of its motion (three) and of its effort."""
-
-
-@dataclass(frozen=True)
-class Port:
-    """A connector of a block.
-
-    Attributes:
-        name: the port's name in scenario files; may contain dots.
-        role: ``flange``, ``input`` or ``output``.
-        doc: one sentence.
-        kind: for a flange, ``rotational`` or ``translational``.
-        unit: for a signal; ``*`` fits any unit.
-        default: value of an input that nothing feeds; None means it must be connected.
-    """
-
-    name: str
-    role: str
-    doc: str
-    kind: str = ""
-    unit: str = ""
-    default: float | None = None
 
 
 class _Declared:

@@ -94,9 +94,17 @@ def _index(name: str | None, names: tuple[str, ...], kind: str) -> int:
     return names.index(name)
 
 
+SAME = 1e-9
+"""Magnitudes that differ by no more, relative or in 1/s, are equal: what is left is the linear algebra's rounding."""
+
+
 def _by_magnitude(values: Any) -> NDArray[np.complex128]:
+    """Rising magnitudes; among equal ones, such as those of a conjugate pair, rising imaginary parts."""
     values = np.asarray(values, dtype=complex)
-    ordered: NDArray[np.complex128] = values[np.lexsort((values.imag, np.round(np.abs(values), 9)))]
+    values = values[np.argsort(np.abs(values), kind="stable")]
+    sizes = np.abs(values)
+    group = np.cumsum(np.diff(sizes, prepend=0.0) > SAME * np.maximum(sizes, 1.0))
+    ordered: NDArray[np.complex128] = values[np.lexsort((values.imag, group))]
     return ordered
 
 

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.block import Expression
 from engine.errors import ParameterError, Where, nearest
+from engine.ports import Expression
 from engine.quantity import Parameter
 
 Vector = NDArray[np.float64]

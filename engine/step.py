@@ -12,13 +12,17 @@ STEP_PER_RATE = 0.5
 """Internal step times the fastest rate; RK4 is stable up to 2.78, and loses 1e-4 of a cycle's phase at 0.5."""
 
 
+SAME = 1e-6
+"""Rates and shares that differ by no more than this fraction are equal."""
+
+
 @dataclass(frozen=True)
 class Fastest:
     """The fastest mode of a model.
 
     Attributes:
         rate: |eigenvalue| (1/s), zero for a model without dynamics.
-        state: the state that takes the largest part in it.
+        state: the state that takes the largest part in it; the first of several that take the same part.
     """
 
     rate: float
@@ -39,10 +43,14 @@ def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
             values, vectors = np.linalg.eig(matrix)
         except np.linalg.LinAlgError:  # numbers out of all proportion; the run itself says where they lead
             continue
-        k = int(np.argmax(np.abs(values)))
-        if np.abs(values[k]) > found.rate:
-            share = np.abs(vectors[:, k]) * np.linalg.norm(matrix, axis=0)
-            found = Fastest(float(np.abs(values[k])), model.states[int(np.argmax(share))].name)
+        sizes = np.abs(values)
+        rate = float(sizes.max())
+        if rate > found.rate:
+            # Which of several equal eigenvalues comes first, and which of equal shares is larger, is rounding.
+            alike = sizes >= (1 - SAME) * rate
+            share = np.abs(vectors[:, alike]).max(axis=1) * np.linalg.norm(matrix, axis=0)
+            lead = model.states[int(np.argmax(share >= (1 - SAME) * share.max()))].name
+            found = Fastest(rate, found.state if found.state and rate <= (1 + SAME) * found.rate else lead)
     return found
 
 

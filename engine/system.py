@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from engine.block import MOTION, Block
+from engine.block import Block
 from engine.errors import ConnectionProblem, Where, nearest
+from engine.ports import MOTION
 
 
 @dataclass(frozen=True)

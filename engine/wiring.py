@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from engine.block import MOTION, Expression
 from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
 from engine.net import Net
+from engine.ports import MOTION, Expression
 from engine.quantity import compatible
 from engine.stamps import External, Memory, Motion
 from engine.system import System

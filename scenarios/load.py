@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from engine.block import MOTION
 from engine.errors import FlexarmError, ParameterError, Where, nearest
+from engine.ports import MOTION
 from engine.quantity import convert
 from engine.system import System
 from scenarios.document import Node, parse, read

@@ -8,7 +8,7 @@ import numpy as np
 
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
-from engine.block import TRANSLATIONAL
+from engine.ports import TRANSLATIONAL
 from engine.system import System
 
 INPUT, SHAFT, JOINT, BLOCK, SENSOR = "input", "shaft", "joint", "block", "sensor"

@@ -33,8 +33,8 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.recordings.feedback import plant_inputs
 from diagnosis.thresholds import TABLES
 from engine.assemble import build
-from engine.block import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.linearise import linearise
+from engine.ports import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.system import Connection, System
 
 

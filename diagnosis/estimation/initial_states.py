@@ -9,9 +9,9 @@ from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.recordings.columns import RecordingError
 from diagnosis.recordings.types import Recording
 from diagnosis.thresholds import FITTING
-from engine.block import MOTION
 from engine.errors import nearest
 from engine.model import Model
+from engine.ports import MOTION
 from engine.start import start_values, starting_names
 
 _RATES = [(f".{names[1][0]}", f".{names[0][0]}") for names in MOTION.values()]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from diagnosis.search.scored_model import log_evidence
 from diagnosis.verdict.verdict import fit_table, place_odds
 from diagnosis.verdict.write import amended_text
-from flexarm.pictures.diagram import diagram
+from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report.evidence import evidence_charts
 from flexarm.report.held_out import LABELS, ROLES, before_after, prediction
 from flexarm.report.origin import origin
@@ -48,7 +48,7 @@ def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: st
     odds = place_odds(study)
     lit = _lit(found, odds)
     picture = diagram(study.scenario, lit)
-    evidence = evidence_charts(found)
+    evidence = evidence_charts(found.evidence)
     after = before_after(found)
     given = study.scenario.path.read_text(encoding="utf-8")
     units = {v.name: v.unit for v in study.refit.fit.problem.model.outputs}

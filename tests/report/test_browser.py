@@ -10,7 +10,7 @@ import pytest
 import flexarm
 from diagnosis.api import diagnose, gather
 from diagnosis.verdict.experiment_design import propose
-from flexarm.pictures.diagram import diagram
+from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report import write_diagnosis, write_run
 from scenarios.load import load, shipped_names
 from tests.diagnosis.plants import case
@@ -57,6 +57,8 @@ def test_the_report_holds_the_verdict_and_what_repeats_it(diagnosed):
     assert page.stat().st_size < 3e6
     assert HOSTILE not in text
     assert found.findings[0]["place"] in text
+    assert found.evidence
+    assert all(curve.title in text for curve in found.evidence)
     for recording in gather(found.study.scenario, (), ()):
         assert f"{recording.name}.csv" in text
     assert "flexarm diagnose &lt;script&gt;" in text

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.files import writing
-from flexarm.plot import COLOURS, FIGURES
+from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
     from engine.linearise import LinearModel

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from engine.errors import FlexarmError
 from engine.system import System
+from scenarios.schema import FrequencyRecording
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario
@@ -167,10 +168,12 @@ def _mark(made: Graph, scenario: Scenario) -> None:
     """Note what recordings drive and measure; where there are none, what a simulation records."""
     rows: list[tuple[str, str]] = []
     for recording in scenario.recordings.values():
-        drive = recording.drive if isinstance(recording.drive, str) else list(recording.drive)
-        rows += [(DRIVEN, name) for name in ([drive] if isinstance(drive, str) else drive)]
-        measured = getattr(recording, "measurements", None) or getattr(recording, "response", {})
-        rows += [(MEASURED, name) for name in measured]
+        if isinstance(recording, FrequencyRecording):
+            rows.append((DRIVEN, recording.drive))
+            rows += [(MEASURED, name) for name in recording.response]
+        else:
+            rows += [(DRIVEN, name) for name in recording.drive]
+            rows += [(MEASURED, name) for name in recording.measurements]
     if not rows and scenario.simulation is not None:
         rows = [(RECORDED, name) for name in scenario.simulation.record or ()]
     for kind, name in dict.fromkeys(rows):

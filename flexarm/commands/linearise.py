@@ -1,4 +1,4 @@
-"""``flexarm linearise SCENARIO``: the linear model and its files. Heavy imports happen inside the command."""
+"""``flexarm linearise SCENARIO``: the linear model and its files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flexarm.options import (
+from flexarm.console.options import (
     AUTOMATIC,
     AnalysisOption,
     AtOption,
@@ -22,11 +22,6 @@ from flexarm.options import (
     pairs,
     say_bypassed,
 )
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to a command line."""
-    app.command()(linearise)
 
 
 def linearise(
@@ -50,11 +45,12 @@ def linearise(
 ) -> None:
     """Print and write the linear model at an operating point; with sampled blocks also that in discrete time."""
     from engine.files import check_suffix
-    from flexarm.api import cut, discretise
+    from flexarm.api import discretise
     from flexarm.api import linearise as linear_model
+    from flexarm.console.text import discrete_page, linear_page
+    from flexarm.cut import cut
     from flexarm.output import LINEAR, write_linear
-    from flexarm.plot import FIGURES
-    from flexarm.text import discrete_page, linear_page
+    from flexarm.plotting.results import FIGURES
 
     for path in output or []:
         check_suffix(path, LINEAR)
@@ -75,6 +71,6 @@ def linearise(
         write_linear(path, linear, loaded.name, discrete)
         typer.echo(f"written: {path}")
     if plot is not None:
-        from flexarm.pictures.frequency import plot_linear
+        from flexarm.plotting.frequency import plot_linear
 
         typer.echo(f"written: {plot_linear(linear, plot, f'{loaded.name}, linearised')}")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from flexarm.pictures.graph import End, Graph, Net
+from flexarm.plotting.wiring.graph import End, Graph, Net
 
 Key = TypeVar("Key", str, End)
 

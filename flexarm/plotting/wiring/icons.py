@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from flexarm.pictures.shapes import Box, Disc, Label, Poly, Shape
+from flexarm.plotting.wiring.shapes import Box, Disc, Label, Poly, Shape
 
 SIZE = 22.0
 

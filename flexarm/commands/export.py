@@ -1,4 +1,4 @@
-"""``flexarm export`` and ``flexarm cosim``. Heavy imports happen inside the commands."""
+"""``flexarm export SCENARIO``: write an FMU or an SSP."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from engine.errors import FlexarmError, ParameterError, Where
-from flexarm.options import (
+from engine.errors import ParameterError, Where
+from flexarm.console.options import (
     AnalysisOption,
     AtOption,
     InputsOption,
@@ -21,18 +21,11 @@ from flexarm.options import (
     names,
     pairs,
     say_bypassed,
-    seconds,
 )
 
 if TYPE_CHECKING:
     from engine.model import Model
-    from flexarm.api import Cut
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands to a command line."""
-    app.command()(export)
-    app.command()(cosim)
+    from flexarm.cut import Cut
 
 
 def export(
@@ -71,8 +64,9 @@ def export(
 ) -> None:
     """Write the model as an FMU, and its linear model beside it as NAME_linear.mat and NAME_linear.m."""
     from engine.files import check_suffix
-    from flexarm.api import cut
+    from flexarm.api import ExportOptions
     from flexarm.api import export as write_fmu
+    from flexarm.cut import cut
 
     if output is not None:
         check_suffix(output, (".ssp",) if split else (".fmu",))
@@ -86,9 +80,7 @@ def export(
         _refuse_with_split(linear_twin, backend)
         _split(made, path, split, names(platforms), {"version": fmi, "bare": bare})
         return
-    write_fmu(
-        made,
-        path,
+    options = ExportOptions(
         platforms=names(platforms),
         version=fmi,
         linear_twin=linear_twin,
@@ -96,6 +88,7 @@ def export(
         modes=pairs(mode, "--mode"),
         at=pairs(at, "--at"),
     )
+    write_fmu(made, path, options=options)
     model: Model = made.model
     typer.echo(f"inputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.inputs) or 'none'}")
     typer.echo(f"outputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.outputs)}")
@@ -126,47 +119,3 @@ def _split(made: Cut, path: Path, groups: list[str], platforms: list[str] | None
         wanted[name.strip()] = names([blocks or name]) or []
     split(made, path, wanted, **settings)
     typer.echo(f"written: {path}")
-
-
-def cosim(
-    file: Annotated[Path, typer.Argument(metavar="FMU|SSP", help="An FMU for Co-Simulation, or an SSP of such FMUs.")],
-    scenario: Annotated[
-        str | None, typer.Option("--scenario", metavar="SCENARIO", help="Compare with this scenario's own run.")
-    ] = None,
-    overrides: SetOption = None,
-    analysis: AnalysisOption = None,
-    constant: Annotated[
-        list[str] | None,
-        typer.Option("--input", "-i", metavar="NAME=VALUE", help="Constant input, such as 'motor.voltage=2 V'."),
-    ] = None,
-    stop: Annotated[str | None, typer.Option(metavar="TIME", help="End; that of the FMU by default.")] = None,
-    step: Annotated[str | None, typer.Option(metavar="TIME", help="Communication step; the FMU's by default.")] = None,
-) -> None:
-    """Simulate an FMU or SSP with FMPy, and compare it with the scenario it was made from.
-
-    Inputs are constant; an input that is not given is 1 in its SI unit, so that something moves.
-    """
-    from flexarm.cosim import run
-    from flexarm.text import columns, number
-
-    if file.suffix.lower() not in (".fmu", ".ssp"):
-        raise FlexarmError(f"'{file}' is neither FMU nor SSP", remedy="its name ends in .fmu or .ssp")
-    loaded = load(scenario, overrides) if scenario is not None else None
-    if loaded is None and overrides:
-        raise ParameterError("--set changes a scenario, and none is given", Where("--set"), "add --scenario NAME")
-    found = run(file, loaded, analysis, pairs(constant, "--input"), seconds(stop, "--stop"), seconds(step, "--step"))
-    typer.echo(f"{file.name}: {number(found.trace.time[-1])} s in steps of {number(found.step)} s")
-    for name, value in found.inputs.items():
-        typer.echo(f"input {name} = {number(value)} {found.units.get(name, '')}".rstrip())
-    heads = ["output", "end", "least", "greatest"]
-    rows = [
-        [name, number(values[-1]), number(values.min()), number(values.max())]
-        for name, values in ((name, found.trace[name]) for name in found.trace.names)
-    ]
-    if found.differences is not None:
-        heads.append("largest difference from the scenario")
-        rows = [[*row, number(found.differences[row[0]]) if row[0] in found.differences else "-"] for row in rows]
-    typer.echo(columns(heads, rows))
-    if found.differences is not None:
-        largest = max(found.differences.values(), default=0.0)
-        typer.echo(f"largest difference: {largest:.3g}")

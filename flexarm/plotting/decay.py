@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from engine.files import writing
-from flexarm.plot import COLOURS, FIGURES
+from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
     from diagnosis.decay.evolving_spectra import Waterfall

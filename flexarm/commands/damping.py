@@ -1,4 +1,4 @@
-"""``flexarm damping RECORDING``: damping ratios of a free decay. Heavy imports happen inside the command."""
+"""``flexarm damping RECORDING``: damping ratios of a free decay."""
 
 from __future__ import annotations
 
@@ -14,11 +14,6 @@ if TYPE_CHECKING:
     from diagnosis.decay.evolving_spectra import Waterfall
     from diagnosis.decay.log_decrement import Decrement
     from diagnosis.decay.report import DampingReport
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to a command line."""
-    app.command()(damping)
 
 
 def damping(
@@ -102,7 +97,7 @@ def _folder(path: Path) -> None:
 
 def _write(output: Path, report: DampingReport, recording: Path, numbers: dict[str, object]) -> list[Path]:
     from engine.files import writing
-    from flexarm.damping_plot import plot_decay, plot_decrement, plot_waterfall
+    from flexarm.plotting.decay import plot_decay, plot_decrement, plot_waterfall
 
     title = f"{recording.stem}: {report.record.name}"
     written = []
@@ -117,7 +112,7 @@ def _write(output: Path, report: DampingReport, recording: Path, numbers: dict[s
 
 
 def _page(report: DampingReport, recording: Path) -> str:
-    from flexarm.text import number
+    from flexarm.console.text import number
 
     record = report.record
     unit = f" [{record.unit}]" if record.unit else ""
@@ -134,7 +129,7 @@ def _page(report: DampingReport, recording: Path) -> str:
 
 
 def _waterfall_page(waterfall: Waterfall) -> str:
-    from flexarm.text import columns, number
+    from flexarm.console.text import columns, number
 
     rows = [
         [
@@ -156,7 +151,7 @@ def _waterfall_page(waterfall: Waterfall) -> str:
 
 
 def _decrement_page(found: Decrement) -> str:
-    from flexarm.text import columns, number
+    from flexarm.console.text import columns, number
 
     rows = [
         [

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from engine.errors import FlexarmError
-from flexarm.sweep_plan import Plan, Run
+from flexarm._version import version
+from flexarm.sweeps.plan import Run, SweepPlan
 from scenarios.files import block_files, unpacked
 
 if TYPE_CHECKING:
@@ -56,13 +57,11 @@ class Built:
     every: int
 
 
-def compute(plan: Plan, span: tuple[int, int]) -> Span:
+def compute(plan: SweepPlan, span: tuple[int, int]) -> Span:
     """Do the runs from ``span[0]`` up to ``span[1]``, the last excluded."""
-    import flexarm
-
-    if flexarm.version() != plan.version:
+    if version() != plan.version:
         raise FlexarmError(
-            f"a worker has flexarm {flexarm.version()}, the sweep was started by {plan.version}",
+            f"a worker has flexarm {version()}, the sweep was started by {plan.version}",
             remedy="install the same version everywhere",
         )
     rows: list[dict[str, Any]] = []
@@ -77,7 +76,9 @@ def compute(plan: Plan, span: tuple[int, int]) -> Span:
     return Span(columns, _trajectories(plan, kept) if plan.keep is not None else None)
 
 
-def _runs(plan: Plan, structure: tuple[str, ...], runs: list[Run]) -> Iterator[tuple[Run, Result | str, list[float]]]:
+def _runs(
+    plan: SweepPlan, structure: tuple[str, ...], runs: list[Run]
+) -> Iterator[tuple[Run, Result | str, list[float]]]:
     """Runs of one model: each with its result, or why there is none, and the values that were drawn."""
     from engine.batch import Case, Failure, batch
 
@@ -109,7 +110,7 @@ def _runs(plan: Plan, structure: tuple[str, ...], runs: list[Run]) -> Iterator[t
             done += 1
 
 
-def _row(plan: Plan, run: Run, result: Result | str, drawn: list[float]) -> dict[str, Any]:
+def _row(plan: SweepPlan, run: Run, result: Result | str, drawn: list[float]) -> dict[str, Any]:
     row: dict[str, Any] = {"run": run.number}
     for axis, k in zip(plan.axes, run.point, strict=True):
         row[axis.key] = axis.numbers[k] if axis.numbers else axis.texts[k]
@@ -130,7 +131,7 @@ def _summary(values: Any) -> list[float]:
     ]
 
 
-def _trajectories(plan: Plan, kept: list[tuple[int, Result, int]]) -> dict[str, Any]:
+def _trajectories(plan: SweepPlan, kept: list[tuple[int, Result, int]]) -> dict[str, Any]:
     parts: dict[str, list[Any]] = {"run": [], "time": [], **{name: [] for name, _ in plan.outputs}}
     for number, result, every in kept:
         time = result.time[::every]
@@ -142,17 +143,17 @@ def _trajectories(plan: Plan, kept: list[tuple[int, Result, int]]) -> dict[str, 
     return {name: np.concatenate(v) if v else empty.get(name, np.empty(0)) for name, v in parts.items()}
 
 
-def _built(plan: Plan, structure: tuple[str, ...]) -> Built:
+def _built(plan: SweepPlan, structure: tuple[str, ...]) -> Built:
     with _building:  # workers of a cluster may have several threads
         return _kept(plan, structure)
 
 
 @functools.lru_cache(_BUILT)
-def _kept(plan: Plan, structure: tuple[str, ...]) -> Built:
+def _kept(plan: SweepPlan, structure: tuple[str, ...]) -> Built:
     return build(plan, structure)
 
 
-def build(plan: Plan, structure: tuple[str, ...]) -> Built:
+def build(plan: SweepPlan, structure: tuple[str, ...]) -> Built:
     """The model with further overrides, and its times.
 
     Raises:

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 
-from flexarm.pictures.channels import Gap, Lane, Pin, tracks
-from flexarm.pictures.columns import Link, columns
+from flexarm.plotting.wiring.channels import Gap, Lane, Pin, tracks
+from flexarm.plotting.wiring.columns import Link, columns
 
 BETWEEN = 22.0
 """Least distance between two boxes of a column."""

@@ -1,4 +1,4 @@
-"""``flexarm diagram SCENARIO``: the wiring as a picture. Heavy imports happen inside the command."""
+"""``flexarm diagram SCENARIO``: the wiring as a picture."""
 
 from __future__ import annotations
 
@@ -7,12 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flexarm.options import ScenarioArgument, SetOption, file_name, load
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to a command line."""
-    app.command()(diagram)
+from flexarm.console.options import ScenarioArgument, SetOption, file_name, load
 
 
 def diagram(
@@ -25,8 +20,8 @@ def diagram(
 ) -> None:
     """Draw the wiring: blocks, flanges, signals, sub-assemblies, and what is recorded where."""
     from engine.files import check_suffix
-    from flexarm.pictures.diagram import PICTURES, write
-    from flexarm.pictures.diagram import diagram as draw
+    from flexarm.plotting.wiring.diagram import PICTURES, write
+    from flexarm.plotting.wiring.diagram import diagram as draw
 
     if output is not None:
         check_suffix(output, PICTURES)

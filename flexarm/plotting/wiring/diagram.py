@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from engine.files import writing
-from flexarm.pictures.graph import DRIVEN, FLANGE, MEASURED, RECORDED, End, Graph, Net, graph
-from flexarm.pictures.icons import SIZE, icon
-from flexarm.pictures.layout import Item, Link, Placed, arrange
-from flexarm.pictures.places import Lit, lit, share
-from flexarm.pictures.shapes import Box, Disc, Group, Label, Picture, Poly, Shape, text_width
+from flexarm.plotting.wiring.graph import DRIVEN, FLANGE, MEASURED, RECORDED, End, Graph, Net, graph
+from flexarm.plotting.wiring.icons import SIZE, icon
+from flexarm.plotting.wiring.layout import Item, Link, Placed, arrange
+from flexarm.plotting.wiring.places import Lit, lit, share
+from flexarm.plotting.wiring.shapes import Box, Disc, Group, Label, Picture, Poly, Shape, text_width
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario

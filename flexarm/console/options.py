@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.errors import FlexarmError, ParameterError, Where
-from flexarm import completion
+from flexarm.console import completion
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario
@@ -49,6 +49,18 @@ AtOption = Annotated[
     list[str] | None,
     typer.Option("--at", metavar="NAME=VALUE", help="Operating point, such as 'link.hub.angle=10 deg'; repeatable."),
 ]
+RecordingsArgument = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[RECORDING]...", help="Recordings of the scenario, by name, or files; all it describes by default."
+    ),
+]
+HoldOutOption = Annotated[
+    list[str] | None,
+    typer.Option("--hold-out", metavar="RECORDING", help="A recording to judge on, not to fit; repeatable."),
+]
+WorkersOption = Annotated[int | None, typer.Option(min=1, help="Threads; as many as cores if not given.")]
+SeedOption = Annotated[int, typer.Option(help="Of everything random.")]
 
 AUTOMATIC = ":automatic:"
 """Stands for ``--plot`` without a file name."""

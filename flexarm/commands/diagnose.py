@@ -1,87 +1,31 @@
-"""The commands ``flexarm fit`` and ``flexarm diagnose``."""
+"""``flexarm diagnose SCENARIO [RECORDING...]``: what the model leaves out."""
 
 from __future__ import annotations
 
 import json
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexarm.options import ScenarioArgument, SetOption
+from flexarm.console.options import (
+    HoldOutOption,
+    RecordingsArgument,
+    ScenarioArgument,
+    SeedOption,
+    SetOption,
+    WorkersOption,
+)
 
 if TYPE_CHECKING:
-    from diagnosis.estimation.least_squares import Fit
     from diagnosis.verdict.verdict import Diagnosis
-
-RecordingsArgument = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="[RECORDING]...", help="Recordings of the scenario, by name, or files; all it describes by default."
-    ),
-]
-HoldOutOption = Annotated[
-    list[str] | None,
-    typer.Option("--hold-out", metavar="RECORDING", help="A recording to judge on, not to fit; repeatable."),
-]
-WorkersOption = Annotated[int | None, typer.Option(min=1, help="Threads; as many as cores if not given.")]
-SeedOption = Annotated[int, typer.Option(help="Of everything random.")]
 
 PROGRESS = ".progress"
 """Folder of the fits that are done, in the output folder, while a diagnosis is under way."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands to the application."""
-    app.command()(fit)
-    app.command()(diagnose)
-
-
-def fit(
-    scenario: ScenarioArgument,
-    recordings: RecordingsArgument = None,
-    hold_out: HoldOutOption = None,
-    overrides: SetOption = None,
-    workers: WorkersOption = None,
-    seed: SeedOption = 0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
-) -> None:
-    """Fit the parameters, within their tolerances, to recordings."""
-    from diagnosis.api import fit as run
-
-    made, scores = run(
-        scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
-    )
-    if as_json:
-        typer.echo(json.dumps(_fit_numbers(made, scores), indent=2))
-        return
-    typer.echo(fit_page(made, scores))
-
-
-def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
-    rows = {i.name: i.numbers() | {"start": i.start} for i in made.intervals()}
-    return {"parameters": rows, "chi2": scores, "converged": made.converged, "not_settled": list(made.weak)}
-
-
-def fit_page(made: Fit, scores: dict[str, float]) -> str:
-    """A fit as text: values, intervals, scores and what the data do not settle."""
-    from diagnosis.estimation.least_squares import span
-    from flexarm.text import columns, number
-
-    rows = [
-        [i.name, number(i.start), number(i.value), span(i.numbers(), 6), i.unit.strip("*")] for i in made.intervals()
-    ]
-    parts = [columns(["parameter", "given", "fitted", "95 % interval", "unit"], rows)]
-    parts += [f"  {name}: mean squared error {value:.4g} times the noise variance" for name, value in scores.items()]
-    if made.weak:
-        parts.append("  the recordings do not settle: " + "; ".join(made.weak))
-    if not made.converged:
-        parts.append("  the fit did not converge")
-    return "\n".join(parts)
 
 
 def diagnose(
@@ -112,7 +56,7 @@ def diagnose(
 
     from diagnosis.api import diagnose as run
     from diagnosis.verdict.write import write
-    from flexarm.interrupt import heard
+    from flexarm.console.interrupt import heard
 
     console = Console(stderr=True)
     bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True)
@@ -160,7 +104,7 @@ def page(found: Diagnosis) -> str:
     """The verdict in plain sentences."""
     from diagnosis.estimation.least_squares import span
     from diagnosis.verdict.verdict import place_odds
-    from flexarm.text import columns, number, plural
+    from flexarm.console.text import columns, number, plural
 
     study = found.study
     parts = [f"{study.scenario.name}: {found.verdict.replace('_', ' ')}"]

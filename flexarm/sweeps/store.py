@@ -12,8 +12,8 @@ from typing import Any, NoReturn
 
 from engine.errors import FlexarmError
 from engine.files import check_suffix, writing
-from flexarm.sweep_plan import Plan
-from flexarm.sweep_work import SUMMARIES, Span
+from flexarm.sweeps.plan import SweepPlan
+from flexarm.sweeps.work import SUMMARIES, Span
 
 GROUP = 5000
 """Rows of a row group."""
@@ -34,7 +34,7 @@ class SweepStore:
         FlexarmError: there is a table, or the parts of one, of another plan, or another process works on it.
     """
 
-    def __init__(self, table: Path, plan: Plan, provenance: dict[str, str], restart: bool = False) -> None:
+    def __init__(self, table: Path, plan: SweepPlan, provenance: dict[str, str], restart: bool = False) -> None:
         check_suffix(table, (".parquet",))
         self.table = table
         self.plan = plan

@@ -96,7 +96,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """Everything that the numbers of a sweep depend on.
 
     Attributes:

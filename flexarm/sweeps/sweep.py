@@ -6,13 +6,15 @@ import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.spread import Spread
-from flexarm.sweep_plan import MOST_RUNS, Plan, make_axes
-from flexarm.sweep_store import SweepStore
-from flexarm.sweep_work import build, compute, digest
+from flexarm._version import version
+from flexarm.output import provenance
+from flexarm.sweeps.plan import MOST_RUNS, SweepPlan, make_axes
+from flexarm.sweeps.store import SweepStore
+from flexarm.sweeps.work import build, compute, digest
 from scenarios.files import packed
 from scenarios.load import Scenario, load
 
@@ -36,25 +38,60 @@ class Sweep:
 
     table: Path
     trajectories: Path | None
-    plan: Plan
+    plan: SweepPlan
     computed: int
+
+
+class SweepKeywords(TypedDict, total=False):
+    """The fields of `SweepOptions` as keyword arguments; why there are both: `engine.simulate.SimulationKeywords`."""
+
+    runs: int | None
+    seed: int
+    outputs: Iterable[str] | None
+    stop: float | None
+    step: float | None
+    keep: float | None
+    workers: int | None
+    scheduler: str | None
+    restart: bool
+    progress: Callable[[int, int], None] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepOptions:
+    """What each run of a sweep is, and where the runs are done.
+
+    Attributes:
+        runs: draws at each point of the grid; needed if something is drawn.
+        seed: of the draws.
+        outputs: signals to sum up; those the scenario records if None.
+        stop: end of every run (s); that of the scenario if None.
+        step: time between rows (s); that of the scenario if None.
+        keep: also keep the outputs over time, at this interval (s), in ``trajectories.parquet`` of the folder.
+        workers: processes; as many as cores if None.
+        scheduler: address of a dask scheduler whose workers are used instead.
+        restart: throw away what an earlier sweep left in the output.
+        progress: called with runs done and runs in all.
+    """
+
+    runs: int | None = None
+    seed: int = 0
+    outputs: Iterable[str] | None = None
+    stop: float | None = None
+    step: float | None = None
+    keep: float | None = None
+    workers: int | None = None
+    scheduler: str | None = None
+    restart: bool = False
+    progress: Callable[[int, int], None] | None = None
 
 
 def sweep(
     source: Scenario | str | Path,
     vary: Sequence[str],
     output: str | Path,
-    *,
-    runs: int | None = None,
-    seed: int = 0,
-    outputs: Iterable[str] | None = None,
-    stop: float | None = None,
-    step: float | None = None,
-    keep: float | None = None,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    restart: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    options: SweepOptions | None = None,
+    **given: Unpack[SweepKeywords],
 ) -> Sweep:
     """Run a scenario over grids and draws, and write a row of numbers for each run.
 
@@ -68,42 +105,35 @@ def sweep(
             need models of their own), ``KEY~tolerance``, ``KEY~10%`` and ``KEY~LOW:HIGH`` (drawn uniformly; the key may
             hold ``*``).
         output: a .parquet file, or a folder, made if need be, in which it is called ``runs.parquet``.
-        runs: draws at each point of the grid; needed if something is drawn.
-        seed: of the draws.
-        outputs: signals to sum up; those the scenario records if None.
-        stop: end of every run (s); that of the scenario if None.
-        step: time between rows (s); that of the scenario if None.
-        keep: also keep the outputs over time, every so many seconds, in ``trajectories.parquet`` of the folder.
-        workers: processes; as many as cores if None.
-        scheduler: address of a dask scheduler whose workers are used instead.
-        restart: throw away what an earlier sweep left in ``output``.
-        progress: called with runs done and runs in all.
+        options: what each run is, and where the runs are done.
+        **given: fields of `SweepOptions` as keywords, over those of ``options``, such as ``runs=1000``.
 
     Raises:
         FlexarmError: a key, value or file that does not fit, or ``output`` holds another sweep.
     """
     scenario = source if isinstance(source, Scenario) else load(source)
-    table = _table(Path(output), keep)
-    plan = make_plan(scenario, vary, runs=runs, seed=seed, outputs=outputs, stop=stop, step=step, keep=keep)
-    store = SweepStore(table, plan, _provenance(scenario), restart)
+    o = replace(options or SweepOptions(), **given)
+    table = _table(Path(output), o.keep)
+    plan = make_plan(scenario, vary, o)
+    store = SweepStore(table, plan, provenance(scenario), o.restart)
     if store.done():
         return Sweep(table, store.trajectories, plan, 0)
     try:
         missing = store.begin()
         runs_missing = sum(last - first for first, last in missing)
         done = plan.total - runs_missing
-        if progress:
-            progress(done, plan.total)
+        if o.progress:
+            o.progress(done, plan.total)
         # A pool costs a second or two; a few short runs are done before it has started.
-        count = 1 if len(missing) <= 1 else workers
-        with Spread(count, scheduler) as workforce:
-            shipped = replace(plan, files=packed(scenario)) if scheduler else plan
+        count = 1 if len(missing) <= 1 else o.workers
+        with Spread(count, o.scheduler) as workforce:
+            shipped = replace(plan, files=packed(scenario)) if o.scheduler else plan
             answers = workforce.map(functools.partial(compute, shipped), missing)
             for span, found in zip(missing, answers, strict=True):
                 store.write(span, found)
                 done += span[1] - span[0]
-                if progress:
-                    progress(done, plan.total)
+                if o.progress:
+                    o.progress(done, plan.total)
         store.finish()
     finally:
         store.close()
@@ -129,36 +159,24 @@ def _table(output: Path, keep: float | None) -> Path:
     return output / TABLE
 
 
-def _provenance(scenario: Scenario) -> dict[str, str]:
-    from flexarm.output import provenance
-
-    return provenance(scenario)
-
-
 def make_plan(
     scenario: Scenario,
     vary: Sequence[str],
-    *,
-    runs: int | None = None,
-    seed: int = 0,
-    outputs: Iterable[str] | None = None,
-    stop: float | None = None,
-    step: float | None = None,
-    keep: float | None = None,
-) -> Plan:
+    options: SweepOptions | None = None,
+    **given: Unpack[SweepKeywords],
+) -> SweepPlan:
     """The plan of a sweep; arguments and errors as of `sweep`."""
-    import flexarm
-
+    o = replace(options or SweepOptions(), **given)
     if not vary:
         raise FlexarmError("nothing is varied", remedy="give --vary, for example --vary gear.ratio=14:70:5")
-    if runs is not None and runs < 1:
-        raise ParameterError(f"{runs} runs are none", remedy="give --runs 1 or more")
-    if seed < 0:
-        raise ParameterError(f"the seed {seed} is below zero", remedy="give --seed 0 or more")
-    for name, value in (("stop", stop), ("step", step), ("keep", keep)):
+    if o.runs is not None and o.runs < 1:
+        raise ParameterError(f"{o.runs} runs are none", remedy="give --runs 1 or more")
+    if o.seed < 0:
+        raise ParameterError(f"the seed {o.seed} is below zero", remedy="give --seed 0 or more")
+    for name, value in (("stop", o.stop), ("step", o.step), ("keep", o.keep)):
         if value is not None and not value > 0:
             raise ParameterError(f"{name} is {value}", remedy="give a time above zero, in seconds")
-    wanted = None if outputs is None else [scenario.resolve(name) for name in outputs]
+    wanted = None if o.outputs is None else [scenario.resolve(name) for name in o.outputs]
     model = scenario.build(outputs=wanted)
     chosen = tuple((variable.name, variable.unit) for variable in model.outputs)
     if wanted is not None and not chosen:
@@ -169,25 +187,25 @@ def make_plan(
         return None if load_only else made.build(outputs=wanted)
 
     axes, samples = make_axes(scenario, model, vary, rebuild)
-    if samples and runs is None:
+    if samples and o.runs is None:
         raise ParameterError(
             f"'{samples[0].name}' is drawn at random, and how often is not said", remedy="add for example --runs 1000"
         )
-    if runs is not None and not samples:
-        raise ParameterError(f"--runs {runs} without anything that is drawn", remedy="add for example KEY~tolerance")
-    plan = Plan(
+    if o.runs is not None and not samples:
+        raise ParameterError(f"--runs {o.runs} without anything that is drawn", remedy="add for example KEY~tolerance")
+    plan = SweepPlan(
         scenario=str(scenario.path),
         digest=digest(scenario),
         overrides=scenario.overrides,
         axes=axes,
         samples=samples,
-        draws=runs or 1,
-        seed=seed,
+        draws=o.runs or 1,
+        seed=o.seed,
         outputs=chosen,
-        stop=stop,
-        step=step,
-        keep=keep,
-        version=flexarm.version(),
+        stop=o.stop,
+        step=o.step,
+        keep=o.keep,
+        version=version(),
     )
     if plan.total > MOST_RUNS:
         raise ParameterError(f"{plan.total:.3g} runs are too many", remedy=f"at most {MOST_RUNS:.0e} are done")

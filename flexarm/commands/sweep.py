@@ -1,4 +1,4 @@
-"""``flexarm sweep SCENARIO``: grids and Monte Carlo. Heavy imports happen inside the command."""
+"""``flexarm sweep SCENARIO``: grids and Monte Carlo."""
 
 from __future__ import annotations
 
@@ -7,13 +7,8 @@ from typing import Annotated
 
 import typer
 
-from flexarm import completion
-from flexarm.options import OutputsOption, ScenarioArgument, SetOption, load, names, seconds
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to a command line."""
-    app.command()(sweep)
+from flexarm.console import completion
+from flexarm.console.options import OutputsOption, ScenarioArgument, SetOption, load, names, seconds
 
 
 def sweep(
@@ -52,10 +47,11 @@ def sweep(
     """
     import sys
 
-    from flexarm.interrupt import heard
-    from flexarm.progress import Progress
-    from flexarm.sweeps import sweep as run
-    from flexarm.text import plural
+    from flexarm.console.interrupt import heard
+    from flexarm.console.progress import Progress
+    from flexarm.console.text import plural
+    from flexarm.sweeps.sweep import SweepOptions
+    from flexarm.sweeps.sweep import sweep as run
 
     loaded = load(scenario, overrides)
     at = (0, 0)
@@ -68,10 +64,7 @@ def sweep(
                 check()
                 bar.update(done / total)
 
-            made = run(
-                loaded,
-                vary or [],
-                output,
+            options = SweepOptions(
                 runs=runs,
                 seed=seed,
                 outputs=names(outputs),
@@ -83,6 +76,7 @@ def sweep(
                 restart=restart,
                 progress=progress,
             )
+            made = run(loaded, vary or [], output, options)
     except KeyboardInterrupt:
         sys.stderr.write(f"interrupted after {at[0]} of {at[1]} runs; the same command goes on from there\n")
         raise typer.Exit(130) from None
@@ -97,8 +91,8 @@ def _ranges(table: Path, outputs: tuple[tuple[str, str], ...]) -> str:
     """What the runs span, output by output, and how many failed."""
     import numpy as np
 
+    from flexarm.console.text import columns, number, plural
     from flexarm.table import read
-    from flexarm.text import columns, number, plural
 
     rows = []
     for name, unit in outputs:
