@@ -239,15 +239,13 @@ def effects_page() -> str:
     parts = [
         "# Effects for `flexarm diagnose`",
         "",
-        "What authors of effects need, imported from `flexarm.effects`; [Register an effect](../how-to/register-an-effect.md) "
-        "goes through one. Quantities are in SI units.",
+        "What authors of effects need, imported from `flexarm.effects`; quantities are in SI units. "
+        "[Register an effect](../how-to/register-an-effect.md) goes through one.",
         "",
     ]
     objects = {name: getattr(effects, name) for name in effects.__all__}
-    kinds = [code(value) for name, value in objects.items() if isinstance(value, str) and name != "NAME"]
-    parts += [
-        f"The kinds of places are the constants `BLOCK`, `INPUT`, `JOINT`, `SENSOR` and `SHAFT`: {', '.join(kinds)}."
-    ]
+    kinds = [code(name) for name, value in objects.items() if isinstance(value, str) and name != "NAME"]
+    parts.append(f"The kinds of places are the constants {', '.join(kinds)}.")
     for name, made in objects.items():
         if inspect.isfunction(made) or isinstance(made, type):
             parts += ["", f"## {name}", "", _signature(name, made), "", google(inspect.getdoc(made) or ""), ""]
