@@ -11,14 +11,16 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
-.PHONY: help setup demo test test-full lint format bench proof docs lock clean
+.PHONY: help setup demo test test-slow test-full test-all lint format bench proof docs lock clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make setup      create .venv and install flexarm with its tools"
 	@echo "make demo       run the demonstration; results go to ./demo-results"
 	@echo "make test       ruff, mypy, import-linter and the quick tests"
-	@echo "make test-full  the same with the slow tests"
+	@echo "make test-slow  the slow tests alone"
+	@echo "make test-full  make test and make test-slow in one"
+	@echo "make test-all   the quick tests on every supported Python that is found, 3.11 to 3.13; STRICT=1 fails on a missing one"
 	@echo "make lint       ruff, mypy and import-linter alone"
 	@echo "make format     let ruff format and repair"
 	@echo "make bench      run benchmarks/bench_*.py"
@@ -51,6 +53,13 @@ test: lint
 test-full: lint
 	@echo "== pytest, slow tests included"; $(BIN)/pytest -n $(WORKERS) -m "slow or not slow"
 
+test-slow: $(READY)
+	@echo "== pytest, slow tests alone"; $(BIN)/pytest -n $(WORKERS) -m slow
+
+# Each version has an environment of its own, .venv-3.11 and so on; what is not found is named at the end.
+test-all: $(READY)
+	@$(BIN)/python tools/matrix.py $(if $(STRICT),--strict) -n $(WORKERS)
+
 format: $(READY)
 	@$(BIN)/ruff format .
 	@$(BIN)/ruff check --fix .
@@ -81,4 +90,4 @@ lock:
 
 clean:
 	@rm -rf build dist site .docs-cache demo-results proof-results/quick .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
-	@find . -path ./$(VENV) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+	@find . -path './$(VENV)*' -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,4 +1,4 @@
-"""The library: one physical thing per file, its equation and sign on top."""
+"""The library: one physical thing per file, its equation and sign on top. Part of flexarm."""
 
 from blocks.registry import find, registry
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-from engine.block import Expression
+from engine.ports import Expression
 
 
 def exp(x: Expression) -> Expression:

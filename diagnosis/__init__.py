@@ -1,1 +1,1 @@
-"""Holding a model against recordings."""
+"""Holding a model against recordings. Part of flexarm."""

@@ -9,14 +9,14 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis.compare import find_recording
+from diagnosis.binding import find_recording
 from diagnosis.effects.catalogue import candidates, check_names
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.least_squares import fit as fit_problem
 from diagnosis.problems import problem
-from diagnosis.recordings.mapping import Recorded
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.dask_fitter import DaskFitter
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import Progress, study
@@ -77,9 +77,8 @@ def fit(
     with threadpool_limits(BLAS_THREADS):
         made = fit_problem(problem(scenario, recorded), random_starts=2, seed=seed, workers=workers or cores())
     scores = {"fitted": made.chi2}
-    held = made.problem.chosen("hold_out")
-    if held:
-        scores["held out"] = made.score(held)
+    if made.problem.held_out:
+        scores["held out"] = made.problem.chi2(made.x, made.problem.held_out)
     return made, scores
 
 

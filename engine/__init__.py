@@ -1,1 +1,1 @@
-"""Ground floor: how equations become numbers. Knows no particular block."""
+"""Ground floor: how equations become numbers. Knows no particular block. Part of flexarm."""

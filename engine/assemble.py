@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from engine.block import MOTION, Expression
 from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
 from engine.mechanics import Mechanics
 from engine.model import (
@@ -25,6 +25,7 @@ from engine.model import (
     Variable,
 )
 from engine.net import Net
+from engine.ports import MOTION, Expression
 from engine.stamps import Input, ModelParameter, Motion
 from engine.system import System, bypass
 from engine.wiring import Wiring, hash_symbol
@@ -151,7 +152,8 @@ class _Assembly:
                     self.net.inputs[endpoint] = Input(endpoint, port, ca.SX.sym(endpoint))
                     bound[attribute] = self.net.inputs[endpoint].symbol
             try:
-                self.net.stamp(name, block, bound)
+                self.net.begin(name, physical=block.is_physical())
+                block.bind(bound).stamp(self.net)
             except FlexarmError as error:
                 place = self.system.place(name)
                 raise (error.at(place) if place else error) from None
@@ -254,8 +256,8 @@ class _Assembly:
             memory_clock=tuple(entry.clock.index for entry in net.memories),
             modes=self._modes(),
             equations=equations,
-            motions={f"{block}.{port}": motion.index for (block, port), motion in self.flanges.items()},
-            initial=dict(self.system.initial),
+            motions=MappingProxyType({f"{b}.{port}": motion.index for (b, port), motion in self.flanges.items()}),
+            initial=MappingProxyType(dict(self.system.initial)),
             externals=self._externals([(entry.name, given.numel()) for entry, given in calls]),
         )
 

@@ -19,48 +19,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from engine.errors import ParameterError, nearest
+from engine.ports import ROTATIONAL, Port
 from engine.quantity import Option, Parameter, SameAs, coherent, split
 
 if TYPE_CHECKING:
     from engine.net import Net
-
-Expression = Any
-"""A CasADi SX expression, or a number where the value is structural."""
-
-ROTATIONAL = "rotational"
-TRANSLATIONAL = "translational"
-
-MOTION = {
-    ROTATIONAL: (("angle", "rad"), ("speed", "rad/s"), ("acceleration", "rad/s2"), ("torque", "N.m")),
-    TRANSLATIONAL: (("position", "m"), ("speed", "m/s"), ("acceleration", "m/s2"), ("force", "N")),
-}
-"""For each kind of flange, the names and units of its motion (three) and of its effort."""
-
-
-@dataclass(frozen=True)
-class Port:
-    """A connector of a block.
-
-    Attributes:
-        name: the port's name in scenario files; may contain dots.
-        role: ``flange``, ``input`` or ``output``.
-        doc: one sentence.
-        kind: for a flange, ``rotational`` or ``translational``.
-        unit: for a signal; ``*`` fits any unit.
-        default: value of an input that nothing feeds; None means it must be connected.
-    """
-
-    name: str
-    role: str
-    doc: str
-    kind: str = ""
-    unit: str = ""
-    default: float | None = None
 
 
 class _Declared:
@@ -140,6 +108,7 @@ class Block:
         values: parameters and options by name; numbers in the declared unit, or texts with a unit.
 
     Attributes:
+        given: parameters and options as they were given, by name.
         values: parameters and options by name, in the declared unit.
         ports: connectors by name; those of the class, and `further_ports`.
 
@@ -213,6 +182,7 @@ class Block:
         for name in values:
             if name not in known:
                 raise ParameterError(f"{cls.__name__} has no parameter '{name}'", remedy=nearest(name, known))
+        self.given: dict[str, Any] = dict(values)
         self.values: dict[str, Any] = {}
         self._aliases: dict[str, str] = {}
         self._units: dict[str, str] = {}

@@ -14,8 +14,8 @@ from typing import Any
 
 import casadi as ca
 
-from engine.block import Expression
 from engine.model import FRICTION, SWITCH, TIME, Model
+from engine.ports import Expression
 
 _RUNTIME = Path(__file__).parent / "runtime"
 

@@ -13,9 +13,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.block import Expression
 from engine.errors import StructureError
 from engine.net import Net
+from engine.ports import Expression
 from engine.stamps import Friction, Motion, Prescription
 
 Row = dict[int, Expression]

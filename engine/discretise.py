@@ -85,14 +85,11 @@ def discretise(
     point = operating_point(model, **settings, time=time)  # type: ignore[arg-type]
     keep, r, n_d = point.kept(model), len(model.inputs), len(model.memories)
     n = len(keep)
-    e, d = model.equations, model.equations.d
-    key = "discrete"
-    if key not in model.functions:
-        held = [ca.densify(ca.jacobian(f, d)) for f in (e.derivative, e.outputs)]
-        model.functions[key] = ca.Function(key, e.arguments, held)
-        ticked = [ca.densify(ca.jacobian(e.update, s)) for s in (e.x, d, e.u[:r])]
-        model.functions["discrete_tick"] = ca.Function("discrete_tick", [*e.arguments, e.fire], [*ticked, e.update])
-    G, C_d = (np.array(b.full()) for b in model.functions[key](*point.arguments))
+    held = model.derived("held", lambda e: [ca.densify(ca.jacobian(f, e.d)) for f in (e.derivative, e.outputs)])
+    tick_by = model.derived(
+        "tick", lambda e: [*(ca.densify(ca.jacobian(e.update, s)) for s in (e.x, e.d, e.u[:r])), e.update], fire=True
+    )
+    G, C_d = (np.array(b.full()) for b in held(*point.arguments))
     flow = np.zeros((n + n_d + r, n + n_d + r))
     flow[:n] = np.hstack([plain.A, G[keep], plain.B])
     tick, drift = np.eye(n + n_d + r), point.d.copy()
@@ -104,7 +101,7 @@ def discretise(
         whole = scipy.linalg.expm(flow * float(instant - begin)) @ whole
         fire = np.array([float(i in firing) for i in range(len(model.clocks))])
         arguments = (point.t, point.x, point.u, drift, point.m, point.p, fire)
-        by_x, by_d, by_u, after = (np.array(b.full()) for b in model.functions["discrete_tick"](*arguments))
+        by_x, by_d, by_u, after = (np.array(b.full()) for b in tick_by(*arguments))
         tick[n : n + n_d] = np.hstack([by_x[:, keep], by_d, by_u])
         drift, whole, begin = after.ravel(), tick @ whole, instant
         if instant == 0:

@@ -27,13 +27,16 @@ class FlexarmError(Exception):
         message: what is wrong, repeating the value received.
         where: the place in the user's file, if known.
         remedy: what to do about it.
+        signal: the signal it is about, by its full name, if it is about one; who knows where the user named it adds the
+            place.
     """
 
-    def __init__(self, message: str, where: Where | None = None, remedy: str = "") -> None:
+    def __init__(self, message: str, where: Where | None = None, remedy: str = "", *, signal: str = "") -> None:
         super().__init__(message)
         self.message = message
         self.where = where
         self.remedy = remedy
+        self.signal = signal
 
     def at(self, where: Where) -> FlexarmError:
         """The same error with its place filled in, unless it already knows one."""

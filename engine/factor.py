@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from engine.block import Expression
+from engine.ports import Expression
 
 
 def solve(matrix: Expression, right: Expression, parameters: Expression, modes: list[Expression]) -> Expression:

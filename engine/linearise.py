@@ -94,9 +94,17 @@ def _index(name: str | None, names: tuple[str, ...], kind: str) -> int:
     return names.index(name)
 
 
+SAME = 1e-9
+"""Magnitudes that differ by no more, relative or in 1/s, are equal: what is left is the linear algebra's rounding."""
+
+
 def _by_magnitude(values: Any) -> NDArray[np.complex128]:
+    """Rising magnitudes; among equal ones, such as those of a conjugate pair, rising imaginary parts."""
     values = np.asarray(values, dtype=complex)
-    ordered: NDArray[np.complex128] = values[np.lexsort((values.imag, np.round(np.abs(values), 9)))]
+    values = values[np.argsort(np.abs(values), kind="stable")]
+    sizes = np.abs(values)
+    group = np.cumsum(np.diff(sizes, prepend=0.0) > SAME * np.maximum(sizes, 1.0))
+    ordered: NDArray[np.complex128] = values[np.lexsort((values.imag, group))]
     return ordered
 
 
@@ -143,13 +151,13 @@ def linearise(
         ParameterError: a name or label that does not exist, or something has no derivative at the point.
     """
     point = operating_point(model, at=at, inputs=inputs, modes=modes, parameters=parameters, time=time)
-    e = model.equations
-    key = "linear"
-    if key not in model.functions:
-        external = e.u[: len(model.inputs)]
-        blocks = [ca.jacobian(f, s) for f in (e.derivative, e.outputs) for s in (e.x, external)]
-        model.functions[key] = ca.Function(key, e.arguments, [ca.densify(b) for b in blocks])
-    A, B, C, D = (np.array(b.full()) for b in model.functions[key](*point.arguments))
+    linear = model.derived(
+        "linear",
+        lambda e: [
+            ca.densify(ca.jacobian(f, s)) for f in (e.derivative, e.outputs) for s in (e.x, e.u[: len(model.inputs)])
+        ],
+    )
+    A, B, C, D = (np.array(b.full()) for b in linear(*point.arguments))
     _check_finite(model, A, B, C, D)
     keep = point.kept(model)
     unbounded = ~np.isfinite(np.vstack([np.hstack([A, B]), np.hstack([C, D])])).all(axis=1)

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine import recursion
-from engine.block import Expression
 from engine.coordinates import choose
 from engine.errors import StructureError
 from engine.factor import solve
 from engine.net import Net
+from engine.ports import Expression
 from engine.stamps import Motion, Prescription
 from engine.system import System
 from engine.wiring import Wiring, hash_symbol

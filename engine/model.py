@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.block import Expression
 from engine.errors import ParameterError, Where, nearest
+from engine.ports import Expression
 from engine.quantity import Parameter
 
 Vector = NDArray[np.float64]
@@ -188,8 +189,8 @@ class Model:
     memory_clock: tuple[int, ...]
     modes: tuple[Mode, ...]
     equations: Equations
-    motions: dict[str, int]
-    initial: dict[str, float]
+    motions: Mapping[str, int]
+    initial: Mapping[str, float]
     externals: tuple[External, ...] = ()
 
     def count(self, kind: str) -> int:
@@ -244,8 +245,11 @@ class Model:
         return frozenset(columns)
 
     @functools.cached_property
-    def functions(self) -> dict[str, Any]:
-        """CasADi functions of ``t, x, u, d, m, p``: derivative, guards, outputs, update, following, starts."""
+    def functions(self) -> Mapping[str, Any]:
+        """CasADi functions of ``t, x, u, d, m, p``: derivative, guards, outputs, update, following, starts.
+
+        Read-only, so that `signature` is the same whatever was done with the model; others are made by `derived`.
+        """
         e = self.equations
         made = {
             name: ca.Function(name, e.arguments, [getattr(e, name)])
@@ -258,7 +262,33 @@ class Model:
         made["start"] = ca.Function("start", [e.p], [e.start])
         made["transform"] = ca.Function("transform", [e.p], [e.transform])
         made["memory_start"] = ca.Function("memory_start", [e.p], [e.memory_start])
-        return made
+        return MappingProxyType(made)
+
+    @functools.cached_property
+    def _derived(self) -> dict[str, Any]:
+        return {}
+
+    def derived(
+        self, name: str, expressions: Callable[[Equations], Sequence[Expression]], *, fire: bool = False
+    ) -> Any:
+        """A function of expressions derived from the equations, made once and kept under its name.
+
+        Args:
+            name: of the function; each stands for the same expressions wherever it is used.
+            expressions: gives the results from the equations; called the first time only.
+            fire: the function also takes the clocks' flags, after ``t, x, u, d, m, p``.
+        """
+        found = self._derived.get(name)
+        if found is None:
+            e = self.equations
+            arguments = [*e.arguments, e.fire] if fire else e.arguments
+            found = self._derived[name] = ca.Function(name, arguments, list(expressions(e)))
+        return found
+
+    @property
+    def jacobian(self) -> Any:
+        """Function of ``t, x, u, d, m, p``: the derivative by the states, shape (states, states), 1/s and the like."""
+        return self.derived("jacobian", lambda e: [ca.jacobian(e.derivative, e.x)])
 
     @functools.cached_property
     def signature(self) -> str:

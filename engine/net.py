@@ -12,8 +12,8 @@ from typing import Any
 
 import casadi as ca
 
-from engine.block import ROTATIONAL, Block, Expression, Port
 from engine.errors import StructureError
+from engine.ports import ROTATIONAL, Expression, Port
 from engine.stamps import (
     Clock,
     External,
@@ -70,10 +70,9 @@ class Net:
         self.motions.append(motion)
         return motion
 
-    def stamp(self, name: str, block: Block, bound: dict[str, Any]) -> None:
-        """Let ``block`` write its law under ``name``, its declarations bound to ``bound``."""
-        self._owner, self._physical = name, block.is_physical()
-        block.bind(bound).stamp(self)
+    def begin(self, name: str, *, physical: bool) -> None:
+        """What is stamped from here on belongs to the block ``name``; ``physical`` if that is part of the plant."""
+        self._owner, self._physical = name, physical
 
     def _name(self, local: str) -> str:
         return f"{self._owner}.{local}"

@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.block import Expression
+from engine.ports import Expression
 
 
 def rows_of(matrix: Expression) -> list[dict[int, Expression]]:

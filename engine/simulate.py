@@ -6,7 +6,7 @@ import math
 import warnings
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,28 +119,31 @@ def common_tick(instants: list[float]) -> Fraction:
     return tick
 
 
-def simulate(
-    model: Model,
-    stop: float,
-    step: float = 1e-3,
-    *,
-    parameters: dict[str, float] | None = None,
-    drive: Drive | None = None,
-    initial: dict[str, float] | None = None,
-    internal_step: float | None = None,
-    record_states: bool = False,
-    backend: str = "auto",
-    log_capacity: int = 100_000,
-    step_tolerance: float | None = None,
-) -> Result:
-    """Simulate from rest, or from the initial values, at time 0.
+class SimulationKeywords(TypedDict, total=False):
+    """The fields of `SimulationOptions` as keyword arguments.
 
-    Args:
-        model: the model.
-        stop: end (s); the last row is the last multiple of ``step`` not beyond it.
-        step: time between rows (s).
+    A script reads better with ``simulate(model, 4.0, drive=drive)`` than with an object made for one call, and a type
+    checker knows keywords from a TypedDict alone, not from a dataclass (PEP 692). So there are both, field by field;
+    ``tests/test_options.py`` holds them against each other.
+    """
+
+    parameters: dict[str, float] | None
+    drive: Drive | None
+    initial: dict[str, float] | None
+    internal_step: float | None
+    record_states: bool
+    backend: str
+    log_capacity: int
+    step_tolerance: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulationOptions:
+    """How to simulate.
+
+    Attributes:
         parameters: values that replace the model's, SI units.
-        drive: the external inputs; zero if None.
+        drive: the external inputs of a model built with inputs; zero if None.
         initial: starting values by name, SI units.
         internal_step: longest integration step (s); chosen from the fastest mode if None.
         record_states: also keep states and modes at every row.
@@ -148,29 +151,57 @@ def simulate(
         log_capacity: how many events are kept.
         step_tolerance: if given, the run is repeated with half the internal step, and a warning names the fastest mode
             if some output changes by more than this share of its range.
+    """
+
+    parameters: dict[str, float] | None = None
+    drive: Drive | None = None
+    initial: dict[str, float] | None = None
+    internal_step: float | None = None
+    record_states: bool = False
+    backend: str = "auto"
+    log_capacity: int = 100_000
+    step_tolerance: float | None = None
+
+
+def simulate(
+    model: Model,
+    stop: float,
+    step: float = 1e-3,
+    options: SimulationOptions | None = None,
+    **given: Unpack[SimulationKeywords],
+) -> Result:
+    """Simulate from rest, or from the initial values, at time 0.
+
+    Args:
+        model: the model.
+        stop: end (s); the last row is the last multiple of ``step`` not beyond it.
+        step: time between rows (s).
+        options: how to simulate.
+        **given: fields of `SimulationOptions`, over those of ``options``.
 
     Raises:
         ParameterError: a name or value that does not fit.
         SimulationError: the run diverged or chattered; the message says when and which state or mode.
     """
+    o = replace(options or SimulationOptions(), **given)
     job = prepare(
         model,
         stop,
         step,
-        parameters=parameters,
-        drive=drive,
-        initial=initial,
-        internal_step=internal_step,
-        record_states=record_states,
-        log_capacity=log_capacity,
+        parameters=o.parameters,
+        drive=o.drive,
+        initial=o.initial,
+        internal_step=o.internal_step,
+        record_states=o.record_states,
+        log_capacity=o.log_capacity,
     )
-    used, outcome = _execute(model, job, backend)
+    used, outcome = _execute(model, job, o.backend)
     reason = fault(model, job, outcome)
     if reason:
         raise SimulationError(reason) from outcome.cause
-    result = as_result(model, job, outcome, step, used, parameters)
-    if step_tolerance is not None:
-        _check_step(model, job, result, used, step_tolerance)
+    result = as_result(model, job, outcome, step, used, o.parameters)
+    if o.step_tolerance is not None:
+        _check_step(model, job, result, used, o.step_tolerance)
     return result
 
 
@@ -228,7 +259,7 @@ def prepare(
     record_states: bool = False,
     log_capacity: int = 100_000,
 ) -> Job:
-    """Everything one run needs, checked and in the runtime's form; see `simulate` for the arguments."""
+    """Everything one run needs, checked and in the runtime's form; see `SimulationOptions` for the arguments."""
     for name, value in (("stop", stop), ("step", step)):
         if not (math.isfinite(value) and value > 0):
             raise ParameterError(f"{name} is {value}", remedy=f"give a {name} time above zero, in seconds")

@@ -8,8 +8,8 @@ from typing import Any
 
 import casadi as ca
 
-from engine.block import Expression, Port
 from engine.errors import StructureError
+from engine.ports import Expression, Port
 from engine.quantity import Parameter
 
 

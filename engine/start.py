@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from engine.block import MOTION
 from engine.errors import ParameterError, nearest
 from engine.model import Model, Vector
+from engine.ports import MOTION
 
 _ORDERS = {name: order for kind in MOTION.values() for order, (name, _) in enumerate(kind[:2])}
 

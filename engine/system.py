@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from engine.block import MOTION, Block
+from engine.block import Block
 from engine.errors import ConnectionProblem, Where, nearest
+from engine.ports import MOTION
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class System:
             block = ".".join(parts[:cut])
             if block in self.blocks:
                 return block, ".".join(parts[cut:])
-        raise ConnectionProblem(f"'{endpoint}' names no block", where, nearest(parts[0], self.blocks))
+        raise ConnectionProblem(f"'{endpoint}' names no block", where, nearest(parts[0], self.blocks), signal=endpoint)
 
     def observable(self, endpoint: str) -> tuple[str, str, int] | None:
         """Block, flange and derivative order when the endpoint is the motion of a flange, else None."""
@@ -109,11 +110,14 @@ def bypass(system: System, inputs: list[str]) -> tuple[System, list[str]]:
         ConnectionProblem: an endpoint is not a signal input.
     """
     known = system.inputs()
-    if len(set(inputs)) < len(inputs):
-        raise ConnectionProblem(f"an input is named twice: {', '.join(inputs)}", remedy="name each once")
+    for endpoint in inputs:
+        if inputs.count(endpoint) > 1:
+            raise ConnectionProblem(
+                f"input '{endpoint}' is named twice: {', '.join(inputs)}", remedy="name each once", signal=endpoint
+            )
     for endpoint in inputs:
         if endpoint not in known:
-            raise ConnectionProblem(f"'{endpoint}' is not an input", remedy=nearest(endpoint, known))
+            raise ConnectionProblem(f"'{endpoint}' is not an input", remedy=nearest(endpoint, known), signal=endpoint)
     connections = []
     for connection in system.connections:
         ends = tuple(end for end in connection.ends if end not in inputs)
@@ -133,6 +137,7 @@ def bypass(system: System, inputs: list[str]) -> tuple[System, list[str]]:
                 raise ConnectionProblem(
                     f"input '{endpoint}' would drive nothing: what it feeds is driven from outside too",
                     remedy=f"leave '{endpoint}' out",
+                    signal=endpoint,
                 )
         dropped += gone
         blocks = {name: block for name, block in blocks.items() if name not in gone}

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from engine.block import MOTION, Expression
 from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
 from engine.net import Net
+from engine.ports import MOTION, Expression
 from engine.quantity import compatible
 from engine.stamps import External, Memory, Motion
 from engine.system import System
@@ -71,7 +71,7 @@ class Wiring:
             return Source(name, symbol, MOTION[motion.kind][order][1], True)
         if name in self.net.inputs:
             return Source(name, self.net.inputs[name].symbol, self.unit(name), False)
-        raise ConnectionProblem(f"'{name}' names no signal", remedy=nearest(name, self.names()))
+        raise ConnectionProblem(f"'{name}' names no signal", remedy=nearest(name, self.names()), signal=name)
 
     def names(self) -> list[str]:
         """Every signal that can be recorded."""
@@ -95,6 +95,7 @@ class Wiring:
                     f"'{name}' is not connected ({port.doc})",
                     self.system.place(block),
                     f"connect a signal{kind} to it, or declare it as an input of the analysis",
+                    signal=name,
                 )
             return None
         end, connection = found
@@ -150,6 +151,7 @@ class Wiring:
                     f"'{source.name}' is in {source.unit} but '{name}' takes {wanted}",
                     found[1].where if found else None,
                     "connect a signal of the right unit, or put a Gain or a sensor between",
+                    signal=name,
                 )
 
     # -- continuous resolution --------------------------------------------------------------------------------------

@@ -6,7 +6,8 @@
     result = flexarm.simulate(scenario)
     result["link.hub.angle"]
 
-Names are imported on first use, so that importing the package costs nothing.
+A block of your own is a subclass of `Block`; the functions for its law are in `flexarm.symbolic`. Names are imported on
+first use, so that importing the package costs nothing.
 """
 
 from __future__ import annotations
@@ -14,76 +15,107 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from flexarm import _packages
+
+_packages.claim()
+
 if TYPE_CHECKING:
     from diagnosis.api import diagnose, fit
     from diagnosis.compare import Comparison
-    from diagnosis.recordings.mapping import FrequencyTable, Recording
+    from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.assemble import build
     from engine.batch import batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
-    from engine.errors import FlexarmError
+    from engine.errors import FlexarmError, ParameterError
     from engine.linearise import LinearModel
     from engine.model import Model
     from engine.net import Net
-    from engine.simulate import Drive, Result
+    from engine.ports import ROTATIONAL, TRANSLATIONAL, Port
+    from engine.quantity import SameAs
+    from engine.simulate import Drive, Result, SimulationOptions
+    from engine.stamps import Clock, Motion, Velocity
     from engine.system import Connection, System
     from engine.tangent import tangents
-    from flexarm.api import compare, export, linearise, simulate
-    from flexarm.plot import plot
-    from flexarm.sweeps import sweep
+    from flexarm._version import version
+    from flexarm.api import ExportOptions, compare, export, linearise, simulate
+    from flexarm.plotting.results import plot
+    from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
     from scenarios.jsonschema import json_schema
     from scenarios.load import Scenario, load
 
 _PLACES = {
     "Block": "engine.block",
+    "Clock": "engine.stamps",
     "Comparison": "diagnosis.compare",
     "Connection": "engine.system",
     "Drive": "engine.simulate",
+    "ExportOptions": "flexarm.api",
     "FlexarmError": "engine.errors",
-    "FrequencyTable": "diagnosis.recordings.mapping",
+    "FrequencyTable": "diagnosis.recordings.types",
     "LinearModel": "engine.linearise",
     "Model": "engine.model",
+    "Motion": "engine.stamps",
     "Net": "engine.net",
-    "Recording": "diagnosis.recordings.mapping",
+    "ParameterError": "engine.errors",
+    "Port": "engine.ports",
+    "ROTATIONAL": "engine.ports",
+    "Recording": "diagnosis.recordings.types",
     "Result": "engine.simulate",
+    "SameAs": "engine.quantity",
     "Scenario": "scenarios.load",
+    "SimulationOptions": "engine.simulate",
+    "SweepOptions": "flexarm.sweeps.sweep",
     "System": "engine.system",
+    "TRANSLATIONAL": "engine.ports",
+    "Velocity": "engine.stamps",
+    "batch": "engine.batch",
     "build": "engine.assemble",
     "compare": "flexarm.api",
     "diagnose": "diagnosis.api",
-    "fit": "diagnosis.api",
-    "tangents": "engine.tangent",
-    "batch": "engine.batch",
     "export": "flexarm.api",
+    "fit": "diagnosis.api",
     "flange": "engine.block",
     "json_schema": "scenarios.jsonschema",
     "linearise": "flexarm.api",
     "load": "scenarios.load",
     "option": "engine.block",
     "parameter": "engine.block",
-    "plot": "flexarm.plot",
+    "plot": "flexarm.plotting.results",
     "read": "flexarm.table",
     "signal_in": "engine.block",
     "signal_out": "engine.block",
     "simulate": "flexarm.api",
-    "sweep": "flexarm.sweeps",
+    "sweep": "flexarm.sweeps.sweep",
+    "tangents": "engine.tangent",
+    "version": "flexarm._version",
 }
 
 __all__ = [
+    "ROTATIONAL",
+    "TRANSLATIONAL",
     "Block",
+    "Clock",
     "Comparison",
     "Connection",
     "Drive",
+    "ExportOptions",
     "FlexarmError",
     "FrequencyTable",
     "LinearModel",
     "Model",
+    "Motion",
     "Net",
+    "ParameterError",
+    "Port",
     "Recording",
     "Result",
+    "SameAs",
     "Scenario",
+    "SimulationOptions",
+    "SweepOptions",
     "System",
+    "Velocity",
     "batch",
     "build",
     "compare",
@@ -103,12 +135,17 @@ __all__ = [
     "simulate",
     "sweep",
     "tangents",
+    "version",
 ]
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
+        from flexarm._version import version
+
         return version()
+    if name == "symbolic":
+        return importlib.import_module("flexarm.symbolic")
     if name not in _PLACES:
         raise AttributeError(f"module 'flexarm' has no attribute '{name}'")
     found = getattr(importlib.import_module(_PLACES[name]), name)
@@ -117,14 +154,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
-
-
-def version() -> str:
-    """Version of the installed distribution."""
-    from importlib import metadata
-
-    try:
-        return metadata.version("flexarm")
-    except metadata.PackageNotFoundError:
-        return "0+source"
+    return [*__all__, "__version__", "symbolic"]

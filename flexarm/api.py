@@ -5,41 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from engine.errors import FlexarmError, ParameterError, Where, nearest
-from engine.model import TIME, Mode, Model
-from engine.simulate import Drive, Result
+from engine.errors import ParameterError, Where, nearest
+from engine.model import TIME, Model
+from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
-from engine.system import bypass
-from scenarios.load import AnalysisSettings, Scenario, Simulation, load, si
+from flexarm.cut import Cut, Source, as_scenario, cut, find_mode
+from scenarios.load import si
 from scenarios.validate import ScenarioError
 
 if TYPE_CHECKING:
     from diagnosis.compare import Comparison
-    from diagnosis.recordings.mapping import FrequencyTable, Recording
+    from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.discretise import DiscreteModel
     from engine.linearise import LinearModel
-
-Source = Scenario | str | Path
-
-
-def _scenario(source: Source) -> Scenario:
-    return source if isinstance(source, Scenario) else load(source)
 
 
 def simulate(
     source: Source | Model,
     stop: float | None = None,
     step: float | None = None,
-    *,
-    parameters: dict[str, float] | None = None,
-    drive: Drive | None = None,
-    initial: dict[str, float] | None = None,
-    internal_step: float | None = None,
-    step_tolerance: float | None = None,
-    record_states: bool = False,
-    backend: str = "auto",
+    options: SimulationOptions | None = None,
+    **given: Unpack[SimulationKeywords],
 ) -> Result:
     """Simulate a scenario as its file says, or a model.
 
@@ -47,28 +35,27 @@ def simulate(
         source: a scenario, its file or shipped name, or a model built from one.
         stop: end (s); that of the scenario if None.
         step: time between rows (s); that of the scenario, or 1 ms, if None.
-        parameters: values that replace the model's, SI units.
-        drive: external inputs of a model built with inputs.
-        initial: starting values by name, SI units.
-        internal_step: longest integration step (s).
-        step_tolerance: warn if half that step changes an output by more than this share of its range.
-        record_states: also keep states and modes at every row.
-        backend: ``c``, ``interpreter`` or ``auto``.
+        options: how to simulate; the internal step and its tolerance are those of the scenario where None.
+        **given: fields of `SimulationOptions` as keywords, over those of ``options``, such as ``parameters={...}``,
+            ``drive=...`` or ``record_states=True``.
 
     Raises:
         FlexarmError: the scenario or a value does not fit, or the simulation diverges.
     """
+    chosen = replace(options or SimulationOptions(), **given)
     if isinstance(source, Model):
         model = source
     else:
-        scenario = _scenario(source)
+        scenario = as_scenario(source)
         model = scenario.build()
         planned = scenario.simulation
         if planned is not None:
             stop = planned.stop if stop is None else stop
             step = planned.step if step is None else step
-            internal_step = planned.internal_step if internal_step is None else internal_step
-            step_tolerance = planned.step_tolerance if step_tolerance is None else step_tolerance
+            if chosen.internal_step is None:
+                chosen = replace(chosen, internal_step=planned.internal_step)
+            if chosen.step_tolerance is None:
+                chosen = replace(chosen, step_tolerance=planned.step_tolerance)
         elif stop is None:
             raise ScenarioError(
                 "the scenario does not say how long to simulate",
@@ -77,105 +64,7 @@ def simulate(
             )
     if stop is None:
         raise ParameterError("no stop time is given", remedy="give one in seconds")
-    return run_model(
-        model,
-        stop,
-        1e-3 if step is None else step,
-        parameters=parameters,
-        drive=drive,
-        initial=initial,
-        internal_step=internal_step,
-        step_tolerance=step_tolerance,
-        record_states=record_states,
-        backend=backend,
-    )
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A scenario's model with external inputs, and the blocks those inputs replace."""
-
-    model: Model
-    bypassed: tuple[str, ...]
-    settings: AnalysisSettings
-    scenario: Scenario
-    simulation: Simulation | None = None
-
-
-def cut(
-    source: Source,
-    kind: str,
-    analysis: str | None = None,
-    *,
-    inputs: Iterable[str] | None = None,
-    outputs: Iterable[str] | None = None,
-) -> Cut:
-    """Free a scenario's inputs for an analysis.
-
-    Args:
-        source: a scenario, its file or shipped name.
-        kind: ``linearise`` or ``export``.
-        analysis: name of an analysis in the file; the first of that kind if None.
-        inputs: signal inputs that replace those of the analysis.
-        outputs: signals that replace those of the analysis.
-
-    Raises:
-        FlexarmError: no such analysis, input or output.
-    """
-    scenario = _scenario(source)
-    settings = _settings(scenario, kind, analysis, inputs, outputs)
-    model = scenario.build(settings.inputs, settings.outputs)
-    # A mode that the file asks for is gone when its friction is set to zero; a name that is no block stays wrong.
-    kept = {
-        name: value for name, value in settings.modes.items() if _mode(model, name) or not _is_block(scenario, name)
-    }
-    settings = replace(settings, modes=kept)
-    dropped = bypass(scenario.system, list(settings.inputs))[1]
-    return Cut(model, tuple(dropped), settings, scenario, scenario.simulation)
-
-
-def _is_block(scenario: Scenario, name: str) -> bool:
-    parts = name.split(".")
-    return any(".".join(parts[:cut]) in scenario.system.blocks for cut in range(len(parts), 0, -1))
-
-
-def _mode(model: Model, name: str) -> Mode | None:
-    """A mode by its name, or by one of the frictions that share it (``a + b``)."""
-    found = [mode for mode in model.modes if mode.kind != TIME and name in (mode.name, *mode.name.split(" + "))]
-    return found[0] if found else None
-
-
-def _settings(
-    scenario: Scenario, kind: str, analysis: str | None, inputs: Iterable[str] | None, outputs: Iterable[str] | None
-) -> AnalysisSettings:
-    fitting = {name: found for name, found in scenario.analyses.items() if found.kind == kind}
-    if analysis is not None and analysis not in fitting:
-        raise ScenarioError(
-            f"the scenario has no analysis '{analysis}' of kind {kind}",
-            scenario.where("analyses"),
-            nearest(analysis, fitting),
-        )
-    # Any analysis names inputs and outputs, so one of the other kind will do where there is none of this.
-    candidates = list(fitting.values()) or list(scenario.analyses.values())
-    found = fitting[analysis] if analysis is not None else candidates[0] if candidates else None
-    given_inputs = None if inputs is None else tuple(scenario.resolve(name) for name in inputs)
-    given_outputs = None if outputs is None else tuple(scenario.resolve(name) for name in outputs)
-    if found is None:
-        if not given_inputs or not given_outputs:
-            raise ScenarioError(
-                f"the scenario describes no analysis of kind {kind}",
-                Where(scenario.document.file),
-                "add one under 'analyses:', or give inputs and outputs (-u and -y)",
-            )
-        return AnalysisSettings("", kind, given_inputs, given_outputs)
-    return AnalysisSettings(
-        found.name,
-        kind,
-        given_inputs or found.inputs,
-        given_outputs or found.outputs,
-        found.modes,
-        found.at,
-    )
+    return run_model(model, stop, 1e-3 if step is None else step, chosen)
 
 
 def linearise(
@@ -258,7 +147,7 @@ def _motion_units(model: Model) -> dict[str, str]:
 
 def _label(model: Model, name: str, value: int | str) -> tuple[str, str]:
     """Full name of a mode, and the label of the value asked for."""
-    found = _mode(model, name)
+    found = find_mode(model, name)
     if found is None:
         raise ParameterError(f"no mode '{name}'", remedy=nearest(name, [m.name for m in model.modes if m.kind != TIME]))
     if isinstance(value, str) and value not in ("-1", "0", "1", "+1"):
@@ -269,27 +158,25 @@ def _label(model: Model, name: str, value: int | str) -> tuple[str, str]:
     return found.name, found.labels[number + 1]
 
 
-def export(
-    source: Source | Cut,
-    path: str | Path,
-    analysis: str | None = None,
-    *,
-    inputs: Iterable[str] | None = None,
-    outputs: Iterable[str] | None = None,
-    platforms: Iterable[str] | None = None,
-    version: int = 2,
-    linear_twin: bool = False,
-    beside: bool = True,
-    backend: str = "c",
-    modes: Mapping[str, int | str] | None = None,
-    at: Mapping[str, Any] | None = None,
-) -> Path:
-    """Write a scenario's model as an FMU, whose default experiment is that of the scenario.
+class ExportKeywords(TypedDict, total=False):
+    """The fields of `ExportOptions` as keyword arguments; why there are both: `engine.simulate.SimulationKeywords`."""
 
-    Args:
-        source: a scenario, its file or shipped name, or the result of `cut`.
-        path: the file to write.
-        analysis: name of an analysis in the file; the first of kind ``export`` if None.
+    inputs: Iterable[str] | None
+    outputs: Iterable[str] | None
+    platforms: Iterable[str] | None
+    version: int
+    linear_twin: bool
+    beside: bool
+    backend: str
+    modes: Mapping[str, int | str] | None
+    at: Mapping[str, Any] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """What an FMU holds.
+
+    Attributes:
         inputs: signal inputs in place of those of the analysis.
         outputs: signals in place of those of the analysis.
         platforms: what to compile for, such as ``linux64`` and ``win64``; those of `fmu.export` if None.
@@ -299,6 +186,34 @@ def export(
         backend: ``c``, or ``python`` for a model with Python functions: the FMU then needs Python where it runs.
         modes: modes of the linear model, over those of the analysis; see `linearise`.
         at: operating point of the linear model, over that of the analysis.
+    """
+
+    inputs: Iterable[str] | None = None
+    outputs: Iterable[str] | None = None
+    platforms: Iterable[str] | None = None
+    version: int = 2
+    linear_twin: bool = False
+    beside: bool = True
+    backend: str = "c"
+    modes: Mapping[str, int | str] | None = None
+    at: Mapping[str, Any] | None = None
+
+
+def export(
+    source: Source | Cut,
+    path: str | Path,
+    analysis: str | None = None,
+    options: ExportOptions | None = None,
+    **given: Unpack[ExportKeywords],
+) -> Path:
+    """Write a scenario's model as an FMU, whose default experiment is that of the scenario.
+
+    Args:
+        source: a scenario, its file or shipped name, or the result of `cut`.
+        path: the file to write.
+        analysis: name of an analysis in the file; the first of kind ``export`` if None.
+        options: what the FMU holds.
+        **given: fields of `ExportOptions` as keywords, over those of ``options``, such as ``version=3``.
 
     Returns:
         The path written.
@@ -308,14 +223,15 @@ def export(
     """
     from fmu import export as write_fmu
 
-    made = source if isinstance(source, Cut) else cut(source, "export", analysis, inputs=inputs, outputs=outputs)
-    if backend not in ("c", "python"):
-        raise ParameterError(f"there is no backend '{backend}'", remedy="allowed: c, python")
+    o = replace(options or ExportOptions(), **given)
+    made = source if isinstance(source, Cut) else cut(source, "export", analysis, inputs=o.inputs, outputs=o.outputs)
+    if o.backend not in ("c", "python"):
+        raise ParameterError(f"there is no backend '{o.backend}'", remedy="allowed: c, python")
     settings: dict[str, Any] = {}
     if made.simulation is not None:
         settings |= {"step": made.simulation.step, "stop": made.simulation.stop}
-    if backend == "python":
-        if version != 2 or linear_twin or platforms is not None:
+    if o.backend == "python":
+        if o.version != 2 or o.linear_twin or o.platforms is not None:
             raise ParameterError(
                 "the python backend writes FMI 2 without a linear twin, for any platform that has Python",
                 remedy="leave out --fmi, --linear-twin and --platforms",
@@ -324,13 +240,13 @@ def export(
         from fmu.python_backend import export_python
 
         return export_python(made.model, path, LOADER, *recipe(made), **settings)
-    if platforms is not None:
-        settings["platforms"] = tuple(platforms)
+    if o.platforms is not None:
+        settings["platforms"] = tuple(o.platforms)
     model = made.model
-    if beside or linear_twin:
-        settings |= _linear_settings(made, modes, at)
-        beside = beside and "linear" in settings
-    return write_fmu(model, path, version=version, linear_twin=linear_twin, beside=beside, **settings)
+    if o.beside or o.linear_twin:
+        settings |= _linear_settings(made, o.modes, o.at)
+    beside = o.beside and "linear" in settings
+    return write_fmu(model, path, version=o.version, linear_twin=o.linear_twin, beside=beside, **settings)
 
 
 def _linear_settings(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -355,7 +271,7 @@ def compare(
     """Hold a scenario against a recording; see `diagnosis.compare.compare`."""
     from diagnosis.compare import compare as run
 
-    return run(_scenario(source), recording, progress=progress)
+    return run(as_scenario(source), recording, progress=progress)
 
 
-__all__ = ["Cut", "FlexarmError", "compare", "cut", "discretise", "export", "linearise", "simulate"]
+__all__ = ["compare", "discretise", "export", "linearise", "simulate"]

@@ -12,6 +12,7 @@ import numpy as np
 from engine.errors import FlexarmError, ParameterError, SimulationError, Where, nearest
 from engine.quantity import convert
 from engine.simulate import Drive, simulate
+from flexarm.cut import cut
 from fmu.variables import flat, structured
 from fmu.verify import Trace, cosim
 
@@ -140,8 +141,6 @@ def _inputs(described: _Described, given: Mapping[str, str | float]) -> dict[str
 def _differences(
     scenario: Scenario, analysis: str | None, described: _Described, trace: Trace, drive: Drive | None, step: float
 ) -> dict[str, float]:
-    from flexarm.api import cut
-
     model = cut(scenario, "export", analysis).model
     there = tuple(flat(variable.name) for variable in model.inputs)
     if sorted(there) != sorted(described.inputs):

@@ -15,9 +15,9 @@ from rich.console import Console
 import flexarm
 import fmu
 from engine.errors import FlexarmError
-from flexarm.api import cut
+from flexarm.console.text import columns, linear_page
+from flexarm.cut import cut
 from flexarm.output import write_linear, write_result
-from flexarm.text import columns, linear_page
 
 AGREEMENT = 1e-12
 """What the FMU may differ from the runner, relative to the outputs' size."""

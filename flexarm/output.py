@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from engine.files import writing
+from flexarm._version import version
 
 if TYPE_CHECKING:
     from engine.discretise import DiscreteModel
@@ -24,17 +25,15 @@ LINEAR = (".json", ".npz", ".mat", ".m")
 
 def provenance(scenario: Scenario) -> dict[str, str]:
     """What made a result: scenario, its content hash, overrides and versions."""
-    from importlib.metadata import version
-
-    import flexarm
+    from importlib import metadata
 
     return {
         "scenario": scenario.name,
         "file": str(scenario.path),
         "scenario_hash": scenario.digest,
         "overrides": " ".join(scenario.overrides),
-        "flexarm": flexarm.version(),
-        "casadi": version("casadi"),
+        "flexarm": version(),
+        "casadi": metadata.version("casadi"),
         "numpy": np.__version__,
     }
 

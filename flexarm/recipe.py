@@ -10,7 +10,7 @@ from scenarios.load import load
 
 if TYPE_CHECKING:
     from engine.model import Model
-    from flexarm.api import Cut
+    from flexarm.cut import Cut
 
 LOADER = "flexarm.recipe:model"
 

@@ -17,15 +17,16 @@ import casadi as ca
 
 from blocks.actuators.effort import Force, Torque
 from engine.assemble import build
-from engine.block import MOTION, TRANSLATIONAL, Block, flange, signal_in, signal_out
+from engine.block import Block, flange, signal_in, signal_out
 from engine.errors import FlexarmError, nearest
+from engine.ports import MOTION, TRANSLATIONAL
 from engine.system import Connection, System, bypass
 from fmu import ssp
 from fmu.variables import flat
 
 if TYPE_CHECKING:
     from engine.net import Net
-    from flexarm.api import Cut
+    from flexarm.cut import Cut
 
 REST = "rest"
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from engine.errors import FlexarmError, nearest
-from flexarm.text import columns as in_columns
-from flexarm.text import number, plural
+from flexarm.console.text import columns as in_columns
+from flexarm.console.text import number, plural
 
 KINDS = (".parquet", ".csv", ".mat")
 

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from engine.block import Block, Port, option, parameter
+from engine.block import Block, option, parameter
 from engine.errors import FlexarmError, ParameterError, nearest
+from engine.ports import Port
 from engine.quantity import coherent
 from fmu import archive
 from fmu.host import NUMBERS, host

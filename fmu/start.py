@@ -6,8 +6,8 @@ import casadi as ca
 import numpy as np
 import scipy.linalg
 
-from engine.block import MOTION, Expression
 from engine.model import Model
+from engine.ports import MOTION, Expression
 
 _ORDERS = {name: order for kind in MOTION.values() for order, (name, _) in enumerate(kind[:2])}
 

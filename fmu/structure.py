@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.block import Expression
 from engine.model import TIME, Model
+from engine.ports import Expression
 from fmu.start import start_expression
 
 Pattern = NDArray[np.bool_]

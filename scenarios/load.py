@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from engine.block import MOTION
 from engine.errors import FlexarmError, ParameterError, Where, nearest
+from engine.ports import MOTION
 from engine.quantity import convert
 from engine.system import System
 from scenarios.document import Node, parse, read
@@ -121,7 +121,7 @@ class Scenario:
             model = build(system or self.system, inputs=free, outputs=wanted, energy=energy)
         except FlexarmError as error:
             self._check_ends()
-            raise error.at(self._blame(error.message) or Where(self.document.file)) from None
+            raise error.at(self._named(error.signal) or Where(self.document.file)) from None
         self._starting_values(model)
         return model
 
@@ -137,16 +137,17 @@ class Scenario:
                     if close.startswith("did you mean") or "." not in port:
                         raise ScenarioError(f"'{end}' names no connector of '{block}'", connection.where, close)
 
-    def _blame(self, message: str) -> Where | None:
-        """Where the file names the signal that an error without a place is about."""
-        for i, name in enumerate(self.file.simulate.record or [] if self.file.simulate else []):
-            if f"'{name}'" in message:
-                return self.where("simulate", "record", i)
+    def _named(self, signal: str) -> Where | None:
+        """Where the file names a signal to record, to drive or to give out; None if it does not, or none is meant."""
+        lists: list[tuple[list[str], tuple[str, ...]]] = []
+        if self.file.simulate:
+            lists.append((self.file.simulate.record or [], ("simulate", "record")))
         for key, analysis in self.file.analyses.items():
-            for side, names in (("inputs", analysis.inputs), ("outputs", analysis.outputs)):
-                for i, name in enumerate(names):
-                    if f"'{name}'" in message:
-                        return self.where("analyses", key, side, i)
+            lists += [(analysis.inputs, ("analyses", key, "inputs")), (analysis.outputs, ("analyses", key, "outputs"))]
+        for names, path in lists:
+            for i, name in enumerate(names):
+                if self.resolve(name) == signal:
+                    return self.where(*path, i)
         return None
 
     def _starting_values(self, model: Model) -> None:

@@ -196,7 +196,7 @@ def bode_with_gap() -> bytes:
 
 def wiring() -> bytes:
     """The wiring of the switching reference model, as ``flexarm diagram`` draws it."""
-    from flexarm.pictures.diagram import diagram
+    from flexarm.plotting.wiring.diagram import diagram
 
     return diagram(load("reference-b")).svg().encode()
 

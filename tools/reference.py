@@ -219,17 +219,30 @@ def api_page() -> str:
 
     parts = ["# Python API", "", "Everything here is imported from `flexarm`; quantities are in SI units.", ""]
     objects = {name: getattr(flexarm, name) for name in flexarm.__all__}
-    functions = {name: made for name, made in objects.items() if not inspect.isclass(made)}
+    constants = {name: made for name, made in objects.items() if isinstance(made, str)}
+    functions = {name: made for name, made in objects.items() if not inspect.isclass(made) and name not in constants}
     for title, group in (
         ("Functions", functions),
-        ("Classes", {n: o for n, o in objects.items() if n not in functions}),
+        ("Classes", {n: o for n, o in objects.items() if inspect.isclass(o)}),
     ):
         parts += [f"## {title}", ""]
         for name, made in group.items():
             parts += [f"### {name}", "", _signature(name, made), "", google(inspect.getdoc(made) or ""), ""]
             if inspect.isclass(made):
                 parts += _members(made)
-    return "\n".join(parts)
+    rows = [[code(name), code(repr(value)), "kind of a flange"] for name, value in constants.items()]
+    parts += ["## Constants", "", table(["name", "value", "meaning"], rows), ""]
+    parts += ["## Functions for laws", "", google(inspect.getdoc(flexarm.symbolic) or ""), ""]
+    laws = {name: getattr(flexarm.symbolic, name) for name in flexarm.symbolic.__all__}
+    rows = [
+        [
+            code(f"{name}({', '.join(inspect.signature(made).parameters)})"),
+            prose((inspect.getdoc(made) or "").split("\n")[0]),
+        ]
+        for name, made in laws.items()
+        if inspect.isfunction(made)
+    ]
+    return "\n".join([*parts, table(["function", "value"], rows), ""])
 
 
 def effects_page() -> str:

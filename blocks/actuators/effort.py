@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from engine.block import TRANSLATIONAL, Block, flange, signal_in
+from engine.block import Block, flange, signal_in
+from engine.ports import TRANSLATIONAL
 
 if TYPE_CHECKING:
     from engine.net import Net

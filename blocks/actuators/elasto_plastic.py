@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from blocks.actuators.presliding import _Bristle, stribeck
 from blocks.symbolic import choose, greatest, sin
-from engine.block import Expression, flange, parameter
+from engine.block import flange, parameter
+from engine.ports import Expression
 
 if TYPE_CHECKING:
     from engine.net import Net

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from engine.block import TRANSLATIONAL, Block, Expression, flange, parameter, signal_out
+from engine.block import Block, flange, parameter, signal_out
+from engine.ports import TRANSLATIONAL, Expression
 
 if TYPE_CHECKING:
     from engine.net import Net

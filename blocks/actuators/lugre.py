@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from blocks.actuators.presliding import _Bristle, stribeck
 from blocks.symbolic import greatest
-from engine.block import Expression, flange
+from engine.block import flange
+from engine.ports import Expression
 
 if TYPE_CHECKING:
     from engine.net import Net

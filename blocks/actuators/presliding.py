@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from blocks.symbolic import exp, greatest
-from engine.block import Block, Expression, parameter
+from engine.block import Block, parameter
 from engine.errors import ParameterError
+from engine.ports import Expression
 from engine.quantity import SameAs
 
 if TYPE_CHECKING:

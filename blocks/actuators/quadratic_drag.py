@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from blocks.symbolic import greatest
-from engine.block import TRANSLATIONAL, Block, flange, parameter
+from engine.block import Block, flange, parameter
+from engine.ports import TRANSLATIONAL
 
 if TYPE_CHECKING:
     from engine.net import Net

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from engine.block import Block, Expression, parameter
+from engine.block import Block, parameter
 from engine.errors import ParameterError
+from engine.ports import Expression
 from engine.quantity import coherent
 
 if TYPE_CHECKING:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from blocks.symbolic import by_mode
-from engine.block import Block, Expression, option, parameter, signal_in, signal_out
+from engine.block import Block, option, parameter, signal_in, signal_out
 from engine.errors import ParameterError
+from engine.ports import Expression
 from engine.quantity import SameAs
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.block import Expression, Port
 from engine.errors import ParameterError, nearest
+from engine.ports import Expression, Port
 
 Matrix = NDArray[np.float64]
 Rows = Sequence[Sequence[float]]

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from blocks.controllers.base import SignalBlock, clock, period, sample_offset
 from blocks.symbolic import by_mode, choose, exp, greatest, least
-from engine.block import Expression, option, parameter, signal_in, signal_out
+from engine.block import option, parameter, signal_in, signal_out
 from engine.errors import ParameterError
+from engine.ports import Expression
 from engine.quantity import compatible
 
 if TYPE_CHECKING:

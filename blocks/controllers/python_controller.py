@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from blocks.controllers.base import SignalBlock, clock, sample_offset
 from blocks.controllers.matrices import numbered
-from engine.block import Port, option, parameter
+from engine.block import option, parameter
 from engine.errors import ParameterError, nearest
+from engine.ports import Port
 
 if TYPE_CHECKING:
     from engine.net import Net

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from blocks.controllers.base import SignalBlock
 from blocks.symbolic import by_mode
-from engine.block import Expression, parameter, signal_in, signal_out
+from engine.block import parameter, signal_in, signal_out
 from engine.errors import ParameterError
+from engine.ports import Expression
 
 if TYPE_CHECKING:
     from engine.net import Net

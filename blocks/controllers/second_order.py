@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from blocks.symbolic import choose, cos, cosh, exp, magnitude, sin, sinh, sqrt
-from engine.block import Expression
+from engine.ports import Expression
 
 Pair = tuple[Expression, Expression]
 

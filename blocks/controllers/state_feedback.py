@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 from blocks.controllers.base import SignalBlock, clock, period, sample_offset
 from blocks.controllers.matrices import collect, numbered, shaped, times
-from engine.block import Port, option, signal_in
+from engine.block import option, signal_in
 from engine.errors import ParameterError
+from engine.ports import Port
 
 if TYPE_CHECKING:
     from engine.net import Net

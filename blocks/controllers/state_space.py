@@ -9,8 +9,9 @@ import numpy as np
 
 from blocks.controllers.base import OUTPUT_UNIT, SignalBlock, clock, sample_offset
 from blocks.controllers.matrices import collect, numbered, period_of, shaped, times
-from engine.block import Expression, Port, option, parameter
+from engine.block import option, parameter
 from engine.errors import ParameterError
+from engine.ports import Expression, Port
 
 if TYPE_CHECKING:
     from engine.net import Net

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from blocks.links import mode_shapes
 from blocks.symbolic import sqrt
-from engine.block import TRANSLATIONAL, Block, Expression, flange, option, parameter, signal_out
+from engine.block import Block, flange, option, parameter, signal_out
 from engine.errors import ParameterError
+from engine.ports import TRANSLATIONAL, Expression
 
 if TYPE_CHECKING:
     from engine.net import Net

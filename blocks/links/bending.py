@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blocks.links.shape_sets import ShapeSet
-from engine.block import Expression
+from engine.ports import Expression
 
 Vector = Sequence[Expression]
 

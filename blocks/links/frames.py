@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from blocks.links.bending import Link
 from blocks.symbolic import cos, sin
-from engine.block import Expression
+from engine.ports import Expression
 
 if TYPE_CHECKING:
     from engine.net import Net

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.links.fictitious_joints import element_lengths, mass_matrix
-from engine.block import Block, Expression, Port, flange, option, parameter, signal_out
+from engine.block import Block, flange, option, parameter, signal_out
+from engine.ports import Expression, Port
 
 if TYPE_CHECKING:
     from engine.net import Net

@@ -9,8 +9,9 @@ from blocks.links.bending import Link
 from blocks.links.frames import Root, first_root, next_root
 from blocks.links.shape_sets import SETS, shape_set
 from blocks.symbolic import cos, sin, sqrt
-from engine.block import TRANSLATIONAL, Block, Port, flange, option, parameter, signal_out
+from engine.block import Block, flange, option, parameter, signal_out
 from engine.errors import ParameterError
+from engine.ports import TRANSLATIONAL, Port
 
 if TYPE_CHECKING:
     from engine.net import Net

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from blocks.controllers.base import OUTPUT_UNIT, SignalBlock
 from blocks.symbolic import by_mode
-from engine.block import Expression, option, parameter, signal_in, signal_out
+from engine.block import option, parameter, signal_in, signal_out
+from engine.ports import Expression
 
 if TYPE_CHECKING:
     from engine.net import Net

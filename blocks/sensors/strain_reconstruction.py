@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from engine.block import Block, Port, option, signal_in, signal_out
+from engine.block import Block, option, signal_in, signal_out
+from engine.ports import Port
 
 if TYPE_CHECKING:
     from engine.net import Net

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from engine.block import Block, Expression, parameter, signal_out
+from engine.block import Block, parameter, signal_out
 from engine.errors import ParameterError
+from engine.ports import Expression
 from engine.quantity import compatible
 
 if TYPE_CHECKING:

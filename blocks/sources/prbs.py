@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from blocks.sources.base import Source
-from engine.block import Expression, option, parameter
+from engine.block import option, parameter
 from engine.errors import ParameterError
+from engine.ports import Expression
 
 if TYPE_CHECKING:
     from engine.net import Net

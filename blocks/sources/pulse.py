@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from blocks.sources.base import Source
 from blocks.symbolic import choose, floor, least
-from engine.block import Expression, option, parameter
+from engine.block import option, parameter
 from engine.errors import ParameterError
+from engine.ports import Expression
 from engine.quantity import SameAs
 
 if TYPE_CHECKING:

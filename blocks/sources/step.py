@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from blocks.sources.base import NEVER, Source
 from blocks.symbolic import choose
-from engine.block import Expression, parameter
+from engine.block import parameter
 from engine.errors import ParameterError
+from engine.ports import Expression
 
 if TYPE_CHECKING:
     from engine.net import Net

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.estimation.problem import Array, Problem
-from engine.block import TRANSLATIONAL
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from engine.ports import TRANSLATIONAL
 from engine.system import System
 
 INPUT, SHAFT, JOINT, BLOCK, SENSOR = "input", "shaft", "joint", "block", "sensor"

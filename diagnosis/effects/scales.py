@@ -27,17 +27,15 @@ from diagnosis.effects.places import (
     ratio,
     slides,
 )
-from diagnosis.estimation.problem import Array, Experiment, Problem
-from diagnosis.frequency_response.table_experiment import UNSEEN, TableExperiment
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
 from diagnosis.recordings.feedback import plant_inputs
+from diagnosis.thresholds import TABLES
 from engine.assemble import build
-from engine.block import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.linearise import linearise
-from engine.simulate import simulate
+from engine.ports import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.system import Connection, System
-
-FACTORS = (0.3, 0.5, 2.0, 3.0)
-"""What a parameter of a table's model may be multiplied by."""
 
 
 @dataclass
@@ -70,21 +68,21 @@ class OperatingScales:
     @property
     def sample(self) -> float:
         """The shortest time (s) that the recordings resolve."""
-        return min(e.shortest for e in self.problem.experiments)
+        return self.problem.interval
 
     @property
     def unseen(self) -> tuple[str, ...]:
         """Effects that recordings of this kind do not show."""
-        return UNSEEN if any(isinstance(e, TableExperiment) for e in self.problem.experiments) else ()
+        return tuple(dict.fromkeys(name for e in self.problem.experiments for name in e.unseen_effects()))
 
     @property
     def factors(self) -> tuple[float, ...]:
         """Factors by which a parameter may be wrong, to start from: a few rows leave a fit in local optima."""
-        return FACTORS if self.unseen else ()
+        return TABLES.factors if self.problem.sparse else ()
 
     def spins(self, flange: str) -> bool:
         """Whether a flange turns over by whole turns at a table's lowest frequency: gravity then averages out there."""
-        lowest = [float(e.frequency.min()) for e in self.problem.experiments if isinstance(e, TableExperiment)]
+        lowest = [w for e in self.problem.experiments if (w := e.lowest_frequency) is not None]
         return bool(lowest) and self.speed[flange] / min(lowest) > math.pi
 
     @property
@@ -95,7 +93,7 @@ class OperatingScales:
     def measured(self, signal: str) -> list[Array]:
         """What the training recordings hold of a signal, each of shape (instants,)."""
         k = [v.name for v in self.problem.model.outputs].index(signal)
-        return [e.measured[:, k] for e in self.problem.chosen("train", "repeat")]
+        return [e.measured[:, k] for e in self.problem.training]
 
     def places(self, kind: str) -> Iterator[Place]:
         """The places of a kind, in the order of the scenario.
@@ -173,14 +171,10 @@ class OperatingScales:
 def operating_scales(problem: Problem) -> OperatingScales:
     """Simulate the nominal model on the training recordings and see how large things are."""
     found = OperatingScales(problem)
-    experiments = problem.chosen("train", "repeat")
+    experiments = problem.training
     for k, variable in enumerate(problem.model.inputs):
-        values = [
-            np.asarray(e.drive.values, dtype=float).reshape(-1, len(problem.model.inputs))
-            for e in experiments
-            if e.drive
-        ] + [e.amplitude[:, None] for e in experiments if isinstance(e, TableExperiment)]
-        found.inputs[variable.name] = max((float(np.abs(v[:, k]).max()) for v in values), default=1.0) or 1.0
+        largest = [e.largest_inputs(len(problem.model.inputs)) for e in experiments]
+        found.inputs[variable.name] = max((float(row[k]) for row in largest if len(row)), default=1.0) or 1.0
         found.units[variable.name] = variable.unit
     found.groups = groups(problem)
     found.slides = {flange for flange in found.groups if slides(problem.scenario.system, flange)}
@@ -223,16 +217,8 @@ def _sizes(found: OperatingScales, experiments: Sequence[Experiment]) -> None:
     model = build(system, driven, list(dict.fromkeys(names)))
     top = dict.fromkeys(names, 0.0)
     for e in experiments:
-        if isinstance(e, TableExperiment):
-            for name, (spanned, rms) in e.sizes(problem.scenario, names).items():
-                top[name] = max(top[name], spanned if name.endswith((".angle", ".position")) else rms)
-            continue
-        run = simulate(model, e.stop, e.step, drive=e.drive, internal_step=problem.internal_step)
-        for name in names:
-            values = run[name]
-            place = name.endswith((".angle", ".position"))
-            size = float(np.ptp(values)) if place else float(np.sqrt(np.mean(values**2)))
-            top[name] = max(top[name], size)
+        for name, (spanned, rms) in e.spans(problem.scenario, model, names, problem.internal_step).items():
+            top[name] = max(top[name], spanned if name.endswith((".angle", ".position")) else rms)
     for flange, (angle, speed, acceleration) in wanted.items():
         found.angle[flange] = top[angle] or 1.0
         found.speed[flange] = top[speed] or 1.0

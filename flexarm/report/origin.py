@@ -12,6 +12,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexarm._version import version as flexarm_version
+
 if TYPE_CHECKING:
     from scenarios.load import Scenario
 
@@ -37,9 +39,7 @@ def origin(
         seed: of everything random, if anything is.
         command: the command line.
     """
-    import flexarm
-
-    rows = [("flexarm", flexarm.version()), ("Python", platform.python_version())]
+    rows = [("flexarm", flexarm_version()), ("Python", platform.python_version())]
     for name in LIBRARIES:
         try:
             rows.append((name, version(name)))

@@ -12,7 +12,7 @@ from typing import Any
 
 from diagnosis.estimation.least_squares import span
 from engine.files import writing
-from flexarm.pictures.places import share
+from flexarm.plotting.wiring.places import share
 from flexarm.report.series import Chart, as_json, fitting
 
 HTML = (".html", ".htm")

@@ -10,8 +10,8 @@ import numpy as np
 
 from engine.errors import FlexarmError
 from engine.simulate import Result, simulate
-from flexarm.pictures.diagram import diagram
-from flexarm.plot import panels as grouped
+from flexarm.plotting.results import panels as grouped
+from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report.origin import origin
 from flexarm.report.page import render, write_page
 from flexarm.report.series import Chart, Panel, Trace

@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 from engine.simulate import Result
-from flexarm.api import cut, linearise, simulate
+from flexarm.api import linearise, simulate
+from flexarm.cut import cut
 from scenarios.load import SHIPPED, load
 
 A, M, HUB, G = 0.33, 0.18002, 2.95e-5, 9.81

@@ -87,7 +87,7 @@ def test_a_picture_of_another_kind_is_refused_by_name(base: Path, command: Calla
 
 
 def test_signals_of_very_different_size_get_panels_of_their_own() -> None:
-    from flexarm.plot import panels
+    from flexarm.plotting.results import panels
 
     units = {"motor": "rad", "u": "V", "twist": "rad", "load": "rad", "none": "rad"}
     assert panels(units) == [("rad", ["motor", "twist", "load", "none"]), ("V", ["u"])]
@@ -176,7 +176,7 @@ def test_public_api() -> None:
 def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     from types import SimpleNamespace as Made
 
-    from flexarm.diagnose_command import page
+    from flexarm.commands.diagnose import page
 
     monkeypatch.setattr("diagnosis.verdict.verdict.place_odds", lambda study: {})
     sizes = {"gain": (58.4, "*"), "share": (0.5, "1"), "torque": (2.5, "N.m"), "heights[1]": (1.0, "N.m")}
@@ -202,8 +202,8 @@ def test_a_figure_leaves_the_backend_of_a_notebook_alone(tmp_path) -> None:
     import matplotlib as mpl
 
     import flexarm
-    from flexarm.pictures.frequency import plot_linear
-    from flexarm.plot import plot
+    from flexarm.plotting.frequency import plot_linear
+    from flexarm.plotting.results import plot
 
     before = mpl.get_backend()
     mpl.use("svg")

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from flexarm.interrupt import heard
+from flexarm.console.interrupt import heard
 
 
 class Dropped:

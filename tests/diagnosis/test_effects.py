@@ -20,8 +20,9 @@ from diagnosis.effects.catalogue import EFFECTS, check_names
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.insertion import at_flange, in_joint, in_signal
 from diagnosis.effects.places import INPUT, SHAFT
-from engine.block import TRANSLATIONAL, Block, flange, parameter, signal_in
+from engine.block import Block, flange, parameter, signal_in
 from engine.errors import FlexarmError, ParameterError
+from engine.ports import TRANSLATIONAL
 from engine.simulate import simulate
 from scenarios.amend import Between, Replace, Set, amended, without
 from scenarios.load import load

@@ -94,3 +94,33 @@ def test_the_page_shows_the_files_as_they_are():
 def test_the_block_takes_about_forty_lines():
     lines = (PACKAGE / "src" / "flexarm_own_block" / "eddy_brake.py").read_text(encoding="utf-8").splitlines()
     assert len(lines) <= 40
+
+
+def test_what_blocks_need_from_inside_is_public():
+    """Every name that the library's own blocks import from the engine, and every function for laws, but for helpers."""
+    import ast
+
+    import blocks.symbolic
+    import flexarm
+
+    helpers = {"coherent", "compatible", "nearest"}
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in (ROOT / "blocks").rglob("*.py")]
+    needed = {
+        alias.name
+        for tree in trees
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("engine.")
+        for alias in node.names
+    }
+    assert len(needed) > 10
+    assert needed - helpers <= {*flexarm.__all__, *flexarm.symbolic.__all__}
+    functions = {
+        name for name, made in vars(blocks.symbolic).items() if getattr(made, "__module__", "") == "blocks.symbolic"
+    }
+    assert functions <= set(flexarm.symbolic.__all__)
+
+
+def test_examples_and_pages_import_from_flexarm_alone():
+    inside = re.compile(r"^\s*(?:from|import) (?:engine|blocks|scenarios|fmu|diagnosis)\b", re.MULTILINE)
+    for path in (*(ROOT / "examples").rglob("*.py"), PAGE):
+        assert not inside.search(path.read_text(encoding="utf-8")), path

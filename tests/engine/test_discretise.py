@@ -93,3 +93,16 @@ def test_refuses_a_model_without_clocks() -> None:
     system.connections.append(Connection(("disc.shaft", "drag.shaft")))
     with pytest.raises(ParameterError, match="no sampled block"):
         discretise(build(system, outputs=["disc.shaft.speed"]))
+
+
+def test_a_model_is_the_same_whatever_was_done_with_it() -> None:
+    untouched, used = _loop(), _loop()
+    linearise(used)
+    discretise(used)
+    simulate(used, 0.01, 1e-3, drive=Drive([0.0], [[1.0]]))
+    assert used.signature == untouched.signature
+    assert used.functions.keys() == untouched.functions.keys()
+    with pytest.raises(TypeError):
+        used.functions["jacobian"] = None  # type: ignore[index]
+    with pytest.raises(TypeError):
+        used.initial["disc.shaft.speed"] = 1.0  # type: ignore[index]

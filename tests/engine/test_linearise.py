@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine.assemble import build
-from engine.linearise import linearise, transmission_zeros
+from engine.linearise import _by_magnitude, linearise, transmission_zeros
 from tests.engine.parts import Anchor, Body, Dry, Push, Spring, system
 
 
@@ -41,3 +41,12 @@ def test_a_stuck_joint_passes_nothing_and_has_no_zeros():
 def test_a_zero_transfer_has_no_zeros():
     A = np.array([[0.0, 1.0], [-250.0, 0.0]])
     assert len(transmission_zeros(A, np.zeros((2, 1)), np.zeros((1, 2)), np.zeros((1, 1)))) == 0
+
+
+def test_equal_magnitudes_are_ordered_whatever_the_rounding():
+    """Of a conjugate pair the lower comes first, though rounding makes it the larger one; a factor of 1e-8 counts."""
+    up, down = 3e7j, -3e7j * (1 + 4e-16)
+    assert abs(down) > abs(up)
+    for given in ([up, down], [down, up]):
+        assert _by_magnitude([*given, 1.0, -3e7 * (1 + 1e-8)]).tolist() == [1.0, down, up, -3e7 * (1 + 1e-8)]
+    assert _by_magnitude([]).tolist() == []

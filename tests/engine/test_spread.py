@@ -99,7 +99,7 @@ def test_kept_results_are_not_computed_again(tmp_path: Path) -> None:
 
 def test_threads_work_at_the_same_time() -> None:
     """Two tasks that wait for each other end only if both run."""
-    barrier = threading.Barrier(2, timeout=20)
+    barrier = threading.Barrier(2, timeout=600)
 
     def meet(number: int) -> int:
         barrier.wait()

@@ -20,7 +20,7 @@ from fmpy import read_model_description
 import fmu
 from engine.model import Model
 from engine.simulate import Drive, simulate
-from flexarm.api import cut
+from flexarm.cut import cut
 from flexarm.split import split
 from fmu.ssp import read
 from fmu.verify import reference, references

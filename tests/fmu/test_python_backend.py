@@ -19,7 +19,8 @@ from fmpy.fmi1 import FMICallException
 import fmu
 from engine.errors import FlexarmError
 from engine.simulate import Drive
-from flexarm.api import cut, export
+from flexarm.api import export
+from flexarm.cut import cut
 from fmu.host import host
 from fmu.verify import reference, references, slave
 from scenarios.load import load

@@ -16,7 +16,7 @@ from fmpy.ssp.ssd import read_ssd
 import fmu
 from engine.errors import FlexarmError
 from engine.simulate import Drive, simulate
-from flexarm.api import cut
+from flexarm.cut import cut
 from flexarm.split import split
 from fmu.ssp import cosim_ssp, read
 from scenarios.load import load

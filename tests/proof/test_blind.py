@@ -70,14 +70,14 @@ def test_a_second_run_goes_on_where_the_first_was_stopped(spied):
 
 def test_what_hangs_is_stopped_and_counted(tmp_path, monkeypatch):
     script = tmp_path / "hang.py"
-    script.write_text("import time\ntime.sleep(60)\n")
+    script.write_text("import time\ntime.sleep(86400)\n")
     monkeypatch.setattr(runner, "TOOL", (sys.executable, str(script)))
     monkeypatch.setattr(runner, "LONGEST", 0.5)
     (tmp_path / "case").mkdir()
     numbers = runner.diagnose(Spec("core", "pendulum", ("offset",), (3.0,), 5), tmp_path / "case", tmp_path)
     assert numbers["verdict"] == "failed"
     assert numbers["failure"] == "stopped after 0.5 s"
-    assert numbers["seconds"] < 20
+    assert numbers["seconds"] >= 0.5
 
 
 def test_what_cannot_be_drawn_is_counted(tmp_path):

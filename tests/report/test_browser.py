@@ -10,7 +10,7 @@ import pytest
 import flexarm
 from diagnosis.api import diagnose, gather
 from diagnosis.verdict.experiment_design import propose
-from flexarm.pictures.diagram import diagram
+from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report import write_diagnosis, write_run
 from scenarios.load import load, shipped_names
 from tests.diagnosis.plants import case
@@ -57,6 +57,8 @@ def test_the_report_holds_the_verdict_and_what_repeats_it(diagnosed):
     assert page.stat().st_size < 3e6
     assert HOSTILE not in text
     assert found.findings[0]["place"] in text
+    assert found.evidence
+    assert all(curve.title in text for curve in found.evidence)
     for recording in gather(found.study.scenario, (), ()):
         assert f"{recording.name}.csv" in text
     assert "flexarm diagnose &lt;script&gt;" in text
@@ -208,7 +210,7 @@ def test_recordings_are_chosen_and_curves_hidden(browser, diagnosed):
     browser.open(page)
     figure = browser.driver.find_element(By.CSS_SELECTOR, "[data-plot='before-after']")
     select = Select(figure.find_element(By.TAG_NAME, "select"))
-    held = [e.name for e in found.study.refit.fit.problem.chosen("hold_out")]
+    held = [e.name for e in found.study.refit.fit.problem.held_out]
     assert [o.text.split(" ")[0] for o in select.options] == held
     path = "return document.querySelector(\"[data-plot='before-after'] .trace.recording[d^=M]\").getAttribute('d')"
     script = path.replace("document.querySelector", "[...document.querySelectorAll").replace(

@@ -8,10 +8,10 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from flexarm.pictures.diagram import diagram, write
-from flexarm.pictures.graph import FLANGE, graph
-from flexarm.pictures.layout import Item, Link, arrange
-from flexarm.pictures.places import lit
+from flexarm.plotting.wiring.diagram import diagram, write
+from flexarm.plotting.wiring.graph import FLANGE, graph
+from flexarm.plotting.wiring.layout import Item, Link, arrange
+from flexarm.plotting.wiring.places import lit
 from scenarios.load import load, shipped_names
 from tests.report.conftest import HOSTILE, axes, chain
 

@@ -8,7 +8,7 @@ import pytest
 
 import flexarm
 from engine.linearise import LinearModel
-from flexarm.pictures.frequency import _title, frequencies, plot_linear, responses
+from flexarm.plotting.frequency import _title, frequencies, plot_linear, responses
 
 
 def _lag(corner=3.0):

@@ -16,6 +16,7 @@ from diagnosis.api import gather
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.problems import problem
 from diagnosis.recordings.mapping import from_scenario
+from diagnosis.search.force_recovery import Curve
 from engine.errors import FlexarmError
 from flexarm.report.evidence import evidence_charts
 from flexarm.report.held_out import before_after
@@ -168,17 +169,16 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path):
 
 
 def test_evidence_is_drawn_where_there_is_some():
-    assert evidence_charts(SimpleNamespace()) == []
-    assert evidence_charts(SimpleNamespace(evidence=None)) == []
+    assert evidence_charts(()) == []
     x = np.array([2.0, 1.0, 3.0])
-    curve = SimpleNamespace(
-        x=x, y=10 * x, low=9 * x, high=11 * x, x_label="u", x_unit="V", y_label="torque", y_unit="N.m"
-    )
-    (chart,) = evidence_charts(SimpleNamespace(evidence=curve))
+    curve = Curve("torque against u", "u", "V", "torque", "N.m", x, 10 * x, 9 * x, 11 * x, 0.9, (1.0, 3.0))
+    (chart,) = evidence_charts((curve,))
     ((_, (panel,)),) = chart.views
-    assert np.asarray(panel.traces[0].y).tolist() == [10, 20, 30]
-    assert np.asarray(panel.traces[0].low).tolist() == [9, 18, 27]
-    assert (chart.x_label, chart.x_unit, panel.unit) == ("u", "V", "N.m")
+    (trace,) = panel.traces
+    for drawn, times in ((trace.x, 1), (trace.y, 10), (trace.low, 9), (trace.high, 11)):
+        assert np.asarray(drawn).tolist() == [1.0 * times, 2.0 * times, 3.0 * times]
+    assert (chart.title, chart.x_label, chart.x_unit) == ("torque against u", "u", "V")
+    assert (panel.label, panel.unit) == ("torque", "N.m")
 
 
 def test_every_value_of_a_template_is_escaped():
@@ -189,7 +189,7 @@ def test_every_value_of_a_template_is_escaped():
 def _values(**given):
     scenario = load("srv02-bare")
     result = flexarm.simulate(scenario, stop=0.1)
-    from flexarm.pictures.diagram import diagram
+    from flexarm.plotting.wiring.diagram import diagram
     from flexarm.report.origin import origin
 
     values = {

@@ -59,8 +59,8 @@ DOCTYPES = [
 @functools.cache
 def fmu() -> Files:
     """The files of a small FMU for this machine."""
-    from flexarm.api import cut
     from flexarm.api import export as write
+    from flexarm.cut import cut
 
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -27,7 +27,7 @@ def command(arguments: list[str], folder: Path, **settings: str) -> subprocess.C
         env=environment(folder) | settings,
         capture_output=True,
         text=True,
-        timeout=180,
+        timeout=1800,
     )
 
 
@@ -84,7 +84,7 @@ def group(number: int) -> list[int]:
     return found
 
 
-def wait_for_group(number: int, longest: float = 30.0) -> None:
+def wait_for_group(number: int, longest: float = 600.0) -> None:
     """Wait until nothing of a group runs, and assert that this comes."""
     deadline = time.monotonic() + longest
     while group(number):

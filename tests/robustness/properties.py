@@ -48,7 +48,8 @@ def model_of(name: str) -> Model:
 
 def run(scenario: Scenario) -> None:
     """Build a scenario, run a few rows of it in the interpreter, and do its analyses."""
-    from flexarm.api import cut, linearise
+    from flexarm.api import linearise
+    from flexarm.cut import cut
 
     model = scenario.build()
     planned = scenario.simulation

@@ -6,7 +6,6 @@ import io
 import resource
 import subprocess
 import sys
-import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -50,13 +49,11 @@ FMU_WAYS = [as_fmu, as_block, inside_ssp]
 
 
 def refused(use: Use, content: bytes, folder: Path, message: str) -> FlexarmError:
-    """Assert that a use is refused within seconds, and that nothing is left or written outside."""
+    """Assert that a use is refused within seconds of work, and that nothing is left or written outside."""
     (folder / "outer").mkdir()
     (folder / "outer" / "inner").mkdir()
-    begun = time.perf_counter()
     with bounded(20), pytest.raises(FlexarmError, match=message) as caught:
         use(content, folder / "outer" / "inner")
-    assert time.perf_counter() - begun < 10
     assert [path.name for path in (folder / "outer").iterdir()] == ["inner"]
     return caught.value
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
 from pathlib import Path
 
 import numpy as np
@@ -46,13 +45,13 @@ def test_large_file_is_read_or_refused(name: str) -> None:
     assert str(caught.value).startswith("large.yaml:")
 
 
-def test_too_large_a_file_is_not_read(tmp_path: Path) -> None:
+def test_too_large_a_file_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "large.yaml"
     path.write_text("k: 1\n" * 1_000_001)
-    begun = time.perf_counter()
+    for name in ("open", "read_bytes", "read_text"):
+        monkeypatch.setattr(Path, name, lambda *_, **__: pytest.fail("the file is opened"))
     with pytest.raises(DocumentError, match=r"5\.0 MB; at most 5 MB"):
         read(path)
-    assert time.perf_counter() - begun < 1
 
 
 @pytest.mark.parametrize(
@@ -133,13 +132,12 @@ def test_a_mass_matrix_beyond_floats_is_refused(two: Path) -> None:
 def test_a_stiff_mode_is_named(two: Path) -> None:
     """w = sqrt(2 k / J) = 2e12 1/s: a step of 2.5e-13 s, 4e12 of them in a second."""
     model = load(two).build()
-    begun = time.perf_counter()
     with pytest.raises(SimulationError) as caught:
         simulate(model, 1.0, parameters={"spring.stiffness": 2e24})
-    assert time.perf_counter() - begun < 5
-    assert re.search(
-        r"exceed 1e\+09 steps; the fastest mode moves '(a|spring)\.\S+' at 2e\+12 1/s", caught.value.message
-    )
+    found = re.search(r"exceed 1e\+09 steps; the fastest mode moves '(\S+)' at 2e\+12 1/s", caught.value.message)
+    assert found
+    # Both bodies take the same part, as angles and as speeds: the first of the states leads, whatever the rounding.
+    assert found[1] == model.states[0].name
 
 
 def test_a_batch_goes_on_after_a_stiff_case(two: Path) -> None:

@@ -94,6 +94,35 @@ def test_sub_assemblies(whole: Path) -> None:
     assert load(whole).simulation.record == ("left.link.hub.angle", "right.link.hub.angle")
 
 
+@pytest.mark.parametrize(
+    ("given", "path"),
+    [
+        ("simulate: {stop: 1 s, record: [rotor.shaft.speed, left.axis.force]}", "simulate.record[1]"),
+        (
+            "analyses: {a: {kind: linearise, inputs: [left.axis.pull], outputs: [rotor.shaft.speed]}}",
+            "analyses.a.inputs[0]",
+        ),
+        ("analyses: {a: {kind: export, inputs: [torque.torque], outputs: [left.axis.force]}}", "analyses.a.outputs[0]"),
+        (
+            "analyses: {a: {kind: export, inputs: [torque.torque, torque.torque], outputs: [rotor.shaft.speed]}}",
+            "analyses.a.inputs[0]",
+        ),
+    ],
+)
+def test_a_signal_that_is_wrong_is_named_with_its_place(whole: Path, given: str, path: str) -> None:
+    """By the name that the file uses, though the engine speaks of what an exposed name stands for."""
+    text = whole.read_text()
+    start = text.index("simulate:")
+    whole.write_text(text[:start] + given + "\n")
+    scenario = load(whole)
+    analysis = scenario.analyses.get("a")
+    with pytest.raises(FlexarmError) as caught:
+        scenario.build(*((analysis.inputs, analysis.outputs) if analysis else ()))
+    where = caught.value.where
+    assert where is not None
+    assert (where.path, where.line) == (path, text[:start].count("\n") + 1)
+
+
 def test_sub_assemblies_equal_the_flat_system(whole: Path) -> None:
     """J = rotor + sum (m L^2 / 3) / n^2, angle = torque t^2 / (2 J n)."""
     scenario = load(whole, ["initial.left.link.hub.angle=0", "initial.right.link.hub.angle=0"])

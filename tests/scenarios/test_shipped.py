@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from blocks.registry import registry
-from flexarm.api import cut, linearise, simulate
+from flexarm.api import linearise, simulate
+from flexarm.cut import cut
 from scenarios.jsonschema import json_schema
 from scenarios.load import SHIPPED, load, shipped_names
 

@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.decay.evolving_spectra import evolving_spectra
 from diagnosis.recordings.columns import Vector
 from engine.files import writing
-from flexarm.damping_plot import draw_decay, draw_waterfall
+from flexarm.plotting.decay import draw_decay, draw_waterfall
 
 TARGET = Path(__file__).resolve().parents[2] / "docs" / "systems" / "figures" / "damping.png"
 MODES = ((7.622, 0.0315, 1.0), (47.77, 0.0068, 0.2))

@@ -1,0 +1,46 @@
+"""``flexarm compare SCENARIO [RECORDING...]``: errors against recordings."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any
+
+import typer
+
+from engine.errors import FlexarmError
+from flexarm.console.options import ScenarioArgument, SetOption, load
+
+
+def compare(
+    scenario: ScenarioArgument,
+    recordings: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[RECORDING...]", help="Recordings of the scenario, by name, or files; all by default."),
+    ] = None,
+    overrides: SetOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
+    rows: Annotated[bool, typer.Option("--rows", help="Also print every row of a frequency-response table.")] = False,
+) -> None:
+    """Simulate with a recording's own input and print the error of every signal."""
+    from diagnosis.binding import find_recording
+    from flexarm.api import compare as compare_one
+    from flexarm.console.progress import Progress
+    from flexarm.console.text import comparison_page
+
+    loaded = load(scenario, overrides)
+    if not recordings and not loaded.recordings:
+        raise FlexarmError(
+            f"{loaded.name} describes no recordings", remedy="name a file, or add a section 'recordings:'"
+        )
+    found = [find_recording(loaded, given) for given in recordings or loaded.recordings]
+    done: list[dict[str, Any]] = []
+    for recording in found:
+        with Progress(f"{loaded.name} against {recording.name}") as progress:
+            comparison = compare_one(loaded, recording, progress=progress.update)
+        done.append(comparison.numbers())
+        if not as_json:
+            typer.echo(comparison_page(comparison, rows))
+    if as_json:
+        typer.echo(
+            json.dumps({"scenario": loaded.name, "overrides": list(loaded.overrides), "recordings": done}, indent=2)
+        )

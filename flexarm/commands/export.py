@@ -1,0 +1,121 @@
+"""``flexarm export SCENARIO``: write an FMU or an SSP."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from engine.errors import ParameterError, Where
+from flexarm.console.options import (
+    AnalysisOption,
+    AtOption,
+    InputsOption,
+    ModeOption,
+    OutputsOption,
+    ScenarioArgument,
+    SetOption,
+    file_name,
+    load,
+    names,
+    pairs,
+    say_bypassed,
+)
+
+if TYPE_CHECKING:
+    from engine.model import Model
+    from flexarm.cut import Cut
+
+
+def export(
+    scenario: ScenarioArgument,
+    overrides: SetOption = None,
+    analysis: AnalysisOption = None,
+    inputs: InputsOption = None,
+    outputs: OutputsOption = None,
+    mode: ModeOption = None,
+    at: AtOption = None,
+    fmi: Annotated[int, typer.Option("--fmi", metavar="2|3", help="Version of FMI.")] = 2,
+    platforms: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--platforms", "--platform", metavar="NAMES", help="linux64,win64 (default), darwin64, aarch64; commas."
+        ),
+    ] = None,
+    linear_twin: Annotated[
+        bool, typer.Option("--linear-twin", help="Also run the linear model, as outputs NAME_lin.")
+    ] = False,
+    backend: Annotated[
+        str, typer.Option(metavar="c|python", help="python for scenarios with Python functions; needs Python there.")
+    ] = "c",
+    split: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=BLOCKS", help="An FMU of these blocks or sub-assemblies (commas), the rest another; an SSP."
+        ),
+    ] = None,
+    bare: Annotated[
+        bool, typer.Option("--bare", help="With --split: no connectors of the SSP itself, for libcosim and Ecos.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="The file; NAME.fmu or NAME.ssp by default.")
+    ] = None,
+) -> None:
+    """Write the model as an FMU, and its linear model beside it as NAME_linear.mat and NAME_linear.m."""
+    from engine.files import check_suffix
+    from flexarm.api import ExportOptions
+    from flexarm.api import export as write_fmu
+    from flexarm.cut import cut
+
+    if output is not None:
+        check_suffix(output, (".ssp",) if split else (".fmu",))
+    if bare and not split:
+        raise ParameterError("only an SSP can be without connectors", Where("--bare"), "add --split NAME=BLOCKS")
+    loaded = load(scenario, overrides)
+    path = output if output is not None else Path(f"{file_name(loaded)}{'.ssp' if split else '.fmu'}")
+    made = cut(loaded, "export", analysis, inputs=names(inputs), outputs=names(outputs))
+    say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
+    if split:
+        _refuse_with_split(linear_twin, backend)
+        _split(made, path, split, names(platforms), {"version": fmi, "bare": bare})
+        return
+    options = ExportOptions(
+        platforms=names(platforms),
+        version=fmi,
+        linear_twin=linear_twin,
+        backend=backend,
+        modes=pairs(mode, "--mode"),
+        at=pairs(at, "--at"),
+    )
+    write_fmu(made, path, options=options)
+    model: Model = made.model
+    typer.echo(f"inputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.inputs) or 'none'}")
+    typer.echo(f"outputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.outputs)}")
+    for written in (path, *(path.with_name(f"{path.stem}_linear{end}") for end in (".mat", ".m"))):
+        if written == path or (backend == "c" and model.inputs and model.states and written.exists()):
+            typer.echo(f"written: {written}")
+
+
+def _refuse_with_split(linear_twin: bool, backend: str) -> None:
+    if linear_twin or backend != "c":
+        raise ParameterError(
+            "an SSP holds FMUs of compiled C without a linear twin",
+            Where("--split"),
+            "leave out --linear-twin and --backend",
+        )
+
+
+def _split(made: Cut, path: Path, groups: list[str], platforms: list[str] | None, settings: dict[str, Any]) -> None:
+    from flexarm.split import split
+
+    if platforms is not None:
+        settings |= {"platforms": tuple(platforms)}
+    if made.simulation is not None:
+        settings |= {"step": made.simulation.step, "stop": made.simulation.stop}
+    wanted = {}
+    for text in groups:
+        name, _, blocks = text.partition("=")
+        wanted[name.strip()] = names([blocks or name]) or []
+    split(made, path, wanted, **settings)
+    typer.echo(f"written: {path}")

@@ -1,0 +1,63 @@
+"""``flexarm fit SCENARIO [RECORDING...]``: fit parameters to recordings."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from flexarm.console.options import (
+    HoldOutOption,
+    RecordingsArgument,
+    ScenarioArgument,
+    SeedOption,
+    SetOption,
+    WorkersOption,
+)
+
+if TYPE_CHECKING:
+    from diagnosis.estimation.least_squares import Fit
+
+
+def fit(
+    scenario: ScenarioArgument,
+    recordings: RecordingsArgument = None,
+    hold_out: HoldOutOption = None,
+    overrides: SetOption = None,
+    workers: WorkersOption = None,
+    seed: SeedOption = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
+) -> None:
+    """Fit the parameters, within their tolerances, to recordings."""
+    from diagnosis.api import fit as run
+
+    made, scores = run(
+        scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
+    )
+    if as_json:
+        typer.echo(json.dumps(_fit_numbers(made, scores), indent=2))
+        return
+    typer.echo(fit_page(made, scores))
+
+
+def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
+    rows = {i.name: i.numbers() | {"start": i.start} for i in made.intervals()}
+    return {"parameters": rows, "chi2": scores, "converged": made.converged, "not_settled": list(made.weak)}
+
+
+def fit_page(made: Fit, scores: dict[str, float]) -> str:
+    """A fit as text: values, intervals, scores and what the data do not settle."""
+    from diagnosis.estimation.least_squares import span
+    from flexarm.console.text import columns, number
+
+    rows = [
+        [i.name, number(i.start), number(i.value), span(i.numbers(), 6), i.unit.strip("*")] for i in made.intervals()
+    ]
+    parts = [columns(["parameter", "given", "fitted", "95 % interval", "unit"], rows)]
+    parts += [f"  {name}: mean squared error {value:.4g} times the noise variance" for name, value in scores.items()]
+    if made.weak:
+        parts.append("  the recordings do not settle: " + "; ".join(made.weak))
+    if not made.converged:
+        parts.append("  the fit did not converge")
+    return "\n".join(parts)

@@ -1,0 +1,109 @@
+"""``flexarm sweep SCENARIO``: grids and Monte Carlo."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexarm.console import completion
+from flexarm.console.options import OutputsOption, ScenarioArgument, SetOption, load, names, seconds
+
+
+def sweep(
+    scenario: ScenarioArgument,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR|FILE.parquet", help="A folder, or the table itself.")
+    ],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            "-v",
+            metavar="KEY=...",
+            help="KEY=START:STOP:N, KEY=A,B,C, KEY~tolerance, KEY~10% or KEY~LOW:HIGH; repeatable.",
+            autocompletion=completion.keys,
+        ),
+    ] = None,
+    overrides: SetOption = None,
+    runs: Annotated[int | None, typer.Option("--runs", "-n", help="Draws at each point of the grid.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    outputs: OutputsOption = None,
+    stop: Annotated[str | None, typer.Option(metavar="TIME", help="End, such as '10 s'.")] = None,
+    step: Annotated[str | None, typer.Option(metavar="TIME", help="Interval between rows, such as '1 ms'.")] = None,
+    keep: Annotated[
+        str | None, typer.Option(metavar="TIME", help="Also keep the outputs over time, at this interval.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; as many as cores by default.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A dask scheduler whose workers are used instead.")
+    ] = None,
+    restart: Annotated[bool, typer.Option("--restart", help="Throw away what is there, and begin again.")] = False,
+) -> None:
+    """Run a scenario over grids of values and draws within tolerances; a table with a row for each run.
+
+    Interrupted, it goes on where it was when the same command is given again.
+    """
+    import sys
+
+    from flexarm.console.interrupt import heard
+    from flexarm.console.progress import Progress
+    from flexarm.console.text import plural
+    from flexarm.sweeps.sweep import SweepOptions
+    from flexarm.sweeps.sweep import sweep as run
+
+    loaded = load(scenario, overrides)
+    at = (0, 0)
+    try:
+        with heard() as check, Progress(f"{loaded.name}: runs") as bar:
+
+            def progress(done: int, total: int) -> None:
+                nonlocal at
+                at = (done, total)
+                check()
+                bar.update(done / total)
+
+            options = SweepOptions(
+                runs=runs,
+                seed=seed,
+                outputs=names(outputs),
+                stop=seconds(stop, "--stop"),
+                step=seconds(step, "--step"),
+                keep=seconds(keep, "--keep"),
+                workers=workers,
+                scheduler=scheduler,
+                restart=restart,
+                progress=progress,
+            )
+            made = run(loaded, vary or [], output, options)
+    except KeyboardInterrupt:
+        sys.stderr.write(f"interrupted after {at[0]} of {at[1]} runs; the same command goes on from there\n")
+        raise typer.Exit(130) from None
+    typer.echo(f"{loaded.name}: {plural(made.plan.total, 'run')}, {made.computed} of them computed now")
+    typer.echo(_ranges(made.table, made.plan.outputs))
+    for path in (made.table, made.trajectories):
+        if path is not None:
+            typer.echo(f"written: {path}")
+
+
+def _ranges(table: Path, outputs: tuple[tuple[str, str], ...]) -> str:
+    """What the runs span, output by output, and how many failed."""
+    import numpy as np
+
+    from flexarm.console.text import columns, number, plural
+    from flexarm.table import read
+
+    rows = []
+    for name, unit in outputs:
+        spans = []
+        for kind in ("final", "min", "max"):
+            values = read(table, [f"{name}.{kind}"])[f"{name}.{kind}"]
+            values = values[np.isfinite(values)]
+            spans += [number(values.min()), number(values.max())] if len(values) else ["-", "-"]
+        rows.append([name, unit, f"{spans[0]} ... {spans[1]}", spans[2], spans[5]])
+    parts = [columns(["signal", "unit", "end", "least", "greatest"], rows)]
+    reasons = [reason for reason in read(table, ["failure"])["failure"] if reason is not None]
+    if reasons:
+        parts.append(f"  {plural(len(reasons), 'run')} failed; the first: {reasons[0]}")
+    return "\n".join(parts)

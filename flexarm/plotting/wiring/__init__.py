@@ -1,0 +1,1 @@
+"""The wiring of a scenario as a block diagram: graph, layered layout, routing and drawing."""
