@@ -9,11 +9,14 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis.compare import find_recording
+from diagnosis.binding import find_recording
+from diagnosis.effects.catalogue import candidates, check_names
+from diagnosis.effects.effect import Candidate
+from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.least_squares import fit as fit_problem
 from diagnosis.problems import problem
-from diagnosis.recordings.mapping import Recorded
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.dask_fitter import DaskFitter
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import Progress, study
@@ -74,10 +77,33 @@ def fit(
     with threadpool_limits(BLAS_THREADS):
         made = fit_problem(problem(scenario, recorded), random_starts=2, seed=seed, workers=workers or cores())
     scores = {"fitted": made.chi2}
-    held = made.problem.chosen("hold_out")
-    if held:
-        scores["held out"] = made.score(held)
+    if made.problem.held_out:
+        scores["held out"] = made.problem.chi2(made.x, made.problem.held_out)
     return made, scores
+
+
+def possible_effects(
+    source: Scenario | str | Path,
+    recordings: Sequence[str | Path | Recorded] = (),
+    *,
+    overrides: Sequence[str] = (),
+    without: Sequence[str] = (),
+) -> list[Candidate]:
+    """What `diagnose` would try, without fitting anything: every effect at every place, with sizes to start from.
+
+    Args:
+        source: the scenario.
+        recordings: that say how large things are; all that the scenario describes by default.
+        overrides: ``key=value`` texts.
+        without: effects that are left out.
+
+    Raises:
+        FlexarmError: scenario or recordings that do not fit, or an effect that is unknown or cannot be used.
+    """
+    check_names(without)
+    scenario = source if isinstance(source, Scenario) else load(source, overrides)
+    with threadpool_limits(BLAS_THREADS):
+        return candidates(operating_scales(problem(scenario, gather(scenario, recordings, ()))), without)
 
 
 def diagnose(
@@ -102,14 +128,16 @@ def diagnose(
         overrides: ``key=value`` texts.
         workers: threads; as many as cores if None. The result does not depend on them.
         seed: of everything random.
-        without: effects of the catalogue that are not to be tried.
+        without: effects, of the catalogue or registered, that are not to be tried.
         progress: told what is done.
         keep: folder where every fit is kept, so that a call that was interrupted goes on where it was.
         scheduler: address of a dask scheduler whose workers do the fits.
 
     Raises:
-        FlexarmError: scenario or recordings that do not fit, no worker, or no cluster at that address.
+        FlexarmError: scenario or recordings that do not fit, an effect that is unknown or cannot be used, no worker, or
+            no cluster at that address.
     """
+    check_names(without)
     if workers is not None and workers < 1:
         raise FlexarmError(f"{workers} workers cannot do anything", remedy="give 1 or more")
     scenario = source if isinstance(source, Scenario) else load(source, overrides)

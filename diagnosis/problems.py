@@ -9,27 +9,24 @@ from fractions import Fraction
 
 import numpy as np
 
-from diagnosis.compare import Plan, grid, plan
+from diagnosis.binding import Binding, bind, grid
+from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.initial_states import free_starts, starting_values
-from diagnosis.estimation.problem import Array, Experiment, FreeParameter, Problem
-from diagnosis.frequency_response.table_experiment import TableExperiment, prepared
+from diagnosis.estimation.parameters import Array, FreeParameter, free_parameters
+from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import TimeExperiment
+from diagnosis.frequency_response.table_experiment import prepared
 from diagnosis.recordings.columns import RecordingError
-from diagnosis.recordings.mapping import FrequencyTable, Recorded, Recording
+from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
+from diagnosis.thresholds import FITTING
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.model import Model
 from engine.quantity import convert
 from engine.start import start_values
 from engine.step import fastest, internal_step
+from scenarios.amend import Edit
 from scenarios.load import Scenario
-
-MOST_SAMPLES = 1_000_000
-"""Samples of one recording that a fit takes."""
-
-FINEST = 8
-"""At most so many internal steps per sample: what moves faster than they can follow, the data cannot show."""
-
-STABLE = 2.0
-"""A mode is integrated stably while its rate times the step stays below this."""
+from scenarios.variant import edited, renamed
 
 
 def noise(values: Array) -> float:
@@ -47,7 +44,7 @@ def noise(values: Array) -> float:
     return math.sqrt(max(quantum**2 / 12, rough**2))
 
 
-def experiment(made: Plan, recording: Recording, longest: float) -> Experiment:
+def experiment(made: Binding, recording: Recording, longest: float) -> TimeExperiment:
     """A recording in the form a fit needs.
 
     An uneven time axis stays as it is: the model is simulated on a finer even grid and read at the recorded instants.
@@ -55,10 +52,10 @@ def experiment(made: Plan, recording: Recording, longest: float) -> Experiment:
     Raises:
         RecordingError: too many samples, an unknown starting value, or noise that cannot be estimated.
     """
-    if len(recording.time) > MOST_SAMPLES:
+    if len(recording.time) > FITTING.most_samples:
         raise RecordingError(
             f"recording '{recording.name}' has {len(recording.time)} samples, and a fit simulates all of them some "
-            f"hundred times; at most {MOST_SAMPLES} are taken",
+            f"hundred times; at most {FITTING.most_samples} are taken",
             remedy="choose a part with 'window: [from, until]' in the recording, or store it at longer intervals",
         )
     step, every = grid(recording.time, longest)
@@ -73,25 +70,25 @@ def experiment(made: Plan, recording: Recording, longest: float) -> Experiment:
             )
         sigma.append(given)
     time = np.asarray(recording.time)
-    found = Experiment(
-        recording.name,
-        recording.role,
-        time,
-        step,
-        every or max(1, round(float(time[-1]) / (len(time) - 1) / step)),
-        made.drive,
-        measured,
-        np.array(sigma),
-        tuple(channel.from_first for channel in recording.measurements),
-        recording.free,
-        starting_values(made.model, recording, measured),
+    found = TimeExperiment(
+        name=recording.name,
+        role=recording.role,
+        time=time,
+        step=step,
+        every=every or max(1, round(float(time[-1]) / (len(time) - 1) / step)),
+        drive=made.drive,
+        measured=measured,
+        sigma=np.array(sigma),
+        from_first=tuple(channel.from_first for channel in recording.measurements),
+        free=recording.free,
+        initial=starting_values(made.model, recording, measured),
         uneven=not every,
     )
     return found if recording.resample is None else resampled(found, recording.resample)
 
 
-def resampled(given: Experiment, interval: float) -> Experiment:
-    """The experiment compared at other instants: every so many of its samples, or interpolated between them.
+def resampled(given: TimeExperiment, interval: float) -> TimeExperiment:
+    """The experiment compared at other instants: every n-th of its samples, or interpolated between them.
 
     The drive keeps every sample.
     """
@@ -106,40 +103,18 @@ def resampled(given: Experiment, interval: float) -> Experiment:
     return replace(given, time=time, measured=np.column_stack(columns), step=step, every=parts, uneven=False)
 
 
-def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[FreeParameter]:
-    """Every parameter with a tolerance, that of ``tolerances`` or the declared one, moved in units of it."""
-    rows = []
-    for parameter in model.parameters:
-        tolerance, (low, high) = parameter.declared.tolerance, parameter.declared.bounds
-        tolerance = tolerances.get(parameter.name, tolerance)
-        if not tolerance or parameter.value == 0.0:
-            continue
-        logarithmic = low >= 0 and parameter.value > 0
-        scale = tolerance if logarithmic else tolerance * abs(parameter.value)
-        rows.append(FreeParameter(parameter.name, parameter.value, scale, logarithmic, low, high))
-    return rows
-
-
-def problem(
-    scenario: Scenario,
-    recordings: Sequence[Recorded],
-    extra: Sequence[FreeParameter] = (),
-    sigma: Array | None = None,
-    held: Collection[str] = (),
-) -> Problem:
-    """The problem of fitting a scenario to recordings.
+def problem(scenario: Scenario, recordings: Sequence[Recorded]) -> Problem:
+    """The problem of fitting a scenario to recordings, each prepared once.
 
     Args:
         scenario: the model.
         recordings: all over time, or all tables, with the same drives and measurements.
-        extra: parameters to free besides those with a tolerance, or in their place where a name is the same.
-        sigma: noise of each signal, in place of what the recordings say.
-        held: parameters that stay as they are, whatever tolerance is declared.
 
     Raises:
         FlexarmError: recordings that do not fit the scenario, or each other.
     """
     tables = [r for r in recordings if isinstance(r, FrequencyTable)]
+    experiments: Sequence[Experiment]
     if len(tables) == len(recordings):
         model, experiments = prepared(scenario, tables)
     elif tables:
@@ -149,9 +124,38 @@ def problem(
         )
     else:
         model, experiments = _over_time(scenario, [r for r in recordings if isinstance(r, Recording)])
-    if sigma is not None:
-        experiments = [replace(e, sigma=sigma) for e in experiments]
-    tolerances = _tolerances(scenario, None if extra else model)
+    return _posed(scenario, model, experiments, _tolerances(scenario, model))
+
+
+def variant(
+    base: Problem, edits: Sequence[Edit], extra: Sequence[FreeParameter] = (), held: Collection[str] = ()
+) -> Problem:
+    """A problem with edits applied to its scenario, in memory; its recordings are used as they are prepared.
+
+    Args:
+        base: of the user's scenario.
+        edits: to the scenario.
+        extra: parameters to free besides those with a tolerance, or in their place where a name is the same.
+        held: parameters that stay as they are, whatever tolerance is declared.
+
+    Raises:
+        FlexarmError: the amended model has no meaning.
+    """
+    scenario = edited(base.scenario, edits)
+    inputs = renamed([v.name for v in base.model.inputs], edits)
+    outputs = renamed([v.name for v in base.model.outputs], edits)
+    model, experiments = base.experiments[0].bound(scenario, inputs, outputs, base.experiments)
+    return _posed(scenario, model, experiments, _tolerances(scenario, None), extra, held)
+
+
+def _posed(
+    scenario: Scenario,
+    model: Model,
+    experiments: Sequence[Experiment],
+    tolerances: Mapping[str, float],
+    extra: Sequence[FreeParameter] = (),
+    held: Collection[str] = (),
+) -> Problem:
     named = {f.name: f for f in free_parameters(model, tolerances)} | {f.name: f for f in extra}
     bounds = {p.name: _within(p.declared.bounds) for p in model.parameters}
     free = [
@@ -181,18 +185,18 @@ def _tolerances(scenario: Scenario, model: Model | None) -> dict[str, float]:
     return found
 
 
-def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Model, list[Experiment]]:
+def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Model, list[TimeExperiment]]:
     """The model, and recordings over time as experiments."""
-    first = plan(scenario, recordings[0])
-    plans = [first, *(plan(scenario, recording, first) for recording in recordings[1:])]
-    for made, recording in zip(plans, recordings, strict=True):
+    first = bind(scenario, recordings[0])
+    bindings = [first, *(bind(scenario, recording, first) for recording in recordings[1:])]
+    for made, recording in zip(bindings, recordings, strict=True):
         if [v.name for v in made.model.outputs] != [v.name for v in first.model.outputs]:
             raise FlexarmError(
                 f"recording '{recording.name}' measures other signals than '{recordings[0].name}'",
                 remedy="give recordings with the same drive and measurements",
             )
     longest = scenario.simulation.step if scenario.simulation else 1e-3
-    return first.model, [experiment(m, r, max(longest, 1e-3)) for m, r in zip(plans, recordings, strict=True)]
+    return first.model, [experiment(m, r, max(longest, 1e-3)) for m, r in zip(bindings, recordings, strict=True)]
 
 
 def resolved(made: Problem, x: Array) -> Problem | None:
@@ -200,14 +204,15 @@ def resolved(made: Problem, x: Array) -> Problem | None:
     asked = made.scenario.simulation.internal_step if made.scenario.simulation else None
     if asked is not None:
         return replace(made, internal_step=asked)
-    if any(isinstance(e, TableExperiment) for e in made.experiments):
+    steps = [e.longest_step for e in made.experiments if e.longest_step is not None]
+    if not steps:
         return made
-    model, step = made.model, min(e.step for e in made.experiments)
+    model, step = made.model, min(steps)
     p = model.parameter_vector(made.values(x)[0])
     start = start_values(model, p)
-    if fastest(model, p, start).rate * step / FINEST > STABLE:
+    if fastest(model, p, start).rate * step / FITTING.finest > FITTING.stable:
         return None
-    return replace(made, internal_step=max(internal_step(model, p, start, step), step / FINEST))
+    return replace(made, internal_step=max(internal_step(model, p, start, step), step / FITTING.finest))
 
 
 def _within(bounds: tuple[float, float]) -> tuple[float, float]:

@@ -108,6 +108,7 @@ class Block:
         values: parameters and options by name; numbers in the declared unit, or texts with a unit.
 
     Attributes:
+        given: parameters and options as they were given, by name.
         values: parameters and options by name, in the declared unit.
         ports: connectors by name; those of the class, and `further_ports`.
 
@@ -120,6 +121,41 @@ class Block:
     ports: Mapping[str, Port] = MappingProxyType({})
     _port_attributes: Mapping[str, str] = MappingProxyType({})
     _bound: dict[str, Any] | None = None
+
+    # What the block is, for tools that ask what its model leaves out (`flexarm diagnose`). Each names declared
+    # parameters, options or flanges; a subclass inherits them. None is needed for a simulation.
+
+    cut_after: ClassVar[tuple[str, ...]] = ()
+    """Flanges at which a drive hands on its motion: between one of them and what it is connected to, a joint may give
+    way, have play, harden or slip."""
+
+    imposes_motion: ClassVar[tuple[str, ...]] = ()
+    """Flanges whose motion is an input, whatever effort that takes; the output ``torque`` or ``force`` tells it."""
+
+    spring_parameters: ClassVar[tuple[str, ...]] = ()
+    """For a linear spring and damper between flanges ``a`` and ``b``: its stiffness, its damping, and the angle or
+    distance at which it is slack. Other laws may take its place, with these values; the last two may be absent ("")."""
+
+    spring_when: ClassVar[tuple[tuple[str, Any], ...]] = ()
+    """Values of further parameters and options with which the block is that linear spring."""
+
+    winding_parameters: ClassVar[tuple[str, ...]] = ()
+    """Resistance and inductance of a winding; an inductance of 0 leaves it out."""
+
+    modes_option: ClassVar[str] = ""
+    """Option with the number of bending modes that are kept."""
+
+    spin_options: ClassVar[tuple[str, ...]] = ()
+    """Switches that together let rotation stiffen a flexible body."""
+
+    payload_parameters: ClassVar[tuple[str, ...]] = ()
+    """Mass at the tip of a link, 0 where there is none, and the mass of the link."""
+
+    slide_twin: ClassVar[str] = ""
+    """For a rotational law: type of the block with the same law along a slide."""
+
+    slide_names: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """Parameters that the twin calls otherwise: name here, name there."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -138,6 +174,7 @@ class Block:
                 (parameters if isinstance(made, Parameter) else options)[attribute] = made
             declared.made = made
         cls.parameters, cls.options, cls.ports, cls._port_attributes = parameters, options, ports, attributes
+        _check_traits(cls)
 
     def __init__(self, **values: Any) -> None:
         cls = type(self)
@@ -145,6 +182,7 @@ class Block:
         for name in values:
             if name not in known:
                 raise ParameterError(f"{cls.__name__} has no parameter '{name}'", remedy=nearest(name, known))
+        self.given: dict[str, Any] = dict(values)
         self.values: dict[str, Any] = {}
         self._aliases: dict[str, str] = {}
         self._units: dict[str, str] = {}
@@ -242,6 +280,61 @@ class Block:
     def __repr__(self) -> str:
         given = ", ".join(f"{name}={value!r}" for name, value in self.values.items())
         return f"{type(self).__name__}({given})"
+
+
+_TRAITS = {
+    "cut_after": "flange",
+    "imposes_motion": "flange",
+    "spring_parameters": "parameter",
+    "spring_when": "parameter or option",
+    "winding_parameters": "parameter",
+    "modes_option": "option",
+    "spin_options": "option",
+    "payload_parameters": "parameter",
+    "slide_twin": "",
+    "slide_names": "parameter",
+}
+"""Trait: what it names."""
+
+_COUNTS = {"spring_parameters": 3, "winding_parameters": 2, "payload_parameters": 2}
+
+
+def _check_traits(cls: type[Block]) -> None:
+    """Check that what a class says of itself names what it declares.
+
+    Raises:
+        ParameterError: it does not, or a parameter or port takes the name of a trait.
+    """
+    flanges = [port.name for port in cls.ports.values() if port.role == "flange"]
+    known = {"flange": flanges, "parameter": [*cls.parameters], "option": [*cls.options]}
+    known["parameter or option"] = [*cls.parameters, *cls.options]
+    for trait, kind in _TRAITS.items():
+        value = getattr(cls, trait)
+        if isinstance(value, _Declared):
+            raise ParameterError(f"{cls.__name__} declares '{trait}', which every block has", remedy="rename it")
+        if trait in _COUNTS and len(value) not in (0, _COUNTS[trait]):
+            raise ParameterError(f"{cls.__name__}.{trait} has {len(value)} names", remedy=f"give {_COUNTS[trait]}")
+        if kind == "flange" and cls.further_ports is not Block.further_ports:
+            continue  # an instance may have flanges that the class has not
+        rows = ([value] if isinstance(value, str) else value) if kind else ()
+        for name in (row if isinstance(row, str) else row[0] for row in rows):
+            if name and name not in known[kind]:
+                raise ParameterError(
+                    f"{cls.__name__}.{trait} names '{name}', which is no {kind} of it",
+                    remedy=nearest(name, known[kind]),
+                )
+    for port in cls.imposes_motion:
+        effort = ("torque" if cls.ports[port].kind == ROTATIONAL else "force") if port in cls.ports else ""
+        if effort and (effort not in cls.ports or cls.ports[effort].role != "output"):
+            raise ParameterError(
+                f"{cls.__name__}.imposes_motion names '{port}', but no output '{effort}' tells the effort",
+                remedy=f"declare {effort} = signal_out(...)",
+            )
+    if cls.spring_parameters and {"a", "b"} - {*flanges}:
+        raise ParameterError(
+            f"{cls.__name__}.spring_parameters is for a spring between flanges 'a' and 'b'",
+            remedy=f"it has {', '.join(flanges) or 'no flange'}",
+        )
 
 
 def _unit_given(value: Any) -> str:

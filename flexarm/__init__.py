@@ -22,7 +22,7 @@ _packages.claim()
 if TYPE_CHECKING:
     from diagnosis.api import diagnose, fit
     from diagnosis.compare import Comparison
-    from diagnosis.recordings.mapping import FrequencyTable, Recording
+    from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.assemble import build
     from engine.batch import batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
@@ -52,7 +52,7 @@ _PLACES = {
     "Drive": "engine.simulate",
     "ExportOptions": "flexarm.api",
     "FlexarmError": "engine.errors",
-    "FrequencyTable": "diagnosis.recordings.mapping",
+    "FrequencyTable": "diagnosis.recordings.types",
     "LinearModel": "engine.linearise",
     "Model": "engine.model",
     "Motion": "engine.stamps",
@@ -60,7 +60,7 @@ _PLACES = {
     "ParameterError": "engine.errors",
     "Port": "engine.ports",
     "ROTATIONAL": "engine.ports",
-    "Recording": "diagnosis.recordings.mapping",
+    "Recording": "diagnosis.recordings.types",
     "Result": "engine.simulate",
     "SameAs": "engine.quantity",
     "Scenario": "scenarios.load",

@@ -17,7 +17,7 @@ from scenarios.validate import ScenarioError
 
 if TYPE_CHECKING:
     from diagnosis.compare import Comparison
-    from diagnosis.recordings.mapping import FrequencyTable, Recording
+    from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.discretise import DiscreteModel
     from engine.linearise import LinearModel
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -103,13 +103,19 @@ class Replace:
 Edit = InSignal | AtFlange | Between | OnSensor | Feed | Set | Replace
 
 
-def amended(text: str, edits: Sequence[Edit], notes: dict[str, str] | None = None) -> str:
+def amended(
+    text: str,
+    edits: Sequence[Edit],
+    notes: dict[str, str] | None = None,
+    resolve: Callable[[str], str] = str,
+) -> str:
     """The scenario's text with edits applied.
 
     Args:
         text: a scenario.
         edits: in order.
         notes: comment for each block an edit touches, by name.
+        resolve: what an exposed name of a connection stands for; see `scenarios.load.Scenario.resolve`.
 
     Raises:
         FlexarmError: an edit names a place the scenario does not have.
@@ -117,7 +123,7 @@ def amended(text: str, edits: Sequence[Edit], notes: dict[str, str] | None = Non
     yaml = _yaml()
     document = yaml.load(text)
     for edit in edits:
-        _apply(document, edit)
+        _apply(document, edit, resolve)
         name = edit.name
         note = (notes or {}).get(name)
         if note and name in document["blocks"]:
@@ -173,14 +179,16 @@ def _flow(values: Any) -> Any:
     return made
 
 
-def _node(document: Any, end: str) -> Any:
+def _node(document: Any, end: str, resolve: Callable[[str], str]) -> tuple[Any, int]:
+    """The connection that joins an end, and the end's place in it; None and 0 if there is none."""
     for connection in document.setdefault("connect", []):
-        if end in connection:
-            return connection
-    return None
+        for place, name in enumerate(connection):
+            if resolve(str(name)) == end:
+                return connection, place
+    return None, 0
 
 
-def _apply(document: Any, edit: Edit) -> None:
+def _apply(document: Any, edit: Edit, resolve: Callable[[str], str]) -> None:
     blocks = document["blocks"]
     if isinstance(edit, Set | Replace):
         if edit.name not in blocks:
@@ -197,34 +205,31 @@ def _apply(document: Any, edit: Edit) -> None:
         raise FlexarmError(f"the scenario has a block '{edit.name}' already")
     blocks[edit.name] = _flow({"type": edit.type, **edit.parameters})
     connect = document.setdefault("connect", [])
+    node, place = _node(document, edit.target, resolve)
     if isinstance(edit, InSignal):
-        node = _node(document, edit.target)
         if node is not None:
             if len(node) == 2:
-                node[list(node).index(edit.target)] = f"{edit.name}.{edit.entry}"
+                node[place] = f"{edit.name}.{edit.entry}"
             else:
-                node.remove(edit.target)
+                del node[place]
                 node.append(f"{edit.name}.{edit.entry}")
         connect.append(_flow([f"{edit.name}.{edit.exit}", edit.target]))
         _rename(document, edit.target, f"{edit.name}.{edit.entry}", ("drive",), "inputs")
     elif isinstance(edit, Feed):
-        node = _node(document, edit.target)
         if node is not None:
-            node.remove(edit.target)
+            del node[place]
             if len(node) < 2:
                 connect.remove(node)
         connect.append(_flow([f"{edit.name}.{edit.exit}", edit.target]))
     elif isinstance(edit, AtFlange):
-        node = _node(document, edit.target)
         if node is None:
             connect.append(_flow([edit.target, f"{edit.name}.{edit.port}"]))
         else:
             node.append(f"{edit.name}.{edit.port}")
     elif isinstance(edit, Between):
-        node = _node(document, edit.target)
         if node is None or len(node) < 2:
             raise FlexarmError(f"nothing is connected to '{edit.target}'")
-        node[list(node).index(edit.target)] = f"{edit.name}.{edit.outer}"
+        node[place] = f"{edit.name}.{edit.outer}"
         connect.append(_flow([edit.target, f"{edit.name}.{edit.inner}"]))
     else:
         connect.append(_flow([edit.target, f"{edit.name}.{edit.entry}"]))

@@ -16,13 +16,6 @@ PACKAGES = ("engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm")
 
 Graph = Mapping[str, set[str]]
 
-KNOWN: set[frozenset[str]] = {
-    frozenset({"diagnosis.recordings.mapping", "diagnosis.recordings.time_axis"}),
-    frozenset({"diagnosis.search.fitter", "diagnosis.search.wave_starts"}),
-    frozenset({"diagnosis.search.force_recovery", "diagnosis.search.nonparametric", "diagnosis.search.search"}),
-}
-"""Circles that are still there: delete each with its repair. No other may be added."""
-
 
 def modules(root: Path, packages: Iterable[str]) -> dict[str, Path]:
     """Every module of the packages by its dotted name; a package stands for its ``__init__``."""
@@ -94,11 +87,8 @@ def path(graph: Graph, start: str, end: str) -> list[str]:
 def test_no_import_circle() -> None:
     graph = imports(ROOT, PACKAGES)
     assert len(graph) > 200, "the packages were not found"
-    found = {frozenset(circle): " -> ".join(circle) for circle in circles(graph)}
-    new = [text for group, text in found.items() if group not in KNOWN]
-    assert not new, "import circles:\n" + "\n".join(new)
-    gone = [sorted(group) for group in KNOWN - found.keys()]
-    assert not gone, f"no circles any more, delete from KNOWN: {gone}"
+    found = [" -> ".join(circle) for circle in circles(graph)]
+    assert not found, "import circles:\n" + "\n".join(found)
 
 
 @pytest.mark.parametrize(

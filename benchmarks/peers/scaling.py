@@ -16,7 +16,7 @@ from benchmarks.bench_engine import _ARM, inner
 from benchmarks.concealed.case import draw
 from benchmarks.concealed.scenario import write
 from diagnosis.api import fit
-from diagnosis.compare import find_recording
+from diagnosis.binding import find_recording
 from engine.batch import Case, batch
 from engine.model import Model
 from engine.spread import cores

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import savgol_filter
 
-from diagnosis.recordings.mapping import Recording, from_scenario
+from diagnosis.recordings.mapping import from_scenario
+from diagnosis.recordings.types import Recording
 from engine.errors import FlexarmError
 from engine.files import writing
 from engine.linearise import linearise

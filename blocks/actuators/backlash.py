@@ -32,10 +32,10 @@ class _Backlash(Block):
     half_gap: Any
     law: Any
 
-    def _between(self, net: Net, a: Motion, b: Motion) -> tuple[Expression, Expression, Expression]:
-        """Stamp the contact between ``a`` and ``b``; returns (offset between the parts, effort on b, mode)."""
+    def _between(self, net: Net, a: Motion, b: Motion, rest: Expression) -> tuple[Expression, Expression, Expression]:
+        """Stamp the contact between ``a`` and ``b``; returns (offset from the middle, effort on b, mode)."""
         k, d, g = self.stiffness, self.damping, self.half_gap
-        e, rate = a.angle - b.angle, a.speed - b.speed
+        e, rate = a.angle - b.angle - rest, a.speed - b.speed
         plus, minus = e - g, e + g
         load_plus, load_minus = k * plus + d * rate, k * minus + d * rate
 
@@ -63,7 +63,8 @@ class _Backlash(Block):
 class Backlash(_Backlash):
     """Backlash between two shafts: tau = k (e -+ g) + d e' at the faces e = +-g, 0 between them.
 
-    e = angle of a - angle of b, k = stiffness, d = damping, g = half_gap. tau acts on b and -tau on a: a drives b.
+    e = angle of a - angle of b - rest_angle, k = stiffness, d = damping, g = half_gap. tau acts on b and -tau on a: a
+    drives b.
     ``law: push_only`` closes a face when its penetration p and its force k p + d p' are both positive, and opens it
     when the force would pull. ``law: two_sided`` is in contact while p > 0 and lets the damper pull. With half_gap = 0
     two_sided is exactly the plain spring-damper; push_only is then another law, since its damping never pulls.
@@ -73,19 +74,25 @@ class Backlash(_Backlash):
     Referee's notes 3.4: law and gap change the fit of paper 002's Table A.2 from 6.06 to 2.81 and 1.30 dB.
     """
 
+    spring_parameters = ("stiffness", "damping", "rest_angle")
+    spring_when = (("law", "two_sided"), ("half_gap", 0.0))
+    slide_twin = "TranslationalBacklash"
+    slide_names = (("rest_angle", "rest_distance"),)
+
     stiffness = parameter("N.m/rad", ..., "contact torque per penetration k", gt=0, tolerance=0.2)
     damping = parameter("N.m.s/rad", 0.0, "contact torque per rate of penetration d", ge=0, tolerance=0.3)
     half_gap = parameter("rad", ..., "play from the middle to either face g", ge=0, tolerance=0.3)
+    rest_angle = parameter("rad", 0.0, "angle of a - angle of b in the middle of the play")
     law = option(str, "push_only", _LAW, choices=_LAWS)
 
     a = flange("driving shaft")
     b = flange("driven shaft")
-    offset = signal_out("rad", "angle of a - angle of b")
+    offset = signal_out("rad", "distance from the middle of the play e")
     torque = signal_out("N.m", "torque on b, tau")
     contact = signal_out("1", _CONTACT)
 
     def stamp(self, net: Net) -> None:
-        offset, torque, contact = self._between(net, self.a, self.b)
+        offset, torque, contact = self._between(net, self.a, self.b, self.rest_angle)
         net.output(self.offset, offset)
         net.output(self.torque, torque)
         net.output(self.contact, contact)
@@ -94,23 +101,27 @@ class Backlash(_Backlash):
 class TranslationalBacklash(_Backlash):
     """Play between two slides: F = k (e -+ g) + d e' at the faces e = +-g, 0 between them.
 
-    e = position of a - position of b, k = stiffness, d = damping, g = half_gap. F acts on b and -F on a. The two laws
-    are those of `Backlash`.
+    e = position of a - position of b - rest_distance, k = stiffness, d = damping, g = half_gap. F acts on b and -F on
+    a. The two laws are those of `Backlash`.
     """
+
+    spring_parameters = ("stiffness", "damping", "rest_distance")
+    spring_when = (("law", "two_sided"), ("half_gap", 0.0))
 
     stiffness = parameter("N/m", ..., "contact force per penetration k", gt=0, tolerance=0.2)
     damping = parameter("N.s/m", 0.0, "contact force per rate of penetration d", ge=0, tolerance=0.3)
     half_gap = parameter("m", ..., "play from the middle to either face g", ge=0, tolerance=0.3)
+    rest_distance = parameter("m", 0.0, "position of a - position of b in the middle of the play")
     law = option(str, "push_only", _LAW, choices=_LAWS)
 
     a = flange("driving slide", kind=TRANSLATIONAL)
     b = flange("driven slide", kind=TRANSLATIONAL)
-    offset = signal_out("m", "position of a - position of b")
+    offset = signal_out("m", "distance from the middle of the play e")
     force = signal_out("N", "force on b, F")
     contact = signal_out("1", _CONTACT)
 
     def stamp(self, net: Net) -> None:
-        offset, force, contact = self._between(net, self.a, self.b)
+        offset, force, contact = self._between(net, self.a, self.b, self.rest_distance)
         net.output(self.offset, offset)
         net.output(self.force, force)
         net.output(self.contact, contact)

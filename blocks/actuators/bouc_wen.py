@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blocks.symbolic import greatest
+from blocks.symbolic import greatest, least
 from engine.block import Block, flange, parameter, signal_out
 
 if TYPE_CHECKING:
@@ -12,11 +12,14 @@ if TYPE_CHECKING:
 
 
 class BoucWenSpring(Block):
-    """Hysteretic torsion spring: tau = r k e + (1 - r) k z + d e', z' = e' - h, e = angle of a - angle of b.
+    """Hysteretic torsion spring: tau = r k e + (1 - r) k z + d e', z' = e' - h.
+
+    e = angle of a - angle of b - rest_angle.
 
     h = (b |e'| z |z|^(p-1) + (1 - b) e' |z|^p) / zy^p: z follows small e, and is held at +-zy while the twist goes on.
     k = stiffness at small twist, r = residual_share of it that stays at large twist, zy = yield_twist, p = sharpness of
-    the knee, b = unloading_share, d = damping. tau acts on b and -tau on a: the spring drives b after a.
+    the knee, b = unloading_share, d = damping. tau acts on b and -tau on a: the spring drives b after a. z begins at
+    -rest_angle, the twist of a spring that was wound before its shafts start at zero, or at +-zy where that is more.
 
     Without d the loop does not depend on the rate. With b = 1/2 the spring unloads with its full stiffness; a greater b
     makes the loop wider, and from 1/2 on the law never gives out more than it took in.
@@ -31,16 +34,18 @@ class BoucWenSpring(Block):
     sharpness = parameter("1", 1.0, "exponent p of the knee", ge=1, tolerance=0.3)
     unloading_share = parameter("1", 0.5, "share b of the yield law that |e'| drives", ge=0.5, le=1, tolerance=0.3)
     damping = parameter("N.m.s/rad", 0.0, "torque per rate of twist d", ge=0, tolerance=0.3)
+    rest_angle = parameter("rad", 0.0, "angle of a - angle of b at which the spring is slack")
 
     a = flange("driving shaft")
     b = flange("driven shaft")
-    twist = signal_out("rad", "angle of a - angle of b, e")
+    twist = signal_out("rad", "twist of the spring e")
     torque = signal_out("N.m", "torque on b, tau")
 
     def stamp(self, net: Net) -> None:
         a, b, k, share = self.a, self.b, self.stiffness, self.unloading_share
-        twist, rate = a.angle - b.angle, a.speed - b.speed
-        z = net.state("hysteresis", "rad", doc="hysteretic part z of the twist")
+        twist, rate = a.angle - b.angle - self.rest_angle, a.speed - b.speed
+        wound = least(greatest(-self.rest_angle, -self.yield_twist), self.yield_twist)
+        z = net.state("hysteresis", "rad", start=wound, doc="hysteretic part z of the twist")
         size, speed = greatest(z, -z) / self.yield_twist, greatest(rate, -rate)
         knee = greatest(size, 1e-12) ** (self.sharpness - 1)
         lost = knee * (share * speed * z / self.yield_twist + (1 - share) * rate * size)

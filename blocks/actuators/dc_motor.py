@@ -24,6 +24,9 @@ class DCMotor(Block):
     Papers 000 (below (11)) and 002 (2.1)-(2.10).
     """
 
+    cut_after = ("shaft",)
+    winding_parameters = ("resistance", "inductance")
+
     resistance = parameter("ohm", ..., "winding resistance R", gt=0, tolerance=0.15)
     inductance = parameter("H", 0.0, "winding inductance L; 0 eliminates the current", ge=0)
     torque_constant = parameter("N.m/A", ..., "torque per current kt", gt=0, tolerance=0.15)

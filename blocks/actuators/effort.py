@@ -18,6 +18,8 @@ class Torque(Block):
     torque * speed enters from outside.
     """
 
+    cut_after = ("shaft",)
+
     torque = signal_in("N.m", "torque on the shaft")
     shaft = flange("what the torque acts on")
 
@@ -32,6 +34,8 @@ class Force(Block):
     A positive force accelerates the flange in the positive sense. Its reaction acts on the ground. The power
     force * speed enters from outside.
     """
+
+    cut_after = ("flange",)
 
     force = signal_in("N", "force on the flange")
     flange = flange("what the force acts on", kind=TRANSLATIONAL)

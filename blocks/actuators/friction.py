@@ -101,6 +101,8 @@ class BearingFriction(_RotationalFriction):
     Armstrong, Dupont, Canudas de Wit, Automatica 30 (1994); referee's notes 2.4; design, section 4.
     """
 
+    slide_twin = "TranslationalBearingFriction"
+
     shaft = flange("the shaft that turns in the bearing")
 
     def stamp(self, net: Net) -> None:
@@ -112,6 +114,8 @@ class JointFriction(_RotationalFriction):
 
     F(v), its sticking and its defaults are those of `BearingFriction`.
     """
+
+    slide_twin = "TranslationalJointFriction"
 
     a = flange("first shaft")
     b = flange("second shaft")

@@ -22,6 +22,8 @@ class Gear(Block):
     gear cannot lie in a closed loop of ties.
     """
 
+    cut_after = ("output",)
+
     ratio = parameter("1", ..., "reduction n, input speed / output speed", gt=0)
     efficiency = parameter(
         "1", 1.0, "share eta of the power at the input that arrives at the output", gt=0, le=1, tolerance=0.1

@@ -34,6 +34,9 @@ class GroundSpring(_GroundSpring):
     What a cable or a hose does to a joint. It lifts the pole at zero of a free shaft to sqrt(k / J).
     """
 
+    slide_twin = "TranslationalGroundSpring"
+    slide_names = (("rest_angle", "rest_position"),)
+
     stiffness = parameter("N.m/rad", ..., "torque per angle k", ge=0, tolerance=0.5)
     damping = parameter("N.m.s/rad", 0.0, "torque per speed d", ge=0, tolerance=0.5)
     rest_angle = parameter("rad", 0.0, "angle at which the spring is slack")

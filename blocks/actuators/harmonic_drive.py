@@ -26,6 +26,8 @@ class HarmonicDrive(Block):
     equations. Paper 001 (1), (2); referee's notes 0.3, 2.1.
     """
 
+    cut_after = ("output",)
+
     loss = option(str, "constant", "how the efficiency counts when the load drives", choices=("constant", "directed"))
     ratio = parameter("1", 100.0, "reduction n, input speed / output speed", gt=0)
     stiffness = parameter("N.m/rad", ..., "torque at the output per twist K", gt=0, tolerance=0.2)

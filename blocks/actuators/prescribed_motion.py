@@ -47,6 +47,9 @@ class PrescribedMotion(_Prescribed):
     with. ``torque`` is what imposes the motion, positive in the positive sense; its power enters from outside.
     """
 
+    cut_after = ("shaft",)
+    imposes_motion = ("shaft",)
+
     course = option(str, "exact", _COURSE, choices=_COURSES)
     corner_frequency = parameter("rad/s", 100.0, _CORNER, gt=0)
     start_angle = parameter("rad", 0.0, "angle at which the filter begins, for course: filtered")
@@ -64,6 +67,9 @@ class TranslationalPrescribedMotion(_Prescribed):
 
     The two courses are those of `PrescribedMotion`.
     """
+
+    cut_after = ("flange",)
+    imposes_motion = ("flange",)
 
     course = option(str, "exact", _COURSE, choices=_COURSES)
     corner_frequency = parameter("rad/s", 100.0, _CORNER, gt=0)

@@ -32,6 +32,8 @@ class QuadraticDrag(_QuadraticDrag):
     c = Cd rho h L^4 / 8.
     """
 
+    slide_twin = "TranslationalQuadraticDrag"
+
     drag = parameter("N.m.s2/rad2", ..., "torque per squared speed c", ge=0, tolerance=0.5)
 
     shaft = flange("the shaft that is slowed")

@@ -35,6 +35,10 @@ class SpringDamper(_SpringDamper):
     k = stiffness, d = damping. tau acts on b and -tau on a: the spring drives b after a. Linear for any twist.
     """
 
+    spring_parameters = ("stiffness", "damping", "rest_angle")
+    slide_twin = "TranslationalSpringDamper"
+    slide_names = (("rest_angle", "rest_distance"),)
+
     stiffness = parameter("N.m/rad", ..., "torque per twist k", gt=0, tolerance=0.2)
     damping = parameter("N.m.s/rad", 0.0, "torque per rate of twist d", ge=0, tolerance=0.3)
     rest_angle = parameter("rad", 0.0, "angle of a - angle of b at which the spring is slack")
@@ -55,6 +59,8 @@ class TranslationalSpringDamper(_SpringDamper):
 
     k = stiffness, d = damping. F acts on b and -F on a: the spring drives b after a. Linear for any compression.
     """
+
+    spring_parameters = ("stiffness", "damping", "rest_distance")
 
     stiffness = parameter("N/m", ..., "force per compression k", gt=0, tolerance=0.2)
     damping = parameter("N.s/m", 0.0, "force per rate of compression d", ge=0, tolerance=0.3)

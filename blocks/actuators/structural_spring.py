@@ -19,7 +19,8 @@ class StructuralSpring(Block):
     A constant loss factor eta = loss_factor over all frequencies answers before it is moved, so it has no law in time.
     Within the band it does: tau = k0 e + g sum (e - x_j), x_j' = w_j (e - x_j), with ``elements`` Maxwell elements at
     w_j spread evenly in the logarithm from ``lowest_frequency`` to ``highest_frequency``, ln s apart from one to the
-    next, g = 2 eta k ln s / pi, k0 = k - g elements / 2. e = angle of a - angle of b; tau acts on b and -tau on a.
+    next, g = 2 eta k ln s / pi, k0 = k - g elements / 2. e = angle of a - angle of b - rest_angle; tau acts on b and
+    -tau on a. The elements begin relaxed at the twist -rest_angle, that of shafts which start at zero.
 
     With two elements per decade the loss factor is eta at the middle of a wide band, 4 % less a decade inside its ends
     and two thirds of eta at them; a body on the spring swings with half of it as its damping ratio. The stiffness is k
@@ -31,6 +32,7 @@ class StructuralSpring(Block):
     loss_factor = parameter("1", ..., "loss factor eta, twice the damping ratio", ge=0, lt=1, tolerance=0.5)
     lowest_frequency = parameter("rad/s", ..., "angular frequency of the slowest element", gt=0)
     highest_frequency = parameter("rad/s", ..., "angular frequency of the fastest element", gt=0)
+    rest_angle = parameter("rad", 0.0, "angle of a - angle of b at which the spring is slack")
 
     a = flange("driving shaft")
     b = flange("driven shaft")
@@ -54,13 +56,13 @@ class StructuralSpring(Block):
         last = self.elements - 1
         apart = log(self.highest_frequency / self.lowest_frequency) / last
         part = 2 * self.loss_factor * self.stiffness * apart / math.pi
-        twist = self.a.angle - self.b.angle
+        twist = self.a.angle - self.b.angle - self.rest_angle
         at_rest = self.stiffness - part * self.elements / 2
         torque = at_rest * twist
         net.store(at_rest * twist**2 / 2)
         for j in range(self.elements):
             rate = self.lowest_frequency ** (1 - j / last) * self.highest_frequency ** (j / last)
-            x = net.state(f"element{j + 1}", "rad", doc=f"flow of Maxwell element {j + 1}")
+            x = net.state(f"element{j + 1}", "rad", start=-self.rest_angle, doc=f"flow of Maxwell element {j + 1}")
             net.derivative(x, rate * (twist - x))
             torque = torque + part * (twist - x)
             net.store(part * (twist - x) ** 2 / 2)

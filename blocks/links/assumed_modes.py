@@ -33,6 +33,10 @@ class AssumedModesLink(Block):
     Referee's notes 0.1, 1.1, 4.2.
     """
 
+    modes_option = "modes"
+    spin_options = ("nonlinear", "foreshortening")
+    payload_parameters = ("payload", "mass")
+
     modes = option(int, 1, "number of assumed modes", ge=1, le=64)
     nonlinear = option(bool, False, "include the terms in theta'^2 of the deflected arm")
     foreshortening = option(bool, False, "include that a bent arm is shorter; needs nonlinear")

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 class Inertia(Block):
     """Rotating inertia: J w' = sum of the torques on the shaft, J = inertia."""
 
+    slide_twin = "Mass"
+    slide_names = (("inertia", "mass"),)
+
     inertia = parameter("kg.m2", ..., "moment of inertia J about the axis", gt=0, tolerance=0.1)
 
     shaft = flange("the rotating body")

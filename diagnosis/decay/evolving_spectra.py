@@ -6,14 +6,14 @@ window to window whatever the taper, so
 
     xi_j = -slope of ln X_jk over t_k (least squares over k) / (2 pi f_j)
 
-and from the first and the last window alone, paper 003 eq (9c): xi_j = ln(X_j1 / X_jk) / (2 pi f_j (t_k - t_1)).
+and from the first and the last window alone, eq (9c): xi_j = ln(X_j1 / X_jk) / (2 pi f_j (t_k - t_1)).
 
 f_j is in Hz: dividing the slope by the frequency in Hz, without 2 pi, gives ratios 6.28 times too large. Here f_j is
 the natural frequency that the record itself shows: the damped one f_d from the advance of phase between windows, and
 f_j^2 = f_d^2 + (slope / 2 pi)^2.
 
-Limits: Tw f_1 >= 1.5, and modes further apart than 2 / Tw; otherwise a window does not hold the mode apart from rest
-or from its neighbour. A filter in the measuring chain changes amplitudes but not their decay.
+Limits: Tw f_1 >= 1.5, and modes further apart than 2 / Tw; otherwise a window does not separate the mode from rest or
+from its neighbour. A filter in the measuring chain changes amplitudes but not their decay.
 Source: A. Mohan, S. P. Singh, S. K. Saha, section 3.2.1.
 """
 
@@ -27,17 +27,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.decay.envelope import Envelopes, envelopes
-from diagnosis.decay.record import SMALLEST_FALL, DampingWarning, DecayRecord, Line, decay_record, line
-from diagnosis.decay.spectra import BAND, DEAD, TAPERS, Windows, cut, find_lines, require_line
+from diagnosis.decay.decay_laws import Envelopes, envelopes
+from diagnosis.decay.record import SMALLEST_FALL, DampingWarning, DecayRecord, decay_record
+from diagnosis.decay.spectrum import VISIBLE, find_lines
+from diagnosis.decay.straight_line import Line, fit_line
+from diagnosis.decay.windows import BAND, Windows, cut_windows, require_line
 from diagnosis.recordings.columns import RecordingError, Vector
 from engine.errors import ParameterError
 
 LEAST_CYCLES = 1.5
-"""Periods of the slowest mode that a window must hold."""
+"""Smallest number of periods of the slowest mode in a window."""
+
 MOST_WINDOWS = 400
+"""Largest number of windows by default."""
+
 FADED = 0.01
-"""A mode is followed until it has fallen to this share of its amplitude in the first window."""
+"""A mode is followed until it has fallen to this fraction of its amplitude in the first window."""
+
+DIES = 3.0
+"""Fall of the logarithm of the amplitude within one window, above which noise decides the scatter."""
 
 
 @dataclass(frozen=True)
@@ -45,17 +53,17 @@ class ModeDecay:
     """One mode of a waterfall.
 
     Attributes:
-        given: frequency where it was sought (Hz).
+        given: frequency about which the mode was sought (Hz).
         frequency: natural frequency that the record shows (Hz); ``given`` if the window cannot resolve the mode.
         ratio: damping ratio xi, least squares over the windows.
         standard_error, interval: of the ratio; the interval covers 95 %. From the scatter about the line, or from the
             noise of the record (which windows that overlap share) where that is larger.
-        two_point: from the first and the last window used alone.
+        two_point: ratio from the first and the last window used alone.
         slope: of ln X over time (1/s).
         intercept: of the line at time 0, X in the signal's unit.
         amplitudes: of the mode in each window, in the signal's unit (2 |FFT| / sum of the taper), shape (windows,).
-        used: number of windows, from the first, in which it stands out of the noise and above 1 % of its beginning.
-        envelopes: laws of decay held against the amplitudes; None if fewer than five windows are used.
+        used: number of windows, from the first, in which the mode is above the noise and 1 % of its first amplitude.
+        envelopes: laws of decay fitted to the amplitudes; None if fewer than five windows are used.
         reliable: False if a warning says that the window cannot resolve this mode.
     """
 
@@ -87,7 +95,7 @@ class Waterfall:
         rest: value removed from the signal.
         noise: standard deviation of the record's noise.
         unit: of the signal.
-        warnings: what speaks against the estimates, in sentences.
+        warnings: sentences that say why the estimates are doubtful.
     """
 
     modes: tuple[ModeDecay, ...]
@@ -120,22 +128,22 @@ def evolving_spectra(
     Args:
         time: s, shape (samples,), or a `DecayRecord`.
         values: the signal, shape (samples,); not with a record.
-        frequencies: of the modes (Hz), to within 15 %; the lines of the spectrum if not given.
+        frequencies: of the modes (Hz), to within 15 %; the lines of the spectrum if None.
         window: length Tw (s); by default three periods of the slowest mode or 2.2 / distance of the closest modes,
-            less in a short record.
-        hop: s; by default an eighth of the window, more in a long record (400 windows at most).
-        windows: how many; by default as many as the record holds.
+            whichever is longer, and less in a short record.
+        hop: from one window to the next (s); by default an eighth of the window, and more in a long record.
+        windows: number of windows; by default as many as the record holds.
         taper: ``hann`` or ``rectangular``.
         start: begin of the first window (s).
-        rest: value about which the signal swings; found if not given.
+        rest: value about which the signal swings; found if None.
 
     Raises:
         RecordingError: a mode that is not in the record or does not decay, or a record too short for the windows.
-        ParameterError: settings that mean nothing.
+        ParameterError: a setting out of range.
 
     Warns:
-        DampingWarning: a window too short to hold the slowest mode or to tell two modes apart, and modes that die
-            within the window.
+        DampingWarning: the window is too short to hold the slowest mode or to separate two modes, or a mode dies
+            within it.
     """
     record = time if isinstance(time, DecayRecord) else decay_record(time, np.asarray(values))
     modes = tuple(frequencies) if frequencies else find_lines(record, start=start)
@@ -143,32 +151,32 @@ def evolving_spectra(
     window = _default_window(record, modes, start) if window is None else window
     if hop is None:
         hop = max(window / 8, (record.length - start - window) / MOST_WINDOWS) if windows is None else window / 8
-    made = cut(record, modes, window, hop, windows, start, taper, rest)
-    found = _window_warnings(modes, made.length)
+    cut = cut_windows(record, modes, window, hop, windows, start, taper, rest)
+    found = _window_warnings(modes, cut.length)
     decays = []
     for frequency in modes:
-        mode, sentences = _mode(made, frequency, modes)
+        mode, sentences = _mode(cut, frequency, modes)
         decays.append(mode)
         found += sentences
     for sentence in found:
         warnings.warn(sentence, DampingWarning, stacklevel=2)
     return Waterfall(
         tuple(decays),
-        made.times,
-        made.length,
-        float(made.times[1] - made.times[0]),
+        cut.times,
+        cut.length,
+        float(cut.times[1] - cut.times[0]),
         taper,
-        made.axis,
-        np.abs(made.transforms) * made.scale,
-        made.rest,
-        made.noise,
+        cut.axis,
+        np.abs(cut.transforms) * cut.scale,
+        cut.rest,
+        cut.noise,
         record.unit,
         tuple(found),
     )
 
 
 def _default_window(record: DecayRecord, modes: Sequence[float], start: float) -> float:
-    """Three periods of the slowest mode or 2.2 / distance; down to what is needed if the record is short."""
+    """Three periods of the slowest mode or 2.2 / distance of the closest; the least possible in a short record."""
     ordered = sorted(modes)
     closest = min((high - low for low, high in itertools.pairwise(ordered)), default=math.inf)
     needed = max(LEAST_CYCLES / ordered[0], 2 / closest) + record.step
@@ -199,7 +207,7 @@ def _window_warnings(modes: Sequence[float], length: float) -> list[str]:
         if high - low < 2 / length:
             found.append(
                 f"the modes at {low:.4g} and {high:.4g} Hz are {high - low:.3g} Hz apart, closer than 2 / window = "
-                f"{2 / length:.3g} Hz: they are not told apart; take {2 / (high - low):.3g} s or more"
+                f"{2 / length:.3g} Hz: they are not separated; take {2 / (high - low):.3g} s or more"
             )
     return found
 
@@ -215,7 +223,7 @@ def _mode(windows: Windows, frequency: float, modes: Sequence[float]) -> tuple[M
     if reliable:
         require_line(windows, frequency)
     peak = np.abs(windows.transforms[:, windows.band(frequency)]).max(axis=1)
-    dead = np.flatnonzero(peak <= DEAD * windows.level)
+    dead = np.flatnonzero(peak <= VISIBLE * windows.level)
     faded = np.flatnonzero(peak < FADED * peak[0])
     alive = int(dead[0]) if len(dead) else len(peak)
     used = min(alive, int(faded[0]) if len(faded) else len(peak))
@@ -227,15 +235,15 @@ def _mode(windows: Windows, frequency: float, modes: Sequence[float]) -> tuple[M
         )
     if used < 2:
         raise RecordingError(
-            f"the mode at {frequency:.4g} Hz stands out of the noise in {used} of {len(peak)} windows; two are needed",
+            f"the mode at {frequency:.4g} Hz is above the noise in {used} of {len(peak)} windows; two are needed",
             remedy="take shorter windows or hops, or begin earlier",
         )
     times = windows.times[:used]
-    fitted = line(times, np.log(peak[:used]), windows.covariance(used) / np.outer(peak[:used], peak[:used]))
+    fitted = fit_line(times, np.log(peak[:used]), windows.covariance(used) / np.outer(peak[:used], peak[:used]))
     span = float(times[-1] - times[0])
     if reliable:
         _require_decay(fitted, span, frequency)
-    if -fitted.slope * length > 3:
+    if -fitted.slope * length > DIES:
         found.append(
             f"the mode at {frequency:.4g} Hz dies within the window (it falls to "
             f"{100 * math.exp(fitted.slope * length):.2g} % in {length:.3g} s): noise decides the scatter; "
@@ -277,13 +285,10 @@ def _require_decay(fitted: Line, span: float, frequency: float) -> None:
 
 
 def _natural_frequency(windows: Windows, frequency: float, used: int, slope: float) -> float:
-    """From the advance of phase between windows: X(f) of a decaying sine turns by exp(i 2 pi f_d t)."""
+    """Natural frequency (Hz) from the advance of phase between windows: X(f) of a decaying sine turns by 2 pi f_d t."""
     band, times = windows.band(frequency), windows.times[:used]
     place = int(band[int(np.argmax(np.abs(windows.transforms[0, band])))])
     nearest = float(windows.axis[place])
     turned = np.unwrap(np.angle(windows.transforms[:used, place] * np.exp(-2j * np.pi * nearest * times)))
     damped = nearest + float(np.polyfit(times, turned, 1)[0]) / (2 * math.pi)
     return math.hypot(damped, slope / (2 * math.pi))
-
-
-__all__ = ["TAPERS", "ModeDecay", "Waterfall", "evolving_spectra", "find_lines"]

@@ -1,13 +1,13 @@
-"""Joint damping coefficients: from a ratio, and from the values that paper 003 prints.
+"""Joint damping coefficients: from a ratio, and from the values that Mohan, Singh and Saha print.
 
 A joint with viscous damping d (N.m.s/rad) on an inertia I (kg.m2 about the joint) that swings at w (rad/s):
 
     I q'' + d q' + I w^2 q = 0            d = xi 2 I w          (2 I w is the critical damping)
 
-Paper 003 multiplies the measured ratio by kappa_bar = 4 pi rho a f, eq (7c). That is 2 m w with the mass m = rho a: the
-critical damping of a mass that is translated, in kg/s, not of a link that turns. Put into the equation of
-motion (8) as N.m.s/rad, its kappa damps 2 m w / (2 I w) = m / I times too much, about 25 times for the link of table 1.
-A uniform link has I = m a^2 / 3, so a published kappa times a^2 / 3 is the coefficient that was measured.
+Mohan, Singh and Saha multiply the measured ratio by kappa_bar = 4 pi rho a f, eq (7c). That is 2 m w with the mass
+m = rho a: the critical damping of a translated mass, in kg/s, not of a link that turns. In the equation of motion (8),
+as N.m.s/rad, their kappa damps 2 m w / (2 I w) = m / I times too much, about 25 times for the link of table 1. A
+uniform link has I = m a^2 / 3, so a published kappa times a^2 / 3 is the coefficient that was measured.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def joint_damping(ratio: float, inertia: float, frequency: float) -> float:
 
 
 def published_critical_factor(mass: float, frequency: float) -> float:
-    """kappa_bar of paper 003, eq (7c): 4 pi rho a f = 2 m w (kg/s), reproduced as printed.
+    """kappa_bar of Mohan, Singh and Saha, eq (7c): 4 pi rho a f = 2 m w (kg/s), reproduced as printed.
 
     Args:
         mass: rho a (kg).
@@ -55,7 +55,7 @@ def published_critical_factor(mass: float, frequency: float) -> float:
 
 @dataclass(frozen=True)
 class PublishedDamping:
-    """What a published kappa means.
+    """The meaning of a published kappa.
 
     Attributes:
         kappa: as printed (kg/s).
@@ -63,7 +63,7 @@ class PublishedDamping:
         ratio: damping ratio of ``damping`` in the equation of motion.
         literal_ratio: damping ratio if ``kappa`` itself is used as N.m.s/rad.
         excess: literal_ratio / ratio.
-        warnings: what is wrong with the literal use, in sentences.
+        warnings: sentences on the literal use.
     """
 
     kappa: float
@@ -75,7 +75,7 @@ class PublishedDamping:
 
 
 def published_joint_damping(kappa: float, length: float, inertia: float, frequency: float) -> PublishedDamping:
-    """Convert a kappa of paper 003 into a joint damping, and say what its literal use would do.
+    """Convert a published kappa into a joint damping, and state the effect of its literal use.
 
     Args:
         kappa: as printed (kg/s).

@@ -5,7 +5,7 @@ Peaks x_1 ... x_k of one sign, one period apart, of x(t) = X exp(-xi w t) cos(w 
     delta = ln(x_1 / x_k) / (k - 1)            xi = delta / sqrt(4 pi^2 + delta^2)
 
 Here delta is the least-squares slope of ln x over the peaks, so that every peak counts; the two-point form is reported
-beside it. The form xi ~ delta / (2 pi) of paper 003, eq (7b), is high by xi^2 / 2.
+beside it. The form xi ~ delta / (2 pi) of Mohan, Singh and Saha, eq (7b), is high by xi^2 / 2.
 
 Limits: one mode must dominate. With several, take the evolving spectra (`diagnosis.decay.evolving_spectra`).
 Source: A. Mohan, S. P. Singh, S. K. Saha, eqs (7a)-(7c).
@@ -20,46 +20,41 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.decay.envelope import Envelopes, envelopes
-from diagnosis.decay.record import (
-    SMALLEST_FALL,
-    DampingWarning,
-    DecayRecord,
-    decay_record,
-    dominant_frequency,
-    line,
-    sine_noise,
-)
+from diagnosis.decay.decay_laws import Envelopes, envelopes
+from diagnosis.decay.record import SMALLEST_FALL, DampingWarning, DecayRecord, decay_record
+from diagnosis.decay.spectrum import dominant_frequency, noise_between_lines
+from diagnosis.decay.straight_line import fit_line
 from diagnosis.recordings.columns import RecordingError, Vector
 from engine.errors import ParameterError
 
 NOISE_FLOOR = 5.0
 """Peaks lower than this many standard deviations of the noise are not used."""
+
 SMALLEST_SWING = 1e-3
-"""Nor are peaks lower than this share of the first: what is left there is mostly an error of the rest value."""
+"""Nor are peaks lower than this fraction of the largest, where the error of the rest value dominates."""
 
 
 @dataclass(frozen=True)
 class Decrement:
-    """What the peaks of a decay say.
+    """The damping that the peaks of a decay show.
 
     Attributes:
         ratio: damping ratio xi, exact form.
         delta: logarithmic decrement per period.
         standard_error, interval: of the ratio; the interval covers 95 %. From the scatter of the peaks about the
-            exponential, or from the noise of the record where that is larger; NaN if two peaks are all there is and
-            the record has no noise.
-        two_point: xi from the first and the last peak alone.
-        approximate: delta / (2 pi), the form of paper 003.
+            exponential or from the noise of the record, the larger of the two; NaN for two peaks in a record without
+            noise.
+        two_point: ratio from the first and the last peak alone.
+        approximate: delta / (2 pi), the form of Mohan, Singh and Saha.
         frequency: of the oscillation (Hz), damped.
         natural_frequency: frequency / sqrt(1 - xi^2) (Hz).
-        rest: value about which it swings.
+        rest: value about which the signal swings.
         peak_times, peaks: the peaks used, counted from ``rest``, shape (k,).
         extreme_times, extremes: amplitudes at the extremes of both signs, shape (m,).
-        envelopes: laws of decay held against the extremes; None if they are too few.
+        envelopes: laws of decay fitted to the extremes; None if there are too few.
         noise: standard deviation of the record's noise.
         unit: of the signal.
-        warnings: what speaks against the estimate, in sentences.
+        warnings: sentences that say why the estimate is doubtful.
     """
 
     ratio: float
@@ -105,14 +100,14 @@ def logarithmic_decrement(
     Args:
         time: s, shape (samples,), or a `DecayRecord`.
         values: the signal, shape (samples,); not with a record.
-        frequency: of the oscillation (Hz), roughly; found if not given.
-        rest: value about which it swings; found from the extremes if not given.
+        frequency: of the oscillation (Hz), roughly; found if None.
+        rest: value about which the signal swings; found from the extremes if None.
         sign: 1 for the peaks above rest, -1 for those below.
-        start: time (s) from which peaks are used.
+        start: time (s) at which the decay begins.
 
     Raises:
         RecordingError: fewer than two peaks above the noise, or no decay.
-        ParameterError: settings that mean nothing.
+        ParameterError: a setting out of range.
 
     Warns:
         DampingWarning: two peaks only, or a decay that is not exponential.
@@ -131,7 +126,7 @@ def logarithmic_decrement(
     times, values_at, kinds = _extremes(y, record.step, guess, half)
     if rest is None:
         rest = _rest(values_at, y)
-    noise = sine_noise(y - rest, record.step, (guess,))
+    noise = noise_between_lines(y - rest, record.step, (guess,))
     swing = kinds * (values_at - rest)
     # The decay ends at the first extreme that noise could have made.
     low = np.flatnonzero(swing <= max(NOISE_FLOOR * noise, SMALLEST_SWING * float(np.abs(y - rest).max())))
@@ -141,16 +136,16 @@ def logarithmic_decrement(
     peak_times, peaks = times[chosen], swing[chosen]
     if len(peaks) < 2:
         raise RecordingError(
-            f"'{record.name}' has {len(peaks)} peak{'s' if len(peaks) != 1 else ''} "
-            f"{'above' if sign > 0 else 'below'} rest ({rest:g}) that {'stands' if len(peaks) == 1 else 'stand'} "
-            f"{NOISE_FLOOR:g} standard deviations of the noise ({noise:.3g}) out; two are needed",
+            f"'{record.name}' has {len(peaks)} peak{'s' if len(peaks) != 1 else ''} more than {NOISE_FLOOR:g} standard "
+            f"deviations of the noise ({noise:.3g}) {'above' if sign > 0 else 'below'} rest ({rest:g}); "
+            "two are needed",
             remedy=_cause(record, y - rest, guess),
         )
     return _estimate(record, rest, noise, _averaging(half), peak_times, peaks, times, swing)
 
 
 def _averaging(half: int) -> float:
-    """Noise of the middle of a least-squares parabola through 2 half + 1 samples, per noise of a sample."""
+    """Standard deviation at the middle of a least-squares parabola through 2 half + 1 samples, per that of a sample."""
     n = 2 * half + 1
     return math.sqrt(3 * (3 * n**2 - 7) / (4 * n * (n**2 - 4)))
 
@@ -167,7 +162,7 @@ def _estimate(
 ) -> Decrement:
     found: list[str] = []
     cycle = np.arange(len(peaks), dtype=float)
-    fitted = line(cycle, np.log(peaks), np.diag((averaging * noise / peaks) ** 2))
+    fitted = fit_line(cycle, np.log(peaks), np.diag((averaging * noise / peaks) ** 2))
     delta = -fitted.slope
     fall = float(delta * (len(peaks) - 1))
     if delta <= 0 or fall < SMALLEST_FALL or (len(peaks) > 2 and delta <= fitted.half_width):
@@ -243,7 +238,7 @@ def _extremes(y: Vector, step: float, frequency: float, half: int) -> tuple[Vect
 
 
 def _rest(extremes: Vector, y: Vector) -> float:
-    """The value about which it swings.
+    """The value about which the signal swings.
 
     Three extremes e, f, g of c + A (-r)^n give c = (f^2 - e g) / (2 f - e - g) exactly, for any r; the median over
     the larger half of the swings is taken, where noise counts least.
@@ -265,4 +260,4 @@ def _cause(record: DecayRecord, y: Vector, frequency: float) -> str:
     third = len(y) // 3
     if np.std(y[-third:]) > 0.9 * np.std(y[:third]):
         return "the record does not decay: it looks the same at its beginning and its end"
-    return "it is so strongly damped that it hardly swings; fit a model to it instead (flexarm compare)"
+    return "it is damped so strongly that it hardly swings; fit a model to it instead (flexarm fit)"

@@ -1,4 +1,4 @@
-"""Damping of a decay by both estimators, as one report."""
+"""Damping of a decay by both estimators in one report."""
 
 from __future__ import annotations
 
@@ -8,24 +8,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from diagnosis.decay.envelope import Envelopes
-from diagnosis.decay.evolving_spectra import ModeDecay, Waterfall, evolving_spectra, find_lines
+from diagnosis.decay.decay_laws import Envelopes
+from diagnosis.decay.evolving_spectra import ModeDecay, Waterfall, evolving_spectra
 from diagnosis.decay.log_decrement import Decrement, logarithmic_decrement
 from diagnosis.decay.record import DampingWarning, DecayRecord
-from diagnosis.decay.spectra import RecordTooShort
+from diagnosis.decay.spectrum import find_lines
+from diagnosis.decay.windows import RecordTooShort
 from diagnosis.recordings.columns import RecordingError
 
 
 @dataclass(frozen=True)
 class DampingReport:
-    """What a decay says about damping.
+    """The damping that a decay shows.
 
     Attributes:
         record: the decay.
         waterfall: evolving spectra; None if the record is too short for them.
         decrement: peaks; None if the record holds several modes, or too few peaks.
-        notes: what was done or left out, in sentences.
-        warnings: what speaks against the estimates, in sentences.
+        notes: sentences that say how the data were changed and what was left out.
+        warnings: sentences that say why the estimates are doubtful.
     """
 
     record: DecayRecord
@@ -63,17 +64,17 @@ def analyse_decay(
 
     Args:
         record: the decay.
-        frequencies: of the modes (Hz); the lines of the spectrum if not given.
+        frequencies: of the modes (Hz); the lines of the spectrum if None.
         window: length of a window (s).
         hop: from one window to the next (s).
-        windows: how many.
+        windows: number of windows.
         taper: ``hann`` or ``rectangular``.
         start: time (s) at which the decay begins.
         rest: value about which the signal swings.
 
     Raises:
         RecordingError: a mode that is not there or does not decay, or nothing that could be estimated.
-        ParameterError: settings that mean nothing.
+        ParameterError: a setting out of range.
 
     Warns:
         DampingWarning: as the two estimators do.

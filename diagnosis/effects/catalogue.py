@@ -1,61 +1,106 @@
 """What may be missing: every effect at every place of a scenario where it can act.
 
 An effect is an ordinary block or block option. Its parameters start from sizes that matter in the recordings at hand: a
-share of the driving signal's range, or of the torques that act at the place.
+share of the driving signal's range, or of the torques that act at the place. Other packages may register further ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator
 
-from blocks.registry import registry
 from diagnosis.effects.effect import Candidate
-from diagnosis.effects.mounts import at_mounts
+from diagnosis.effects.joint import at_joint
+from diagnosis.effects.link import at_link
+from diagnosis.effects.parameter import wrong_parameters
+from diagnosis.effects.places import BLOCK, INPUT, JOINT, SENSOR, SHAFT, Place
+from diagnosis.effects.registered import RegisteredEffect, registered
 from diagnosis.effects.scales import OperatingScales
-from diagnosis.effects.shaft import at_joints, at_links, at_shaft, at_turns
+from diagnosis.effects.shaft import at_shaft
 from diagnosis.effects.signal import at_input, at_sensor
-from diagnosis.effects.translational import along_slide, slides
-from scenarios.amend import Edit, Set
+from diagnosis.effects.spring import at_mount, at_spring
+from engine.errors import FlexarmError, nearest
+
+EFFECTS = (
+    "dead_zone",
+    "saturation",
+    "offset",
+    "uneven_gain",
+    "lag",
+    "delay",
+    "inductance",
+    "coulomb_friction",
+    "stribeck_friction",
+    "direction_dependent_friction",
+    "viscous_friction",
+    "quadratic_drag",
+    "stray_spring",
+    "payload",
+    "outside_vibration",
+    "extra_mode",
+    "gravity",
+    "torque_ripple",
+    "joint_flexibility",
+    "backlash",
+    "hardening_spring",
+    "hysteresis",
+    "one_sided_contact",
+    "structural_damping",
+    "centrifugal_stiffening",
+    "wrong_parameter",
+    "sensor_bias",
+    "sensor_scale",
+    "sensor_lag",
+    "rectified_sensor",
+)
+"""Machine names of the catalogue's own effects."""
+
+Rule = Callable[[OperatingScales, Place], Iterator[Candidate]]
+
+MECHANICAL: tuple[tuple[str, tuple[Rule, ...]], ...] = (
+    (INPUT, (at_input,)),
+    (SHAFT, (at_shaft,)),
+    (JOINT, (at_joint,)),
+    (BLOCK, (at_mount,)),
+    (BLOCK, (at_link, at_spring)),
+)
+"""What lies in front of a sensor: kind of place, and the rules that say what may be missing there."""
 
 
-def candidates(scales: OperatingScales) -> list[Candidate]:
-    """Every effect of the catalogue at every place of the scenario where it can act."""
+def candidates(scales: OperatingScales, without: Collection[str] = ()) -> list[Candidate]:
+    """Every effect of the catalogue, and every registered one, at every place of the scenario where it can act.
+
+    Args:
+        scales: how large things are in the recordings.
+        without: effects that are left out; a registered one is then not even imported.
+
+    Raises:
+        FlexarmError: a registered effect cannot be used.
+    """
     rows: list[Candidate] = []
-    for target, size in scales.inputs.items():
-        rows += at_input(scales, target, size)
-    for flange in scales.groups:
-        rows += at_shaft(scales, flange)
-        rows += at_turns(scales, flange)
-    rows += at_joints(scales)
-    rows += at_mounts(scales)
-    rows = [along_slide(c) if slides(scales.problem.scenario.system, c) else c for c in rows]
-    rows += at_links(scales)
-    rows += _parameters(scales)
-    for channel in scales.problem.model.outputs:
-        rows += at_sensor(scales, channel.name)
-    known = registry()
-    seen = [c for c in rows if c.effect not in scales.unseen]
-    return [c for c in seen if all(_type(e) in known for e in c.edits(c.starts[0]))]
+    for kind, rules in MECHANICAL:
+        for place in scales.places(kind):
+            for rule in rules:
+                rows += rule(scales, place)
+    rows += wrong_parameters(scales)
+    for place in scales.places(SENSOR):
+        rows += at_sensor(scales, place)
+    for effect in _registered().values():
+        if effect.name not in without:
+            rows += effect.candidates(scales)
+    return [c for c in rows if c.effect not in scales.unseen and c.effect not in without]
 
 
-def _type(edit: Edit) -> str:
-    return "Gain" if isinstance(edit, Set) else edit.type
+def check_names(effects: Collection[str]) -> None:
+    """Check names of effects that a user gave.
+
+    Raises:
+        FlexarmError: there is no such effect; the message names the nearest.
+    """
+    known = [*EFFECTS, *_registered()]
+    for name in effects:
+        if name not in known:
+            raise FlexarmError(f"there is no effect '{name}'", remedy=nearest(name, known))
 
 
-def _parameters(scales: OperatingScales) -> Iterator[Candidate]:
-    """Each parameter with a tolerance, let go of it."""
-    for f in scales.problem.free:
-        if f.recording:
-            continue
-        block = f.name.rpartition(".")[0]
-        free = replace(f, prior=False)
-        yield Candidate(
-            "wrong_parameter",
-            f.name,
-            block or f.name,
-            block or f.name,
-            lambda values: [],
-            starts=({}, *({f.name.rpartition(".")[2]: factor * f.start} for factor in scales.factors)),
-            freed=free,
-        )
+def _registered() -> dict[str, RegisteredEffect]:
+    return registered(EFFECTS)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from diagnosis.estimation.problem import FreeParameter
+from diagnosis.estimation.parameters import FreeParameter
 from scenarios.amend import Edit
 
 NAME = "found"

@@ -7,23 +7,35 @@ mass.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from blocks.registry import registry
-from diagnosis.estimation.problem import Array, Experiment, Problem
-from diagnosis.frequency_response.table_experiment import UNSEEN, TableExperiment
+from diagnosis.effects.places import (
+    BLOCK,
+    INPUT,
+    JOINT,
+    SENSOR,
+    SHAFT,
+    Place,
+    can_be_cut,
+    groups,
+    imposing_effort,
+    node,
+    ratio,
+    slides,
+)
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
 from diagnosis.recordings.feedback import plant_inputs
+from diagnosis.thresholds import TABLES
 from engine.assemble import build
 from engine.linearise import linearise
 from engine.ports import MOTION, ROTATIONAL, TRANSLATIONAL
-from engine.simulate import simulate
 from engine.system import Connection, System
-
-FACTORS = (0.3, 0.5, 2.0, 3.0)
-"""What a parameter of a table's model may be multiplied by."""
 
 
 @dataclass
@@ -56,97 +68,127 @@ class OperatingScales:
     @property
     def sample(self) -> float:
         """The shortest time (s) that the recordings resolve."""
-        return min(e.shortest for e in self.problem.experiments)
+        return self.problem.interval
 
     @property
     def unseen(self) -> tuple[str, ...]:
         """Effects that recordings of this kind do not show."""
-        return UNSEEN if any(isinstance(e, TableExperiment) for e in self.problem.experiments) else ()
+        return tuple(dict.fromkeys(name for e in self.problem.experiments for name in e.unseen_effects()))
 
     @property
     def factors(self) -> tuple[float, ...]:
         """Factors by which a parameter may be wrong, to start from: a few rows leave a fit in local optima."""
-        return FACTORS if self.unseen else ()
+        return TABLES.factors if self.problem.sparse else ()
 
     def spins(self, flange: str) -> bool:
         """Whether a flange turns over by whole turns at a table's lowest frequency: gravity then averages out there."""
-        lowest = [float(e.frequency.min()) for e in self.problem.experiments if isinstance(e, TableExperiment)]
+        lowest = [w for e in self.problem.experiments if (w := e.lowest_frequency) is not None]
         return bool(lowest) and self.speed[flange] / min(lowest) > math.pi
+
+    @property
+    def system(self) -> System:
+        """The nominal system."""
+        return self.problem.scenario.system
+
+    def measured(self, signal: str) -> list[Array]:
+        """What the training recordings hold of a signal, each of shape (instants,)."""
+        k = [v.name for v in self.problem.model.outputs].index(signal)
+        return [e.measured[:, k] for e in self.problem.training]
+
+    def places(self, kind: str) -> Iterator[Place]:
+        """The places of a kind, in the order of the scenario.
+
+        Args:
+            kind: `INPUT`, `SHAFT`, `JOINT`, `BLOCK` or `SENSOR` of `diagnosis.effects.places`.
+
+        Raises:
+            KeyError: there is no such kind.
+        """
+        return {
+            INPUT: self._inputs,
+            SHAFT: self._shafts,
+            JOINT: self._joints,
+            BLOCK: self._blocks,
+            SENSOR: self._sensors,
+        }[kind]()
+
+    def turns(self, shaft: Place) -> Iterator[Place]:
+        """The shaft at each ratio at which its members turn: what depends on the angle itself differs between them."""
+        tried: list[float] = []
+        for member in self.groups[shaft.target]:
+            ratio = self.ratio(shaft.target, member)
+            if any(abs(ratio / other - 1) < 1e-6 for other in tried):
+                continue
+            tried.append(ratio)
+            yield self._flange(SHAFT, shaft.target, member, member)
 
     def ratio(self, one: str, other: str) -> float:
         """How far ``other`` moves while ``one`` moves by one; 1 where one of them is held or moved from outside."""
-        model = self.problem.model
-        transform = np.array(model.functions["transform"](model.parameter_values).full())
-        a, b = (float(np.linalg.norm(transform[model.motions[flange]])) for flange in (one, other))
-        return b / a if a > 0 and b > 0 else 1.0
+        return ratio(self.problem, one, other)
+
+    def _flange(self, kind: str, group: str, target: str, name: str) -> Place:
+        """A place at a member of a group of flanges."""
+        factor = self.ratio(group, target)
+        return Place(
+            kind,
+            name,
+            target,
+            self.system.split(target)[0],
+            sliding=group in self.slides,
+            torque=self.torque[group] / factor,
+            speed=self.speed[group] * factor,
+            angle=self.angle[group] * factor,
+            inertia=self.inertia[group] / factor**2,
+        )
+
+    def _inputs(self) -> Iterator[Place]:
+        for target, size in self.inputs.items():
+            source = next((end for end in node(self.system, target) if end != target), "signal")
+            block = self.system.split(target)[0]
+            yield Place(INPUT, f"{source} -> {target}", target, block, self.units[target], size)
+
+    def _shafts(self) -> Iterator[Place]:
+        for flange in self.groups:
+            yield self._flange(SHAFT, flange, flange, flange)
+
+    def _joints(self) -> Iterator[Place]:
+        for group, members in self.groups.items():
+            for cut in members:
+                if can_be_cut(self.system, cut):
+                    load = next(end for end in node(self.system, cut) if end != cut)
+                    yield self._flange(JOINT, group, cut, f"{cut} -> {load}")
+
+    def _blocks(self) -> Iterator[Place]:
+        for name in self.system.blocks:
+            yield Place(BLOCK, name, name, name)
+
+    def _sensors(self) -> Iterator[Place]:
+        for channel in self.problem.model.outputs:
+            size = max(float(np.nanmax(np.abs(m))) for m in self.measured(channel.name)) or 1.0
+            yield Place(SENSOR, channel.name, channel.name, channel.name, channel.unit, size)
 
 
 def operating_scales(problem: Problem) -> OperatingScales:
     """Simulate the nominal model on the training recordings and see how large things are."""
     found = OperatingScales(problem)
-    experiments = problem.chosen("train", "repeat")
+    experiments = problem.training
     for k, variable in enumerate(problem.model.inputs):
-        values = [
-            np.asarray(e.drive.values, dtype=float).reshape(-1, len(problem.model.inputs))
-            for e in experiments
-            if e.drive
-        ] + [e.amplitude[:, None] for e in experiments if isinstance(e, TableExperiment)]
-        found.inputs[variable.name] = max((float(np.abs(v[:, k]).max()) for v in values), default=1.0) or 1.0
+        largest = [e.largest_inputs(len(problem.model.inputs)) for e in experiments]
+        found.inputs[variable.name] = max((float(row[k]) for row in largest if len(row)), default=1.0) or 1.0
         found.units[variable.name] = variable.unit
-    system = problem.scenario.system
-    transform = np.array(problem.model.functions["transform"](problem.model.parameter_values).full())
-    for flange, row in problem.model.motions.items():
-        held = not np.abs(transform[row]).any()
-        if held and not _imposed(system, flange):
-            continue
-        same = _sliding(system, flange)
-        home = next(
-            (g for g in found.groups if (g in found.slides) == same and _together(problem, transform, g, flange, held)),
-            None,
-        )
-        if home is None:
-            found.groups[flange] = [flange]
-            if same:
-                found.slides.add(flange)
-        else:
-            found.groups[home].append(flange)
+    found.groups = groups(problem)
+    found.slides = {flange for flange in found.groups if slides(problem.scenario.system, flange)}
     for flange in found.groups:
         found.inertia[flange] = _inertia(problem, flange)
     _sizes(found, experiments)
     return found
 
 
-def _sliding(system: System, flange: str) -> bool:
-    block, port = system.split(flange)
-    return system.blocks[block].ports[port].kind == TRANSLATIONAL
-
-
-def _node(system: System, flange: str) -> tuple[str, ...]:
-    return next((c.ends for c in system.connections if flange in c.ends), (flange,))
-
-
-def _imposed(system: System, flange: str) -> str:
-    """The signal of the effort that imposes the motion of a flange, if one does."""
-    for end in _node(system, flange):
-        block = system.split(end)[0]
-        if type(system.blocks[block]).__name__.endswith("PrescribedMotion"):
-            return f"{block}.{'force' if _sliding(system, end) else 'torque'}"
-    return ""
-
-
-def _together(problem: Problem, transform: Array, one: str, other: str, held: bool) -> bool:
-    """Whether two flanges move in proportion; imposed motions do where they are one node."""
-    a, b = transform[problem.model.motions[one]], transform[problem.model.motions[other]]
-    if held or not np.abs(a).any():
-        return other in _node(problem.scenario.system, one)
-    return bool(abs(a @ b) > (1 - 1e-9) * np.linalg.norm(a) * np.linalg.norm(b))
-
-
 def _inertia(problem: Problem, flange: str) -> float:
     """Inertia felt at a flange: torque over acceleration at rest; 1 where the motion is imposed."""
     system = problem.scenario.system
-    kind, port, effort = ("Force", "flange", "force") if _sliding(system, flange) else ("Torque", "shaft", "torque")
-    if _imposed(system, flange):
+    kind, port, effort = ("Force", "flange", "force") if slides(system, flange) else ("Torque", "shaft", "torque")
+    if imposing_effort(system, flange):
         return 1.0
     probed = System(
         {**system.blocks, "probe": registry()[kind]()},
@@ -169,22 +211,14 @@ def _sizes(found: OperatingScales, experiments: Sequence[Experiment]) -> None:
     for flange in found.groups:
         kind = TRANSLATIONAL if flange in found.slides else ROTATIONAL
         wanted[flange] = [f"{flange}.{quantity}" for quantity, _ in MOTION[kind][:3]]
-    efforts = {flange: effort for flange in found.groups if (effort := _imposed(system, flange))}
+    efforts = {flange: effort for flange in found.groups if (effort := imposing_effort(system, flange))}
     meets = {end: source[0] for end in plant_inputs(system, driven) if (source := system.source_of(end)) is not None}
     names = [*dict.fromkeys(name for row in wanted.values() for name in row), *efforts.values(), *meets.values()]
     model = build(system, driven, list(dict.fromkeys(names)))
     top = dict.fromkeys(names, 0.0)
     for e in experiments:
-        if isinstance(e, TableExperiment):
-            for name, (spanned, rms) in e.sizes(problem.scenario, names).items():
-                top[name] = max(top[name], spanned if name.endswith((".angle", ".position")) else rms)
-            continue
-        run = simulate(model, e.stop, e.step, drive=e.drive, internal_step=problem.internal_step)
-        for name in names:
-            values = run[name]
-            place = name.endswith((".angle", ".position"))
-            size = float(np.ptp(values)) if place else float(np.sqrt(np.mean(values**2)))
-            top[name] = max(top[name], size)
+        for name, (spanned, rms) in e.spans(problem.scenario, model, names, problem.internal_step).items():
+            top[name] = max(top[name], spanned if name.endswith((".angle", ".position")) else rms)
     for flange, (angle, speed, acceleration) in wanted.items():
         found.angle[flange] = top[angle] or 1.0
         found.speed[flange] = top[speed] or 1.0

@@ -11,33 +11,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import brentq
 
-from diagnosis.estimation.problem import Array, Experiment, Problem, prior
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
 from diagnosis.recordings.feedback import plant_inputs
+from diagnosis.thresholds import INTERVALS
 from engine.errors import SimulationError
-from engine.simulate import Drive
-
-BLOCK = 0.25
-"""Length (s) of the blocks within which residuals are taken to be correlated."""
-
-SIZE, TIMING = 0.03, 0.1
-"""Standard deviations of the input: of its size, as a share, and of its instants, in sample intervals."""
-
-LEAST, MOST, LONG = 0.02, 1.0, 0.5
-"""What a model leaves out, as a share of the noise's power: at least and at most; and for how long (s) it keeps its
-sign."""
-
-REACH, RISE, CLOSE = 40.0, 3.84, 0.01
-"""A cost that is flat is followed so far in the search variable, until it has risen by so much, to such a share."""
 
 Flat = tuple[tuple[int, float, float], ...]
 """Parameters that the recordings only bound: number, least and greatest search variable, infinite without bound."""
 
 
-def uncertainty(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, tuple[str, ...], Flat]:
+def covariance(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, tuple[str, ...], Flat]:
     """Covariance of the search vector, weak combinations in words, and parameters that are only bounded.
 
     Args:
@@ -48,10 +37,10 @@ def uncertainty(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, t
     Returns:
         Covariance, shape (n, n); combinations along which the data say less than the tolerances; bounds.
     """
-    weights = prior(problem, x)[1]
+    weights = problem.prior(x)[1]
     meat, data = weights.T @ weights, np.zeros((len(x), len(x)))
     shifts = np.zeros((2, len(x)))
-    for e in problem.chosen("train", "repeat"):
+    for e in problem.training:
         try:
             r, J = problem.linearised(x, e)
         except SimulationError:
@@ -59,11 +48,12 @@ def uncertainty(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, t
         data += J.T @ J
         slopes = J.reshape(len(r) // e.measured.shape[1], -1, len(x))
         each = slopes * r.reshape(*slopes.shape[:2], 1)
-        meat = meat + sum(np.outer(g, g) for g in _sums(each.sum(axis=1), BLOCK, e))
-        share = min(max(left, LEAST), MOST)
+        meat = meat + sum(np.outer(g, g) for g in _sums(each.sum(axis=1), INTERVALS.block, e))
+        share = min(max(left, INTERVALS.least_left), INTERVALS.most_left)
         # Each signal errs on its own.
-        meat = meat + share * sum(g.T @ g for g in _sums(slopes, LONG, e))
-        shifts += np.array([J.T @ (there - r) for there in _disturbed(problem, x, e)])
+        meat = meat + share * sum(g.T @ g for g in _sums(slopes, INTERVALS.left_length, e))
+        for k, there in enumerate(_disturbed(problem, x, e)):
+            shifts[k] += J.T @ (there - r)
     inverse = np.linalg.pinv(weights.T @ weights + data)
     robust = inverse @ meat @ inverse
     least = np.maximum(np.diag(robust), np.diag(inverse))
@@ -75,23 +65,17 @@ def uncertainty(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, t
 
 def _sums(rows: Array, length: float, e: Experiment) -> list[Array]:
     """Sums over blocks of time of rows that belong to its instants; the rows of a table are blocks of their own."""
-    count = max(1, round(length / (e.step * e.every)))
+    count = max(1, round(length / e.interval))
     return list(np.add.reduceat(rows, np.arange(0, len(rows), count), axis=0))
 
 
-def _disturbed(problem: Problem, x: Array, e: Experiment) -> tuple[Array, Array]:
-    """Residuals with the input a little larger, and a little later; as they are where it is known exactly."""
-    r = problem.residual(x, e).ravel()
-    inputs = [v.name for v in problem.model.inputs]
-    if e.drive is None or plant_inputs(problem.scenario.system, inputs):
-        return r, r  # a reference is what the controller was told
-    larger = replace(e.drive, values=np.asarray(e.drive.values, dtype=float) * (1 + SIZE))
-    later = replace(e.drive, time=np.asarray(e.drive.time, dtype=float) + TIMING * e.shortest)
-    return _driven(problem, x, e, larger), _driven(problem, x, e, later)
-
-
-def _driven(problem: Problem, x: Array, e: Experiment, drive: Drive) -> Array:
-    return problem.residual(x, replace(e, drive=drive)).ravel()
+def _disturbed(problem: Problem, x: Array, e: Experiment) -> list[Array]:
+    """Residuals with the input a little larger, and a little later; none where the input is known exactly."""
+    if plant_inputs(problem.scenario.system, [v.name for v in problem.model.inputs]):
+        return []  # a reference is what the controller was told
+    return [
+        problem.residual(x, there).ravel() for there in e.disturbed_inputs(INTERVALS.input_size, INTERVALS.input_timing)
+    ]
 
 
 def _bounds(problem: Problem, x: Array, flat: Sequence[int]) -> Flat:
@@ -105,24 +89,20 @@ def _bounds(problem: Problem, x: Array, flat: Sequence[int]) -> Flat:
 
 
 def _end(problem: Problem, x: Array, i: int, sign: float) -> float:
-    """Where the cost has risen, in one direction; infinite if it never does."""
-    training = problem.chosen("train", "repeat")
+    """Where the cost has risen by `RISE` in one direction; infinite if it does not within `REACH`."""
+    here = problem.cost(x, problem.training)
 
-    def risen(distance: float) -> bool:
+    def rise(distance: float) -> float:
         there = x.copy()
         there[i] += sign * distance
-        return sum(float(np.sum(problem.residual(there, e) ** 2)) for e in training) > cost + RISE
+        return problem.cost(there, problem.training) - here - INTERVALS.rise
 
-    cost = sum(float(np.sum(problem.residual(x, e) ** 2)) for e in training)
-    inner, outer = 0.0, CLOSE
-    while not risen(outer):
+    inner, outer = 0.0, INTERVALS.close
+    while not rise(outer) > 0:
         inner, outer = outer, 2 * outer
-        if outer > REACH:
+        if outer > INTERVALS.reach:
             return sign * math.inf
-    while outer - inner > CLOSE * outer:
-        middle = (inner + outer) / 2
-        inner, outer = (inner, middle) if risen(middle) else (middle, outer)
-    return float(x[i] + sign * outer)
+    return float(x[i] + sign * brentq(rise, inner, outer, rtol=INTERVALS.close))
 
 
 def _weak(problem: Problem, data: Array) -> tuple[str, ...]:

@@ -1,24 +1,18 @@
-"""Starting values that belong to a recording: where they begin, and how those of held-out recordings are found."""
+"""Starting values that belong to a recording: where a fit of them begins."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from diagnosis.estimation.problem import HUGE, Array, Experiment, FreeParameter, Problem
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.recordings.columns import RecordingError
-from diagnosis.recordings.mapping import Recording
-from engine.errors import SimulationError, nearest
+from diagnosis.recordings.types import Recording
+from diagnosis.thresholds import FITTING
+from engine.errors import nearest
 from engine.model import Model
 from engine.ports import MOTION
 from engine.start import start_values, starting_names
-
-FIRST = 16
-"""Samples through which the parabola goes whose slope is that at the start."""
-
-USUAL = 0.05
-"""Scale (SI) of a starting value that no measurement speaks of, such as the twist of a joint."""
 
 _RATES = [(f".{names[1][0]}", f".{names[0][0]}") for names in MOTION.values()]
 
@@ -51,13 +45,13 @@ def _first(model: Model, name: str, recording: Recording, measured: Array, other
     names = [v.name for v in model.outputs]
     whole = [k for k, c in enumerate(recording.measurements) if not c.from_first]
     for k in whole:
-        there = np.flatnonzero(np.isfinite(measured[:, k]))[:FIRST]
+        there = np.flatnonzero(np.isfinite(measured[:, k]))[: FITTING.first_samples]
         if names[k] == name and there.size:
             return float(measured[there[0], k])
     for rate, motion in _RATES:
         if name.endswith(rate) and name.removesuffix(rate) + motion in names:
             column = measured[:, names.index(name.removesuffix(rate) + motion)]
-            there = np.flatnonzero(np.isfinite(column))[:FIRST]
+            there = np.flatnonzero(np.isfinite(column))[: FITTING.first_samples]
             if there.size > 3:
                 return float(np.polyfit(recording.time[there], column[there], 2)[1])
     return otherwise
@@ -68,49 +62,7 @@ def free_starts(experiment: Experiment) -> list[FreeParameter]:
     rows = []
     for name in experiment.free:
         value = experiment.initial.get(name, 0.0)
-        rows.append(FreeParameter(name, value, max(0.1 * abs(value), USUAL), False, recording=experiment.name))
+        rows.append(
+            FreeParameter(name, value, max(0.1 * abs(value), FITTING.usual_start), False, recording=experiment.name)
+        )
     return rows
-
-
-def settled(problem: Problem, x: Array, iterations: int = 20) -> Array:
-    """The search vector with the starting values of held-out recordings fitted, everything else frozen.
-
-    A held-out recording begins in a state of its own, which no other recording tells. It is fitted to the whole of it:
-    a few numbers, against thousands of samples.
-
-    Args:
-        problem: with experiments of all roles.
-        x: search vector.
-        iterations: at most, per experiment.
-    """
-    x = x.copy()
-    for e in problem.chosen("hold_out"):
-        mine = [i for i, f in enumerate(problem.free) if f.recording == e.name]
-        if mine:
-            x[mine] = _own(problem, x, e, mine, iterations)
-    return x
-
-
-def _own(problem: Problem, x: Array, e: Experiment, mine: list[int], iterations: int) -> Array:
-    damping, x = 1e-3, x.copy()
-    cost = float(np.sum(problem.residual(x, e) ** 2))
-    for _ in range(iterations):
-        try:
-            r, J = problem.linearised(x, e)
-        except SimulationError:
-            break
-        J = J[:, mine]
-        H, g = J.T @ J + np.eye(len(mine)), J.T @ r + x[mine]
-        for _ in range(8):
-            trial = x.copy()
-            trial[mine] -= np.clip(np.linalg.solve(H + damping * np.diag(np.diag(H)), g), -10.0, 10.0)
-            there = float(np.sum(problem.residual(trial, e) ** 2))
-            if there < cost:
-                break
-            damping *= 5
-        else:
-            break
-        gain, x, cost, damping = cost - there, trial, there, max(damping / 10, 1e-9)
-        if gain < max(1e-3, 1e-6 * cost) or not math.isfinite(cost) or cost > HUGE**2:
-            break
-    return x[mine]

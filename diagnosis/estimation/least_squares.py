@@ -1,4 +1,4 @@
-"""Fitting parameters within their tolerances: Levenberg-Marquardt on tangents over growing horizons, several starts."""
+"""The optimiser: Levenberg-Marquardt with geodesic acceleration, over growing horizons and from several starts."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.estimation.covariance import Flat, uncertainty
-from diagnosis.estimation.problem import Array, Experiment, FreeParameter, Problem, prior
+from diagnosis.estimation.covariance import Flat, covariance
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array, FreeParameter
+from diagnosis.estimation.problem import Problem
+from diagnosis.thresholds import FITTING
 from engine.errors import SimulationError
 
 Progress = Callable[[str], None]
-SETTLED = 1e-4
-"""Where no step gains anything, a fit has converged if less than this share of the cost was promised."""
 
 
 @dataclass(frozen=True)
@@ -84,14 +85,6 @@ class Fit:
             rows.append(Interval(f.name, f.value(self.x[i]), low, high, units.get(f.name, ""), f.start))
         return rows
 
-    def score(self, experiments: Sequence[Experiment]) -> float:
-        """Mean squared residual over experiments; starting values of recordings not fitted stay at rest."""
-        total, count = 0.0, 0
-        for e in experiments:
-            r = self.problem.residual(self.x, e)
-            total, count = total + float(np.sum(e.squares(r))), count + int(np.isfinite(e.measured).sum())
-        return total / max(count, 1)
-
 
 def _reached(f: FreeParameter, end: float) -> float:
     """The parameter at the end of its interval, infinite where there is none; one that keeps its sign stops at zero."""
@@ -102,26 +95,13 @@ def _reached(f: FreeParameter, end: float) -> float:
     return math.copysign(math.inf, end)
 
 
-def _linearised(
-    problem: Problem, x: Array, experiments: Sequence[Experiment], pool: ThreadPoolExecutor
-) -> tuple[Array, Array]:
-    """Residual and Jacobian of all experiments and the prior, stacked."""
-    parts = list(pool.map(lambda e: problem.linearised(x, e), experiments))
-    parts.append(prior(problem, x))
-    return np.concatenate([r for r, _ in parts]), np.vstack([J for _, J in parts])
-
-
-def _stacked(problem: Problem, x: Array, experiments: Sequence[Experiment], pool: ThreadPoolExecutor) -> Array:
-    parts = list(pool.map(lambda e: problem.residual(x, e).ravel(), experiments))
-    return np.concatenate([*parts, prior(problem, x)[0]])
-
-
 def descend(
     problem: Problem,
     x: Array,
     experiments: Sequence[Experiment],
     pool: ThreadPoolExecutor,
     *,
+    only: Sequence[int] | None = None,
     iterations: int = 25,
     tolerance: float = 1e-3,
     least: float = 1e-7,
@@ -133,19 +113,21 @@ def descend(
 
     Args:
         problem: what to fit.
-        x: where to start.
+        x: where to start, shape (n,).
         experiments: to fit to.
         pool: threads.
+        only: numbers of the search variables that may move; all if None.
         iterations: at most.
-        tolerance: converged when a full step would gain less than this much of the cost's natural unit, 1.
-        least: ends when a step gains less than this share of the cost.
+        tolerance: converged when a full step would reduce the cost by less than this.
+        least: stop when a step reduces the cost by less than this fraction.
 
     Returns:
         Search vector, cost, and whether it converged.
     """
     damping = 1e-3
+    stack = _Stack(problem, experiments, pool, None if only is None else list(only))
     try:
-        r, J = _linearised(problem, x, experiments, pool)
+        r, J = stack.linearised(x)
     except SimulationError:
         return x, math.inf, False
     cost = float(r @ r)
@@ -158,41 +140,60 @@ def descend(
         for _ in range(12):
             A = H + damping * scale
             step = np.clip(-np.linalg.solve(A, g), -3.0, 3.0)
-            bend = _acceleration(problem, x, experiments, pool, A, r, J, step)
+            bend = stack.acceleration(x, A, r, J, step)
             if np.linalg.norm(bend) < 0.75 * np.linalg.norm(step):
                 step = step + bend / 2
-            there = _stacked(problem, x + step, experiments, pool)
+            there = stack.residual(stack.moved(x, step))
             if float(there @ there) < cost:
                 break
             damping *= 3
         else:
-            return x, cost, promised < max(1.0, SETTLED * cost)
-        x, damping = x + step, max(damping / 5, 1e-9)
+            return x, cost, promised < max(1.0, FITTING.settled * cost)
+        x, damping = stack.moved(x, step), max(damping / 5, 1e-9)
         try:
-            r, J = _linearised(problem, x, experiments, pool)
+            r, J = stack.linearised(x)
         except SimulationError:
             return x, float(there @ there), False
         gain, cost = cost - float(r @ r), float(r @ r)
         if gain < least * cost:
-            return x, cost, promised < max(1.0, SETTLED * cost)
+            return x, cost, promised < max(1.0, FITTING.settled * cost)
     return x, cost, False
 
 
-def _acceleration(
-    problem: Problem,
-    x: Array,
-    experiments: Sequence[Experiment],
-    pool: ThreadPoolExecutor,
-    A: Array,
-    r: Array,
-    J: Array,
-    step: Array,
-) -> Array:
-    """Second-order correction to a step, from one residual a tenth of the way along it."""
-    h = 0.1
-    along = _stacked(problem, x + h * step, experiments, pool)
-    second = 2 / h * ((along - r) / h - J @ step)
-    return np.asarray(-np.linalg.solve(A, J.T @ second))
+@dataclass(frozen=True)
+class _Stack:
+    """Residuals of experiments and the prior, stacked, as functions of the search variables that may move."""
+
+    problem: Problem
+    experiments: Sequence[Experiment]
+    pool: ThreadPoolExecutor
+    only: list[int] | None
+
+    def moved(self, x: Array, step: Array) -> Array:
+        """The search vector after a step of the variables that may move."""
+        if self.only is None:
+            return x + step
+        there = x.copy()
+        there[self.only] += step
+        return there
+
+    def residual(self, x: Array) -> Array:
+        parts = list(self.pool.map(lambda e: self.problem.residual(x, e).ravel(), self.experiments))
+        return np.concatenate([*parts, self.problem.prior(x)[0]])
+
+    def linearised(self, x: Array) -> tuple[Array, Array]:
+        """Residual and Jacobian; raises SimulationError where the model cannot be differentiated."""
+        parts = list(self.pool.map(lambda e: self.problem.linearised(x, e), self.experiments))
+        parts.append(self.problem.prior(x))
+        r, J = np.concatenate([r for r, _ in parts]), np.vstack([J for _, J in parts])
+        return r, J if self.only is None else J[:, self.only]
+
+    def acceleration(self, x: Array, A: Array, r: Array, J: Array, step: Array) -> Array:
+        """Second-order correction to a step, from one residual a tenth of the way along it."""
+        h = 0.1
+        along = self.residual(self.moved(x, h * step))
+        second = 2 / h * ((along - r) / h - J @ step)
+        return np.asarray(-np.linalg.solve(A, J.T @ second))
 
 
 def fit(
@@ -224,7 +225,7 @@ def fit(
     Returns:
         The best fit over all starts.
     """
-    training = problem.chosen("train", "repeat")
+    training = problem.training
     random = np.random.default_rng(seed)
     n = len(problem.free)
     begin = [np.asarray(x, dtype=float) for x in starts] or [np.zeros(n)]
@@ -235,25 +236,42 @@ def fit(
             if progress:
                 progress(f"start {number + 1} of {len(begin)}")
             for share in horizons:
-                part = [e.cut(share * float(e.time[-1])) for e in training] if share < 1 else training
+                part = [e.cut(share) for e in training]
                 x, cost, converged = descend(problem, x, part, pool, iterations=iterations)
             if best is None or cost < best[0]:
                 best = (cost, x, converged)
         assert best is not None
         cost, x, converged = best
-    count = sum(int(np.isfinite(e.measured).sum()) for e in training)
-    chi2 = (cost - float(np.sum(prior(problem, x)[0] ** 2))) / max(count, 1)
-    made = Fit(problem, x, cost, chi2, converged, np.zeros((n, n)))
-    held = problem.chosen("hold_out")
-    return known(made, (made.score(held) if held else chi2) - 1)
+    made = Fit(problem, x, cost, problem.fitted_chi2(x, cost), converged, np.zeros((n, n)))
+    return with_covariance(made, (problem.chi2(x, problem.held_out) if problem.held_out else made.chi2) - 1)
 
 
-def known(made: Fit, left: float) -> Fit:
-    """A fit with how well it knows its parameters.
+def with_covariance(made: Fit, left: float) -> Fit:
+    """A fit with the covariance of its search vector.
 
     Args:
         made: where it ended.
-        left: mean squared error on data that were not fitted, beyond the noise, in units of the noise.
+        left: mean squared residual of data that were not fitted, beyond the noise, in units of the noise.
     """
-    covariance, weak, flat = uncertainty(made.problem, made.x, left)
-    return replace(made, covariance=covariance, weak=weak, flat=flat)
+    found, weak, flat = covariance(made.problem, made.x, left)
+    return replace(made, covariance=found, weak=weak, flat=flat)
+
+
+def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20) -> Array:
+    """The search vector with the starting values of held-out recordings fitted, everything else frozen.
+
+    A held-out recording begins in a state of its own, which no other recording tells. It is fitted to the whole of it:
+    a few numbers, against thousands of samples.
+
+    Args:
+        problem: with experiments of all roles.
+        x: search vector.
+        iterations: at most, per experiment.
+    """
+    x = x.copy()
+    for e in problem.held_out:
+        mine = [i for i, f in enumerate(problem.free) if f.recording == e.name]
+        if mine:
+            with ThreadPoolExecutor(1) as pool:
+                x = descend(problem, x, [e], pool, only=mine, iterations=iterations)[0]
+    return x

@@ -9,34 +9,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.estimation.problem import HUGE, Array, Experiment, FreeParameter
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.frequency_response.period import PeriodicSolution
 from diagnosis.frequency_response.periodic_solver import PeriodicSolver
 from diagnosis.frequency_response.sine_model import sine_model
 from diagnosis.recordings.columns import RecordingError
-from diagnosis.recordings.mapping import FrequencyTable
+from diagnosis.recordings.types import FrequencyTable
+from diagnosis.thresholds import FITTING, TABLES
 from engine.errors import FlexarmError, ParameterError, SimulationError, nearest
 from engine.model import Model
 from engine.quantity import factor
-from scenarios.amend import Edit, InSignal, OnSensor
 from scenarios.load import Scenario
-
-STEP = 0.02
-"""Difference of the search variable for derivatives: a fiftieth of a tolerance."""
-
-KEPT, NEAR = 2, 0.6
-"""A Jacobian serves so many further steps, each shorter than so many tolerances."""
-
-CREDIBLE = 3.0
-"""Sigma within which a reading is off by chance; a few of a table may be misread or misprinted."""
-
-LATEST = 16
-"""So many evaluations are kept."""
 
 DECIBEL = 20 / math.log(10)
 
@@ -45,9 +34,6 @@ UNSEEN = ("delay", "sensor_bias", "torque_ripple", "outside_vibration", "directi
 
 Of friction that differs between the directions they show the mean, which is Coulomb friction.
 """
-
-FEWEST = 4
-"""Rows that a table needs at least to be fitted to."""
 
 
 class BroydenJacobian:
@@ -67,14 +53,14 @@ class BroydenJacobian:
             return None
         step = np.asarray(x) - self.x
         length = float(np.abs(step).max(initial=0.0))
-        if self.age >= KEPT or length > NEAR or length < 1e-9:
+        if self.age >= TABLES.kept or length > TABLES.near or length < 1e-9:
             return None
         self.J = self.J + np.outer((r - self.r) - self.J @ step, step) / float(step @ step)
         self.x, self.r, self.age = np.array(x), r, self.age + 1
         return self.J
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TableExperiment(Experiment):
     """Rows of a frequency-response table.
 
@@ -92,23 +78,45 @@ class TableExperiment(Experiment):
         latest: the latest answers, by parameters.
     """
 
-    frequency: Array = field(default_factory=lambda: np.zeros(0))
-    amplitude: Array = field(default_factory=lambda: np.zeros(0))
-    relative: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    answers: PeriodicSolver | None = None
-    input: str = ""
-    unit: str = ""
+    kind: ClassVar[str] = "frequency_response"
+    sparse: ClassVar[bool] = True
+
+    frequency: Array
+    amplitude: Array
+    relative: Array
+    answers: PeriodicSolver
+    input: str
+    unit: str
     note: str = ""
     solutions: dict[int, PeriodicSolution] = field(default_factory=dict, compare=False)
     slope: BroydenJacobian = field(default_factory=BroydenJacobian, compare=False)
     latest: dict[Any, list[PeriodicSolution]] = field(default_factory=dict, compare=False)
 
     @property
+    def lowest_frequency(self) -> float:
+        """Lowest frequency (rad/s) of the table."""
+        return float(self.frequency.min())
+
+    @property
+    def highest_frequency(self) -> float:
+        """Highest frequency (rad/s) of the table."""
+        return float(self.frequency.max())
+
+    def lowest(self, share: float) -> TableExperiment:
+        """The rows of the lowest frequencies, as a share of all."""
+        return self.rows(np.argsort(self.frequency, kind="stable")[: round(share * len(self.time))])
+
+    @property
+    def interval(self) -> float:
+        """1: rows are independent, and a block of them is one row."""
+        return 1.0
+
+    @property
     def shortest(self) -> float:
         """The shortest time (s) that it resolves: a third of a radian at the highest frequency."""
         return 1 / (3 * float(self.frequency.max()))
 
-    def cut(self, until: float) -> TableExperiment:
+    def cut(self, share: float) -> TableExperiment:
         """The same: there is no horizon to grow."""
         return self
 
@@ -117,7 +125,7 @@ class TableExperiment(Experiment):
         if self.role != "hold_out":
             return super().squares(r)
         size = np.abs(r)
-        return np.where(size < CREDIBLE, size**2, 2 * CREDIBLE * size - CREDIBLE**2)
+        return np.where(size < TABLES.credible, size**2, 2 * TABLES.credible * size - TABLES.credible**2)
 
     def rows(self, keep: NDArray[np.int64]) -> TableExperiment:
         """Some of the rows."""
@@ -126,6 +134,10 @@ class TableExperiment(Experiment):
     def residual(self, simulated: Array) -> Array:
         """(measured - simulated) / noise, shape (rows, signals); ``simulated`` in dB."""
         return np.asarray((self.measured - simulated) / (self.sigma * self.relative))
+
+    def in_units(self, r: Array) -> Array:
+        """Residuals (rows, signals) in dB."""
+        return np.asarray(r * self.sigma * self.relative)
 
     def outputs(
         self, model: Model, parameters: dict[str, float], starts: dict[str, float], longest: float | None
@@ -139,12 +151,11 @@ class TableExperiment(Experiment):
 
     def solved(self, parameters: dict[str, float], near: dict[int, PeriodicSolution]) -> list[PeriodicSolution]:
         """The periodic answer of each row; the latest ones are kept, for a fit asks for them twice."""
-        assert self.answers is not None
         key = tuple(sorted(parameters.items()))
         found = self.latest.get(key)
         if found is None:
             found = self.answers.solve(parameters, self.frequency, self.amplitude, near)
-            while len(self.latest) >= LATEST:
+            while len(self.latest) >= TABLES.latest:
                 self.latest.pop(next(iter(self.latest)), None)
             self.latest[key] = found
         return found
@@ -174,28 +185,62 @@ class TableExperiment(Experiment):
         r = self.residual(self.decibels(base)).ravel()
         J = self.slope.moved(x, r)
         if J is not None:
-            return np.clip(r, -HUGE, HUGE), J
+            return np.clip(r, -FITTING.huge, FITTING.huge), J
         J = np.zeros((len(r), len(free)))
         moves = []
         for i in range(len(free)):
-            for h in (STEP, -STEP):
+            for h in (TABLES.difference, -TABLES.difference):
                 there = np.array(x, dtype=float)
                 there[i] += h
                 # At a bound the parameter does not move: look the other way.
                 if free[i].value(there[i]) != free[i].value(x[i]):
                     moves.append((i, h, at(there)))
                     break
-        assert self.answers is not None
         found = self.answers.near([values for _, _, values in moves], base, self.frequency, self.amplitude)
         for (i, h, _), amplitudes in zip(moves, found, strict=True):
             J[:, i] = (self.residual(self._decibels(amplitudes)).ravel() - r) / h
-        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > HUGE**2:
+        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > FITTING.huge**2:
             raise SimulationError("the sensitivities grow without bound")
         self.slope.fresh(x, r, J)
-        return np.clip(r, -HUGE, HUGE), J
+        return np.clip(r, -FITTING.huge, FITTING.huge), J
 
-    def sizes(self, scenario: Scenario, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-        """Range and root mean square of signals in the nominal model's answers, as a mean over the rows' logarithms."""
+    def bound(
+        self, scenario: Scenario, inputs: Sequence[str], outputs: Sequence[str], others: Sequence[Experiment]
+    ) -> tuple[Model, list[Experiment]]:
+        """The model with the sine's input open, and the tables with its periodic answers.
+
+        Raises:
+            FlexarmError: the variant has no meaning.
+        """
+        answers = _answers(scenario, inputs[0], self.unit, list(outputs), self.answers.largest_step)
+        mine = [
+            replace(e, answers=answers, input=inputs[0], solutions={}, slope=BroydenJacobian(), latest={})
+            for e in tables(others)
+        ]
+        return answers.plain, list(mine)
+
+    def fingerprint(self) -> list[Array]:
+        """Frequencies, amplitudes, readings and their noise."""
+        return [self.frequency, self.amplitude, self.measured, self.sigma, self.relative]
+
+    def disturbed_inputs(self, size: float, delay: float) -> list[TableExperiment]:
+        """Nothing: the amplitude of a sine is what the table is relative to."""
+        return []
+
+    def noise_levels(self, r: Array) -> None:
+        """None: a few rows do not tell their noise."""
+
+    def largest_inputs(self, count: int) -> Array:
+        """The largest amplitude of the sine, shape (1,)."""
+        return np.array([float(np.abs(self.amplitude).max())])
+
+    def spans(
+        self, scenario: Scenario, model: Model, names: Sequence[str], longest: float | None
+    ) -> dict[str, tuple[float, float]]:
+        """Peak to peak and root mean square of signals in the nominal model's periodic answers.
+
+        Each is a mean over the rows' logarithms.
+        """
         answers = _answers(scenario, self.input, self.unit, list(names), None)
         found = replace(self, answers=answers, solutions={}, latest={}).solved({}, {})
         ranges = np.array([2 * o.amplitudes for o in found])
@@ -203,8 +248,12 @@ class TableExperiment(Experiment):
         tops = [np.exp(np.mean(np.log(np.maximum(values, 1e-30)), axis=0)) for values in (ranges, rms)]
         return {name: (float(tops[0][k]), float(tops[1][k])) for k, name in enumerate(names)}
 
-    def traits(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
-        """At which rows a residual is large, in words: where half of it lies, and where it is largest in dB."""
+    def unseen_effects(self) -> tuple[str, ...]:
+        """Effects that amplitudes of periodic answers do not show."""
+        return UNSEEN
+
+    def large_where(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
+        """At which rows half of the residual's energy lies, and where it is largest in dB."""
         energy = np.sum(r**2, axis=1)
         order = np.argsort(-energy)
         count = int(np.searchsorted(np.cumsum(energy[order]), 0.5 * energy.sum())) + 1
@@ -222,14 +271,14 @@ class TableExperiment(Experiment):
 
 def _answers(scenario: Scenario, drive: str, unit: str, signals: list[str], step: float | None) -> PeriodicSolver:
     """The model with and without a sine on its input."""
-    from diagnosis.recordings.mapping import Channel
+    from diagnosis.recordings.types import Channel
 
     channels = tuple(Channel(name, "", np.zeros(0)) for name in signals)
     table = FrequencyTable("", "", drive, np.zeros(0), np.zeros(0), unit, channels)
     return PeriodicSolver(scenario.build([drive], signals), sine_model(scenario, table), step)
 
 
-def prepared(scenario: Scenario, tables: Sequence[FrequencyTable]) -> tuple[Model, list[Experiment]]:
+def prepared(scenario: Scenario, given: Sequence[FrequencyTable]) -> tuple[Model, list[Experiment]]:
     """The model with the tables' input open, and the tables as experiments.
 
     Without a table to hold out, rows are held out in turn: the first, third, fifth ... are fitted.
@@ -237,10 +286,10 @@ def prepared(scenario: Scenario, tables: Sequence[FrequencyTable]) -> tuple[Mode
     Raises:
         FlexarmError: a table that does not fit the scenario or the others, or has too few rows.
     """
-    first = tables[0]
+    first = given[0]
     names = [channel.name for channel in first.responses]
     inputs = scenario.system.inputs()
-    for table in tables:
+    for table in given:
         if table.drive not in inputs:
             raise RecordingError(f"'{table.drive}' is not an input", remedy=nearest(table.drive, inputs))
         if table.drive != first.drive or [channel.name for channel in table.responses] != names:
@@ -248,12 +297,12 @@ def prepared(scenario: Scenario, tables: Sequence[FrequencyTable]) -> tuple[Mode
                 f"table '{table.name}' has another drive or other signals than '{first.name}'",
                 remedy="give tables with the same drive and responses",
             )
-    split = not any(table.role == "hold_out" for table in tables)
+    split = not any(table.role == "hold_out" for table in given)
     experiments: list[Experiment] = []
-    answers = _answers(scenario, first.drive, first.amplitude_unit, names, _finest(tables))
-    for table in tables:
+    answers = _answers(scenario, first.drive, first.amplitude_unit, names, _finest(given))
+    for table in given:
         whole = _experiment(table, answers)
-        if not split or table.role == "repeat" or len(whole.time) < 2 * FEWEST:
+        if not split or table.role == "repeat" or len(whole.time) < 2 * TABLES.fewest:
             experiments.append(whole)
             continue
         order = np.argsort(whole.frequency, kind="stable")
@@ -287,8 +336,8 @@ def _part(whole: TableExperiment, keep: NDArray[np.int64], name: str, role: str,
 
 def _experiment(table: FrequencyTable, answers: PeriodicSolver) -> TableExperiment:
     rows = len(table.frequency)
-    if rows < FEWEST:
-        raise RecordingError(f"table '{table.name}' has {rows} rows", remedy=f"a fit needs at least {FEWEST}")
+    if rows < TABLES.fewest:
+        raise RecordingError(f"table '{table.name}' has {rows} rows", remedy=f"a fit needs at least {TABLES.fewest}")
     measured, noise = [], []
     for channel, variable in zip(table.responses, answers.plain.outputs, strict=True):
         try:
@@ -307,12 +356,8 @@ def _experiment(table: FrequencyTable, answers: PeriodicSolver) -> TableExperime
         name=table.name,
         role=table.role,
         time=np.arange(rows, dtype=float),
-        step=1.0,
-        every=1,
-        drive=None,
         measured=np.column_stack(measured),
         sigma=sigma,
-        from_first=(False,) * len(measured),
         frequency=np.asarray(table.frequency),
         amplitude=np.asarray(table.amplitude),
         relative=np.column_stack(noise) / sigma,
@@ -369,15 +414,6 @@ def scatter(frequency: Array, level: Array) -> float:
     return 1.4826 * float(np.median(np.abs(found))) if len(found) >= 3 else 0.0
 
 
-def renamed(table: FrequencyTable, edits: Sequence[Edit]) -> FrequencyTable:
-    """The table with its signals called as an amended scenario calls them."""
-    for edit in edits:
-        if isinstance(edit, InSignal) and edit.target == table.drive:
-            table = replace(table, drive=f"{edit.name}.{edit.entry}")
-        elif isinstance(edit, OnSensor):
-            there = f"{edit.name}.{edit.exit}"
-            table = replace(
-                table,
-                responses=tuple(replace(c, name=there) if c.name == edit.target else c for c in table.responses),
-            )
-    return table
+def tables(experiments: Sequence[Experiment]) -> list[TableExperiment]:
+    """Those of some experiments that are tables."""
+    return [e for e in experiments if isinstance(e, TableExperiment)]

@@ -1,4 +1,4 @@
-"""Recordings without a mapping: columns are matched by name and unit."""
+"""Recordings without a description: columns are matched to signals by their header, ``name [unit]``."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.recordings.columns import RecordingError, read_columns
-from diagnosis.recordings.mapping import Channel, Reader, Recording, checked
+from diagnosis.recordings.checks import checked
+from diagnosis.recordings.columns import Columns, RecordingError, Vector, read_columns
+from diagnosis.recordings.reader import Reader
+from diagnosis.recordings.types import Channel, Recording
 from engine.errors import ParameterError, Where
 from engine.quantity import factor
 
@@ -22,63 +24,73 @@ def header(text: str) -> tuple[str, str]:
 
 
 def from_file(path: Path, inputs: dict[str, str], signals: dict[str, str]) -> Recording:
-    """A file without a mapping, matched by column names (``link.hub.angle [rad]``) and units.
+    """A file without a description, matched by column names (``link.hub.angle [rad]``) and units.
 
     Args:
         path: the file.
-        inputs: what the model's inputs are called -> the input's name; several names may lead to one input.
+        inputs: name of a column -> the model's input that it drives; several names may lead to one input.
         signals: the model's signals -> unit.
 
     Raises:
-        RecordingError: no time column, or no column is called like a signal.
+        RecordingError: no time column, or no column that has a signal's name.
     """
     columns = read_columns(path)
-    reader = Reader(columns)
     heads = {column: header(column) for column in columns.names}
-    times = [column for column, (name, _) in heads.items() if name.lower() in ("time", "t")]
-    if not times:
-        raise RecordingError(
-            f"'{path}' has no column called 'time' or 't'; it has {', '.join(columns.names[:12])}",
-            Where(str(path)),
-            "rename the column, or describe the file under 'recordings:' in the scenario",
-        )
-    seconds = factor(heads[times[0]][1] or columns.units.get(times[0]) or "s", "s")
-    plain = {name.replace(".", "_"): name for name in signals}
-    drives: list[Channel] = []
-    measured: list[Channel] = []
-    raw = {times[0]: columns.number(times[0]) * seconds}
-    notes = [f"{times[0]} is the time"]
+    time_column = _time_column(columns, heads)
+    seconds = factor(heads[time_column][1] or columns.units.get(time_column) or "s", "s")
+    required = {time_column: columns.number(time_column) * seconds}
+    # A MATLAB variable holds no dots: 'link_hub_angle' stands for 'link.hub.angle'.
+    without_dots = {name.replace(".", "_"): name for name in signals}
+    drive: list[Channel] = []
+    measurements: list[Channel] = []
+    notes = [f"{time_column} is the time"]
     for column, (head, stated) in heads.items():
-        name = head if head in signals or head in inputs else plain.get(head, head)
-        end = inputs.get(name)
-        if column == times[0] or (end is None and name not in signals):
-            if column != times[0]:
-                notes.append(f"{column} is not used")
+        if column == time_column:
             continue
-        stated = stated or columns.units.get(column, "")
-        target = signals.get(name, stated or "1")
-        if stated and target != "*":
-            try:
-                scale, unit = factor(stated, target), target
-            except ParameterError as error:
-                raise error.at(Where(str(path), 1, column)) from None
-        else:
-            scale, unit = 1.0, stated or target
-        values = columns.number(column) * scale
-        if end is not None and end not in [channel.name for channel in drives]:
-            raw[column] = values
-            drives.append(Channel(end, unit, values, column))
+        name = head if head in signals or head in inputs else without_dots.get(head, head)
+        end = inputs.get(name)
+        if end is None and name not in signals:
+            notes.append(f"{column} is not used")
+            continue
+        values, unit = _in_unit(columns, column, stated or columns.units.get(column, ""), signals.get(name, ""))
+        if end is not None and end not in [channel.name for channel in drive]:
+            required[column] = values
+            drive.append(Channel(end, unit, values, column))
             notes.append(f"{column} drives {end}")
         elif end is None and len(np.unique(values[np.isfinite(values)])) > 1:
-            measured.append(Channel(name, unit, values, column))
+            measurements.append(Channel(name, unit, values, column))
             notes.append(f"{column} is compared with {name}")
         else:
             notes.append(f"{column} is constant and not compared")
-    if not measured:
+    if not measurements:
         raise RecordingError(
-            f"no column of '{path}' is called like a signal of the model; it has {', '.join(columns.names[:12])}",
+            f"no column of '{path}' has the name of a signal of the model; it has {', '.join(columns.names[:12])}",
             Where(str(path)),
             "name columns as 'link.hub.angle [rad]', or describe the file under 'recordings:' in the scenario",
         )
-    recording = Recording(path.name, str(path), raw[times[0]], tuple(drives), tuple(measured), notes=tuple(notes))
-    return checked(recording, reader, False, raw, times[0])
+    recording = Recording(
+        path.name, str(path), required[time_column], tuple(drive), tuple(measurements), notes=tuple(notes)
+    )
+    return checked(recording, Reader(columns), required, time_column)
+
+
+def _time_column(columns: Columns, heads: dict[str, tuple[str, str]]) -> str:
+    found = next((column for column, (name, _) in heads.items() if name.lower() in ("time", "t")), None)
+    if found is None:
+        raise RecordingError(
+            f"'{columns.file}' has no column called 'time' or 't'; it has {', '.join(columns.names[:12])}",
+            Where(columns.file),
+            "rename the column, or describe the file under 'recordings:' in the scenario",
+        )
+    return found
+
+
+def _in_unit(columns: Columns, column: str, stated: str, expected: str) -> tuple[Vector, str]:
+    """A column in the unit of its signal; in its own if the signal has none, or takes any (``*``)."""
+    target = expected or stated or "1"
+    if not stated or target == "*":
+        return columns.number(column), stated or target
+    try:
+        return columns.number(column) * factor(stated, target), target
+    except ParameterError as error:
+        raise error.at(Where(columns.file, 1, column)) from None

@@ -1,4 +1,4 @@
-"""Recordings under control: what the recorded drive is, and where the controller acts on the plant."""
+"""Recordings under feedback control: whether the drive is the plant's input or the reference."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from engine.errors import Where
 from engine.system import System
 
 if TYPE_CHECKING:
-    from diagnosis.recordings.mapping import Recording
+    from diagnosis.recordings.types import Recording
     from scenarios.load import Scenario
 
 
 def check_loop(scenario: Scenario, recording: Recording, where: Where | None = None) -> None:
     """Check that a recording's ``loop`` fits its drive and the scenario.
 
-    ``closed``: the plant's input was logged under control and drives the model, without that controller.
-    ``reference``: the drive is what the controller is to follow, and the controller is part of the scenario.
+    ``closed``: the plant's input was logged under control; it drives the model, in place of the controller.
+    ``reference``: the drive is the controller's reference, and the controller is part of the scenario.
 
     Raises:
-        RecordingError: no drive, no controller, or a controller that the drive puts out of action.
+        RecordingError: no drive, no controller, or a controller that the drive bypasses.
     """
     driven = [channel.name for channel in recording.drive]
     if recording.loop == "open":
@@ -34,35 +34,34 @@ def check_loop(scenario: Scenario, recording: Recording, where: Where | None = N
         )
     if recording.loop == "reference" and not fed_back(scenario.system, driven):
         raise RecordingError(
-            f"recording '{recording.name}' has 'loop: reference', but nothing in the scenario that {', '.join(driven)} "
-            "drives is fed back",
+            f"recording '{recording.name}' has 'loop: reference', but {', '.join(driven)} drives no feedback loop",
             where,
             "put the controller into the scenario, or write 'loop: closed' if the drive is the plant's input",
         )
 
 
 def fed_back(system: System, driven: list[str]) -> list[str]:
-    """Signal inputs of the system that depend on themselves, once some inputs are driven from outside."""
-    after: dict[str, set[str]] = {name: set() for name in system.blocks}
+    """Signal inputs downstream of ``driven`` that lie on a loop, the connections to ``driven`` being cut."""
+    downstream_of: dict[str, set[str]] = {name: set() for name in system.blocks}
     signals: list[tuple[str, str, str]] = []
     for connection in system.connections:
-        fed = [end for end in connection.ends if system.is_input(end)]
+        inputs = [end for end in connection.ends if system.is_input(end)]
         owners = {end: system.split(end)[0] for end in connection.ends}
-        if fed:
+        if inputs:
             for source in connection.ends:
-                for end in fed:
-                    if source not in fed and end not in driven:
-                        after[owners[source]].add(owners[end])
+                for end in inputs:
+                    if source not in inputs and end not in driven:
+                        downstream_of[owners[source]].add(owners[end])
                         signals.append((end, owners[source], owners[end]))
-        else:
+        else:  # connected flanges act on one another
             for one in owners.values():
-                after[one].update(other for other in owners.values() if other != one)
-    downstream = _reached(after, {system.split(end)[0] for end in driven})
-    return [end for end, source, block in signals if block in downstream and source in _reached(after, {block})]
+                downstream_of[one].update(other for other in owners.values() if other != one)
+    affected = _reachable(downstream_of, {system.split(end)[0] for end in driven})
+    return [end for end, source, block in signals if block in affected and source in _reachable(downstream_of, {block})]
 
 
 def plant_inputs(system: System, driven: list[str]) -> list[str]:
-    """Signal inputs inside the loop that act on the mechanics: where a controller meets the plant."""
+    """Signal inputs on the loop whose block has a flange: where the controller acts on the plant."""
     return [
         end
         for end in fed_back(system, driven)
@@ -70,10 +69,10 @@ def plant_inputs(system: System, driven: list[str]) -> list[str]:
     ]
 
 
-def _reached(after: dict[str, set[str]], begin: set[str]) -> set[str]:
+def _reachable(downstream_of: dict[str, set[str]], begin: set[str]) -> set[str]:
     found, frontier = set(begin), list(begin)
     while frontier:
-        for following in after[frontier.pop()] - found:
+        for following in downstream_of[frontier.pop()] - found:
             found.add(following)
             frontier.append(following)
     return found

@@ -1,4 +1,4 @@
-"""Where a recording's file lies."""
+"""The file of a recording: beside the scenario, or in a folder of the user."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from scenarios.load import Scenario
 
 VARIABLE = "FLEXARM_RECORDINGS"
-"""Environment variable that names the folder of recordings which are not flexarm's to distribute."""
+"""Environment variable with the folder of recordings that flexarm may not distribute."""
 
 
-def location(scenario: Scenario, name: str) -> Path:
+def recording_path(scenario: Scenario, name: str) -> Path:
     """The file of a recording of a scenario.
 
     Args:
@@ -24,7 +24,7 @@ def location(scenario: Scenario, name: str) -> Path:
         name: of the recording.
 
     Raises:
-        RecordingError: the file starts with a variable that is not `VARIABLE`, or that is unset or names no folder.
+        RecordingError: the path starts with a variable other than `VARIABLE`, or `VARIABLE` is unset or no folder.
     """
     file = scenario.recordings[name].file
     if not file.startswith("$"):
@@ -43,15 +43,15 @@ def location(scenario: Scenario, name: str) -> Path:
         raise RecordingError(
             f"recording '{name}' lies in the folder named by the environment variable {VARIABLE}, which is not set",
             where,
-            "docs/real-recordings.md says where each can be had; set the variable to the folder you put them in",
+            "docs/real-recordings.md says where to get each; set the variable to the folder that holds them",
         )
     if not Path(folder).is_dir():
         raise RecordingError(
-            f"{VARIABLE} is '{folder}', which is no folder", where, "set it to the folder that holds the recordings"
+            f"{VARIABLE} is '{folder}', which is not a folder", where, "set it to the folder that holds the recordings"
         )
     return Path(folder) / rest
 
 
-def at_hand(scenario: Scenario, name: str) -> bool:
-    """Whether a recording lies in the scenario's own folder, or in one that is named."""
+def is_available(scenario: Scenario, name: str) -> bool:
+    """Whether the folder of a recording is known: the scenario's own, or one that `VARIABLE` names."""
     return not scenario.recordings[name].file.startswith("$") or bool(os.environ.get(VARIABLE))

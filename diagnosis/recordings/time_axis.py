@@ -1,4 +1,4 @@
-"""The time axis of a recording: from a column or an interval, cut to a window, and even but for a jitter."""
+"""The time axis of a recording: from a column or an interval, cut to a window, and even if only jitter disturbs it."""
 
 from __future__ import annotations
 
@@ -9,20 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.recordings.columns import RecordingError, Vector
+from diagnosis.recordings.reader import Reader
+from diagnosis.recordings.types import Recording
 from engine.errors import ParameterError, Where
 from engine.quantity import factor
 
 if TYPE_CHECKING:
-    from diagnosis.recordings.mapping import Reader, Recording
     from scenarios.schema import TimeRecording
 
 JITTER = 1e-3
-"""Share of the interval by which sampling instants may stray and still count as even."""
+"""Deviation of a sampling instant from an even axis, as a fraction of the interval, up to which the axis is even."""
+
+ROUNDING = 1e-6
+"""The same, up to which the recorded instants are kept as they are."""
 
 
-def time_axis(reader: Reader, made: TimeRecording) -> tuple[Vector, str]:
-    """Time in seconds, and what the column is called."""
-    given = made.time
+def time_axis(reader: Reader, described: TimeRecording) -> tuple[Vector, str]:
+    """Time in seconds, shape (rows,), and the name of its column.
+
+    Raises:
+        FlexarmError: neither a column nor an interval, both, or one that cannot be used.
+    """
+    given = described.time
     if (given.column is None) == (given.interval is None):
         raise RecordingError(
             "the time needs either a column or an interval", reader.where("time"), "give one of them, such as column: t"
@@ -40,58 +48,65 @@ def time_axis(reader: Reader, made: TimeRecording) -> tuple[Vector, str]:
     return reader.column(given.column, "time") * seconds, given.column
 
 
-def window(reader: Reader, made: TimeRecording, time: Vector) -> NDArray[np.bool_]:
-    """Rows within the window of the description."""
-    if made.window is None:
+def window(reader: Reader, described: TimeRecording, time: Vector) -> NDArray[np.bool_]:
+    """Rows within the window of the description, shape (rows,).
+
+    Raises:
+        RecordingError: there is none.
+    """
+    if described.window is None:
         return np.ones(len(time), dtype=bool)
-    first, last = (reader.convert(value, "s", "window") for value in made.window)
+    first, last = (reader.convert(value, "s", "window") for value in described.window)
     keep = np.asarray((time >= first) & (time <= last))
     if not keep.any():
-        held = time[np.isfinite(time)]
-        span = f"{held.min():g} s to {held.max():g} s" if held.size else "no time at all"
+        finite = time[np.isfinite(time)]
+        span = f"{finite.min():g} s to {finite.max():g} s" if finite.size else "no time at all"
         raise RecordingError(
-            f"no row lies within the window from {first:g} s to {last:g} s", reader.where("window"), f"it holds {span}"
+            f"no row lies within the window from {first:g} s to {last:g} s",
+            reader.where("window"),
+            f"the recording holds {span}",
         )
     reader.notes.append(f"{int(keep.sum())} of {len(time)} rows lie within the window from {first:g} s to {last:g} s")
     return keep
 
 
-def steadied(time: Vector) -> tuple[Vector, tuple[str, ...]]:
-    """The time axis made even if it is so but for a jitter, and a note that says what it is otherwise.
+def even_time(time: Vector) -> tuple[Vector, tuple[str, ...]]:
+    """The time axis, made even if only jitter disturbs it, and a note on jitter, gaps or an uneven axis.
 
     Args:
-        time: seconds from the first sample, rising, shape (samples,).
+        time: seconds from the first sample, strictly increasing, shape (samples,).
     """
     intervals = len(time) - 1
     mean = float(time[-1]) / intervals
     jitter = float(np.abs(time - mean * np.arange(intervals + 1)).max())
+    if jitter <= ROUNDING * mean:
+        return time, ()
     if jitter <= JITTER * mean:
-        said = (f"samples jitter by up to {jitter:.2g} s and are taken to be {mean:g} s apart",)
         even = np.asarray(mean * np.arange(intervals + 1), dtype=float)
-        return (even, said) if jitter > 1e-6 * mean else (time, ())
-    gaps = np.diff(time)
-    usual = float(np.median(gaps))
-    wide = np.flatnonzero(gaps > 1.5 * usual)
-    if len(wide) and np.ptp(np.delete(gaps, wide)) < 0.01 * usual:
+        return even, (f"samples jitter by up to {jitter:.2g} s and are taken to be {mean:g} s apart",)
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    wide = np.flatnonzero(steps > 1.5 * usual)
+    if len(wide) and np.ptp(np.delete(steps, wide)) < 0.01 * usual:
         return time, (
-            f"{len(wide)} gap{'s' if len(wide) > 1 else ''} in time, the longest of {gaps.max():g} s at "
-            f"{time[int(np.argmax(gaps))]:g} s; the model is simulated through {'them' if len(wide) > 1 else 'it'}",
+            f"{len(wide)} gap{'s' if len(wide) > 1 else ''} in time, the longest of {steps.max():g} s at "
+            f"{time[int(np.argmax(steps))]:g} s; the model is simulated through {'them' if len(wide) > 1 else 'it'}",
         )
     return time, (
-        f"the time axis is uneven, with intervals from {gaps.min():g} s to {gaps.max():g} s; the model is simulated on "
-        "a finer even grid and read at the recorded instants",
+        f"the time axis is uneven, with intervals from {steps.min():g} s to {steps.max():g} s; the model is simulated "
+        "on a finer even grid and read at the recorded instants",
     )
 
 
-def led_in(recording: Recording, periods: int) -> Recording:
-    """The recording with its drive repeated before it, during which nothing is measured.
+def with_lead_in(recording: Recording, periods: int) -> Recording:
+    """The recording after ``periods`` repetitions of its drive, during which nothing is measured.
 
     Args:
-        recording: one whole period of something periodic.
-        periods: how often it is repeated.
+        recording: one whole period of a periodic signal.
+        periods: number of repetitions.
 
     Raises:
-        RecordingError: it has no drive, or its samples are not evenly spaced.
+        RecordingError: the recording has no drive, or its samples are not evenly spaced.
     """
     if not periods:
         return recording
@@ -99,7 +114,7 @@ def led_in(recording: Recording, periods: int) -> Recording:
     interval = float(time[-1]) / (len(time) - 1)
     if not recording.drive or np.abs(time - interval * np.arange(len(time))).max() > JITTER * interval:
         raise RecordingError(
-            f"recording '{recording.name}' cannot be led in: it needs a drive and evenly spaced samples",
+            f"recording '{recording.name}' cannot have a lead-in, which needs a drive and evenly spaced samples",
             remedy="leave 'lead_in' out, and let the starting values be free",
         )
     silent = np.full(periods * len(time), np.nan)

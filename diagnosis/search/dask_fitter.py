@@ -14,7 +14,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from diagnosis.effects.effect import Candidate
-from diagnosis.recordings.mapping import Recorded
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit
 from engine.errors import FlexarmError
@@ -42,7 +42,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Task:
-    """A fit: of effects at their starting sizes from ``parent``'s parameters, or one begun elsewhere that is gone on with."""
+    """A fit: of effects at their starting sizes from ``parent``'s parameters, or one begun elsewhere."""
 
     effects: tuple[Candidate, ...]
     parent: dict[str, float]

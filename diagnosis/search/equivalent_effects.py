@@ -12,13 +12,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.search.partial_fit import ended
-
-if TYPE_CHECKING:
-    from diagnosis.search.scored_model import ScoredModel
+from diagnosis.search.scored_model import ScoredModel
 
 KNOWN = {
     "direction_dependent_friction": ("coulomb_friction", "offset"),

@@ -14,45 +14,17 @@ import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.estimation.least_squares import Fit, descend, fit
-from diagnosis.estimation.problem import Array, Problem, prior
-from diagnosis.frequency_response.table_experiment import TableExperiment, renamed
-from diagnosis.problems import problem, resolved
-from diagnosis.recordings.mapping import FrequencyTable, Recorded
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem, counted
+from diagnosis.problems import problem, resolved, variant
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, ended_at
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.wave_starts import solved
+from diagnosis.thresholds import INSERTION
 from engine.errors import FlexarmError
 from engine.spread import Store
-from scenarios.amend import Edit, InSignal, OnSensor, amended, without
-from scenarios.load import Scenario, load
-
-STARTS, APART = 3, 3.0
-"""How many starting sizes of an effect are fitted, and how far apart they lie in the search variables."""
-
-STRUCTURES, SETTLES = 10, 24
-"""Of sizes that are only chosen, such as the order of a ripple, so many are fitted, in so many steps: which is right
-shows late."""
-
-GLANCE = 0.4
-"""Share of the training recordings on which starting sizes are compared."""
-
-FIRST, MOST = 6, 25
-"""Steps from each of the best starts, and then from the best of all."""
-
-POLISHED = 150
-"""Steps at most of the chosen model's last fit."""
-
-FINER = (0.5, 0.25, 0.125, 0.0625, 0.03125)
-"""Distances, in samples, at which a size that is only chosen is looked for next to the best."""
-
-SOLVED, REORDERED = 5, 3
-"""So many orders of a wave are fitted from the linear solution, and so many beside another effect."""
-
-SOLUTION = 2.0
-"""Mean squared residual up to which what the linear solution gives is taken for the solution."""
-
-HARDLY = 3e-3
-"""A first step that gains less than this share of the cost is the last."""
+from scenarios.load import Scenario
 
 
 class CandidateFitter:
@@ -76,10 +48,8 @@ class CandidateFitter:
     ) -> None:
         self.scenario, self.recordings, self.store = scenario, tuple(recordings), store
         self.workers, self.seed = workers, seed
-        self.text = without(scenario.path.read_text(encoding="utf-8"), "recordings", "analyses")
         self.base = problem(scenario, self.recordings)
-        self.sigma = np.array([e.sigma for e in self.base.experiments])
-        self.tables = any(isinstance(e, TableExperiment) for e in self.base.experiments)
+        self.tables = self.base.sparse
         self.digest = _digest(self.base, seed)
 
     def again(self, recordings: Sequence[Recorded]) -> CandidateFitter:
@@ -116,7 +86,7 @@ class CandidateFitter:
     def _trial(self, partial: PartialFit) -> ScoredModel:
         """A partial fit as it is, scored."""
         made, x = partial.point.problem, partial.point.x
-        chi2 = (partial.point.cost - float(np.sum(prior(made, x)[0] ** 2))) / max(_count(made), 1)
+        chi2 = made.fitted_chi2(x, partial.point.cost)
         n = len(x)
         found = Fit(made, x, partial.point.cost, chi2, partial.converged, np.zeros((n, n)))
         return scored(found, partial.effects, partial.point.sizes)
@@ -127,15 +97,9 @@ class CandidateFitter:
         Raises:
             FlexarmError: the amended model has no meaning.
         """
-        edits: list[Edit] = [edit for c, s in zip(effects, starts, strict=True) for edit in c.edits(s)]
-        text = amended(self.text, edits)
-        scenario = load(self.scenario.path, self.scenario.overrides, text=text)
+        edits = [edit for c, s in zip(effects, starts, strict=True) for edit in c.edits(s)]
         extra = [f for c, s in zip(effects, starts, strict=True) for f in c.free(s)]
-        recordings = [_renamed(r, edits) for r in self.recordings]
-        held = {f"{c.name}.{key}" for c in effects for key in c.held}
-        made = problem(scenario, recordings, extra, held=held)
-        experiments = tuple(replace(e, sigma=s) for e, s in zip(made.experiments, self.sigma, strict=True))
-        return replace(made, experiments=experiments)
+        return variant(self.base, edits, extra, held={f"{c.name}.{key}" for c in effects for key in c.held})
 
     def partial_fit(self, effects: tuple[Candidate, ...], start: Fit) -> PartialFit:
         """Put effects in, try their starting sizes from the parent's optimum, and take a few steps from the best.
@@ -162,10 +126,12 @@ class CandidateFitter:
         tried = []
         with ThreadPoolExecutor(1) as pool:
             begun = [*self._begun(effects, points, parent), *bold]
-            most = SETTLES if len({id(point.problem.model) for point in begun}) > 1 else FIRST
+            most = INSERTION.settles if len({id(point.problem.model) for point in begun}) > 1 else INSERTION.first_steps
             for point in begun:
-                training = point.problem.chosen("train", "repeat")
-                x, cost, converged = descend(point.problem, point.x, training, pool, iterations=most, least=HARDLY)
+                training = point.problem.training
+                x, cost, converged = descend(
+                    point.problem, point.x, training, pool, iterations=most, least=INSERTION.least_gain
+                )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
         return min(tried, key=lambda partial: partial.point.cost)
 
@@ -177,12 +143,16 @@ class CandidateFitter:
         waves = [k for k, c in enumerate(effects) if c.wave and len(c.starts) > 1]
         if waves and not self.tables:
             single = len(effects) == 1
-            begun = [e for k in waves for e in solved(self, effects, k, parent)[: SOLVED if single else REORDERED]]
+            begun = [
+                e
+                for k in waves
+                for e in solved(self, effects, k, parent)[: INSERTION.orders if single else INSERTION.orders_beside]
+            ]
             if not single:
                 return [*begun, *_spread(points)[:1]]
             # A wave that moves the model far is not solved for by tangents: then every order is tried from the others.
-            near = any(point.cost < SOLUTION * _count(point.problem) for point in begun)
-            return [*begun, *_spread(points)[: STARTS if near else None]]
+            near = any(point.cost < INSERTION.solution * counted(point.problem.training) for point in begun)
+            return [*begun, *_spread(points)[: INSERTION.starts if near else None]]
         if not self.tables or len(effects) > 1:
             return _spread(points)
         # A few rows let the refit bend parameters that the effect would leave as they were given: begin there too.
@@ -214,7 +184,7 @@ class CandidateFitter:
         made = self.finish(self.partial_fit((alone,), trial.fit))
         return replace(made, effects=(kept,))
 
-    def finish(self, partial: PartialFit, iterations: int = MOST) -> ScoredModel:
+    def finish(self, partial: PartialFit, iterations: int = INSERTION.most_steps) -> ScoredModel:
         """Finish a partial fit until it converges, and score it; with no iterations left it is scored as it is."""
         if not iterations:
             return self._trial(partial)
@@ -236,7 +206,7 @@ class CandidateFitter:
         point = partial.point
         made = resolved(point.problem, point.x) or point.problem
         with ThreadPoolExecutor(1) as pool:
-            training = made.chosen("train", "repeat")
+            training = made.training
             x, cost, converged = descend(made, point.x, training, pool, iterations=iterations)
         if not math.isfinite(cost):
             return partial  # it stands where the model cannot be differentiated
@@ -251,10 +221,12 @@ class CandidateFitter:
         values = point.problem.values(point.x)[0]
         there = [ended_at(c, values, sizes) for c, sizes in zip(effects, point.sizes, strict=True)]
         tried = [partial]
-        for begun in solved(self, there, k, values)[:REORDERED]:
-            training = begun.problem.chosen("train", "repeat")
+        for begun in solved(self, there, k, values)[: INSERTION.orders_beside]:
+            training = begun.problem.training
             with ThreadPoolExecutor(1) as pool:
-                x, cost, converged = descend(begun.problem, begun.x, training, pool, iterations=SETTLES, least=HARDLY)
+                x, cost, converged = descend(
+                    begun.problem, begun.x, training, pool, iterations=INSERTION.settles, least=INSERTION.least_gain
+                )
             tried.append(PartialFit(effects, replace(begun, x=x, cost=cost), converged))
         best = min(tried, key=lambda made: made.point.cost)
         return best if best is partial else self._descended(best, iterations)
@@ -262,15 +234,17 @@ class CandidateFitter:
     def _refined(self, partial: PartialFit) -> PartialFit:
         """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""
         for k, effect in enumerate(partial.effects):
-            for share in FINER if effect.finer else ():
+            for share in INSERTION.finer if effect.finer else ():
                 best = partial.point
                 for sizes in effect.finer(best.sizes[k], share) if effect.finer else ():
                     chosen = tuple(sizes if j == k else s for j, s in enumerate(best.sizes))
                     built = tuple(sizes if j == k else s for j, s in enumerate(best.built))
                     made = self.build(partial.effects, built)
-                    training = made.chosen("train", "repeat")
+                    training = made.training
                     with ThreadPoolExecutor(1) as pool:
-                        x, cost, converged = descend(made, best.x, training, pool, iterations=FIRST, least=HARDLY)
+                        x, cost, converged = descend(
+                            made, best.x, training, pool, iterations=INSERTION.first_steps, least=INSERTION.least_gain
+                        )
                     if cost < partial.point.cost:
                         partial = PartialFit(partial.effects, StartingPoint(cost, made, x, chosen, built), converged)
         return partial
@@ -280,19 +254,14 @@ class CandidateFitter:
         made = trial.fit
         if made.converged:
             return trial
-        training = made.problem.chosen("train", "repeat")
+        training = made.problem.training
         with ThreadPoolExecutor(self.workers) as pool:
-            x, cost, converged = descend(made.problem, made.x, training, pool, iterations=POLISHED)
+            x, cost, converged = descend(made.problem, made.x, training, pool, iterations=INSERTION.polishing_steps)
         if not cost < made.cost:
             return trial  # it ended where the model cannot be differentiated
         return self._trial(
             PartialFit(trial.effects, StartingPoint(cost, made.problem, x, trial.sizes, trial.sizes), converged)
         )
-
-
-def _count(made: Problem) -> int:
-    """Values in the training recordings."""
-    return sum(int(np.isfinite(e.measured).sum()) for e in made.chosen("train", "repeat"))
 
 
 def _hash(x: Array) -> str:
@@ -304,15 +273,14 @@ def _digest(base: Problem, seed: int) -> str:
     found = hashlib.sha256(f"{base.model.signature} {base.free} {base.internal_step} {seed}".encode())
     for e in base.experiments:
         found.update(f"{e.name} {e.role}".encode())
-        for part in (e.time, e.measured, e.sigma, *([np.asarray(e.drive.values)] if e.drive is not None else [])):
+        for part in e.fingerprint():
             found.update(np.ascontiguousarray(part).tobytes())
     return found.hexdigest()
 
 
 def _glance(made: Problem, x: Array) -> float:
     """The cost over the first part of the training recordings."""
-    training = [e.cut(GLANCE * float(e.time[-1])) for e in made.chosen("train", "repeat")]
-    return sum(float(np.sum(made.residual(x, e) ** 2)) for e in training) + float(np.sum(prior(made, x)[0] ** 2))
+    return made.cost(x, [e.cut(INSERTION.glance) for e in made.training]) + made.prior_cost(x)
 
 
 def _spread(points: Sequence[StartingPoint]) -> list[StartingPoint]:
@@ -320,9 +288,9 @@ def _spread(points: Sequence[StartingPoint]) -> list[StartingPoint]:
     models: dict[int, StartingPoint] = {}
     for point in points:
         models.setdefault(id(point.problem.model), point)
-    chosen = list(models.values())[:STRUCTURES] if len(models) > 1 else []
+    chosen = list(models.values())[: INSERTION.structures] if len(models) > 1 else []
     for point in points:
-        if len(chosen) >= STARTS:
+        if len(chosen) >= INSERTION.starts:
             break
         if all(_apart(point, other) for other in chosen):
             chosen.append(point)
@@ -330,7 +298,7 @@ def _spread(points: Sequence[StartingPoint]) -> list[StartingPoint]:
 
 
 def _apart(one: StartingPoint, other: StartingPoint) -> bool:
-    return one.problem.model is not other.problem.model or float(np.abs(one.x - other.x).max()) > APART
+    return one.problem.model is not other.problem.model or float(np.abs(one.x - other.x).max()) > INSERTION.apart
 
 
 def _placed(
@@ -344,22 +312,3 @@ def _placed(
         if value is not None:
             x[i] = f.position(value)
     return x
-
-
-def _renamed(recording: Recorded, edits: Sequence[Edit]) -> Recorded:
-    """The recording with its signals called as the amended scenario calls them."""
-    if isinstance(recording, FrequencyTable):
-        return renamed(recording, edits)
-    for edit in edits:
-        if isinstance(edit, InSignal):
-            drive = tuple(
-                replace(c, name=f"{edit.name}.{edit.entry}") if c.name == edit.target else c for c in recording.drive
-            )
-            recording = replace(recording, drive=drive)
-        elif isinstance(edit, OnSensor):
-            measured = tuple(
-                replace(c, name=f"{edit.name}.{edit.exit}") if c.name == edit.target else c
-                for c in recording.measurements
-            )
-            recording = replace(recording, measurements=measured)
-    return recording

@@ -10,35 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 
 from blocks.registry import registry
 from diagnosis.effects.effect import Candidate
-from diagnosis.estimation.problem import Array, Experiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.time_experiment import TimeExperiment, over_time
+from diagnosis.search.study import Study
+from diagnosis.thresholds import RECOVERY
 from engine.assemble import build
 from engine.errors import FlexarmError, SimulationError
 from engine.linearise import linearise
 from engine.simulate import simulate
 from engine.system import Connection, System
 from scenarios.amend import AtFlange, Between, InSignal, Replace, Set
-
-if TYPE_CHECKING:
-    from diagnosis.search.search import Study
-
-KNOT = 0.024
-"""Time (s) between the knots of the recovered force."""
-
-ROWS_PER_KNOT = 4
-"""Samples of the residual that are kept for each knot."""
-
-BINS = 15
-"""Points of a curve."""
-
-LOOSE = 1.5
-"""A parameter may have moved by so many tolerances."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +99,7 @@ class RecoveredForce:
 class _Recovered:
     """The force in one recording."""
 
-    experiment: Experiment
+    experiment: TimeExperiment
     time: Array
     force: Array
     deviation: Array
@@ -127,15 +115,15 @@ def recover(study: Study, flange: str, unit: str = "N.m") -> RecoveredForce | No
         unit: of the force.
     """
     base, x = study.refit.fit, study.refit.fit.x
-    problem, loose = base.problem, LOOSE
+    problem, loose = base.problem, RECOVERY.loose
     if study.chosen.effects:
         # With the parameters of the amended model, which has no need to bend them, the force shows in full.
         found_values = study.chosen.fit.parameters()
         x = np.array([f.position(found_values.get(f.name, f.value(v))) for f, v in zip(problem.free, x, strict=True)])
         loose = 0.0
     parameters = problem.values(x)[0]
-    experiments = [e for e in problem.experiments if isinstance(e, Experiment) and not e.uneven]
-    if not flange or not experiments or any(type(e) is not Experiment for e in problem.experiments):
+    experiments = [e for e in over_time(problem.experiments) if not e.uneven]
+    if not flange or not experiments:
         return None
     try:
         answer = _answer(study, flange, parameters, experiments[0])
@@ -179,7 +167,7 @@ def place_of(effect: Candidate, study: Study) -> tuple[str, str]:
     return "", ""
 
 
-def _answer(study: Study, flange: str, parameters: dict[str, float], e: Experiment) -> Array:
+def _answer(study: Study, flange: str, parameters: dict[str, float], e: TimeExperiment) -> Array:
     """Outputs after one hat of force at the first knot, at the kept instants, shape (rows, signals)."""
     problem = study.refit.fit.problem
     system, outputs = problem.scenario.system, [v.name for v in problem.model.outputs]
@@ -197,7 +185,7 @@ def _answer(study: Study, flange: str, parameters: dict[str, float], e: Experime
     modes = {m.name: "sliding forward" for m in model.modes if m.kind == "friction"}
     values = {p.name: parameters[p.name] for p in model.parameters if p.name in parameters}
     plant = linearise(model, modes=modes, parameters=values)
-    dt = KNOT / ROWS_PER_KNOT
+    dt = RECOVERY.knot / RECOVERY.rows_per_knot
     n = len(plant.A)
     # Exact for a force that changes along straight lines: the force and its slope are two more states.
     big = np.zeros((n + 2, n + 2))
@@ -207,26 +195,35 @@ def _answer(study: Study, flange: str, parameters: dict[str, float], e: Experime
     made = np.zeros((rows, len(outputs)))
     x = np.zeros(n + 2)
     for k in range(rows):
-        x[n], x[n + 1] = _hat(k), (1 / KNOT if k < ROWS_PER_KNOT else -1 / KNOT if k < 2 * ROWS_PER_KNOT else 0.0)
+        x[n], x[n + 1] = (
+            _hat(k),
+            (
+                1 / RECOVERY.knot
+                if k < RECOVERY.rows_per_knot
+                else -1 / RECOVERY.knot
+                if k < 2 * RECOVERY.rows_per_knot
+                else 0.0
+            ),
+        )
         made[k] = plant.C @ x[:n] + plant.D[:, 0] * x[n]
         x = step @ x
     return made
 
 
 def _hat(k: int) -> float:
-    return max(0.0, 1 - abs(k / ROWS_PER_KNOT - 1))
+    return max(0.0, 1 - abs(k / RECOVERY.rows_per_knot - 1))
 
 
-def _one(e: Experiment, r: Array, slopes: Array, answer: Array) -> _Recovered:
+def _one(e: TimeExperiment, r: Array, slopes: Array, answer: Array) -> _Recovered:
     """The most probable force of one recording, with its standard deviation."""
-    dt = KNOT / ROWS_PER_KNOT
+    dt = RECOVERY.knot / RECOVERY.rows_per_knot
     places = np.round(np.arange(0, e.time[-1], dt) / (e.time[1] - e.time[0])).astype(int)
     keep = np.unique(np.clip(places, 0, len(r) - 1))
-    rows, knots = len(keep), len(keep) // ROWS_PER_KNOT + 1
+    rows, knots = len(keep), len(keep) // RECOVERY.rows_per_knot + 1
     signals = r.shape[1]
     G = np.zeros((rows, signals, knots))
     for j in range(knots):
-        first = (j - 1) * ROWS_PER_KNOT
+        first = (j - 1) * RECOVERY.rows_per_knot
         a, b = max(first, 0), max(-first, 0)
         count = min(rows - a, len(answer) - b)
         if count > 0:
@@ -251,7 +248,7 @@ def _one(e: Experiment, r: Array, slopes: Array, answer: Array) -> _Recovered:
             best = (odds, w[:knots] / scale, factor)
     assert best is not None
     variance = np.diag(scipy.linalg.cho_solve(best[2], np.eye(len(seen))))[:knots]
-    knot: Array = KNOT * np.arange(knots, dtype=float)
+    knot: Array = RECOVERY.knot * np.arange(knots, dtype=float)
     return _Recovered(e, knot, best[1], np.sqrt(variance) / scale, best[0])
 
 
@@ -302,7 +299,7 @@ def _binned(of: tuple[str, str], force: tuple[str, str], x: Array, w: Array) -> 
     """Mean of the force in bins of equal count, with the band of the mean."""
     if np.ptp(x) <= 0:
         return None
-    parts = [part for part in np.array_split(np.argsort(x, kind="stable"), BINS) if len(part) > 2]
+    parts = [part for part in np.array_split(np.argsort(x, kind="stable"), RECOVERY.bins) if len(part) > 2]
     if len(parts) < 4:
         return None
     y = np.array([w[p].mean() for p in parts])

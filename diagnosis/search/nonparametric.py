@@ -7,22 +7,14 @@ as straight lines through a few heights, and the heights are refitted. The curve
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, with_unit
 from diagnosis.search.force_recovery import Curve, place_of, recover
+from diagnosis.search.study import Study
+from diagnosis.thresholds import RECOVERY
 from scenarios.amend import AtFlange, Edit, InSignal
-
-if TYPE_CHECKING:
-    from diagnosis.search.search import Study
-
-POINTS = 21
-"""Heights of a curve: enough that a jump, such as dry friction's, is not smeared over the whole range."""
-
-PLACES, CURVES = 3, 2
-"""How many places are tried, and how many quantities at each."""
 
 
 def laws(study: Study) -> Iterator[Candidate]:
@@ -36,20 +28,20 @@ def laws(study: Study) -> Iterator[Candidate]:
         found = place_of(trial.effects[0], study) if len(trial.effects) == 1 else ("", "")
         if found[0] and found not in places and found[0] not in study.scales.slides:
             places.append(found)
-    for place, unit in places[:PLACES]:
+    for place, unit in places[: RECOVERY.places]:
         force = recover(study, place, unit)
         # A curve at an input depends on that input alone, one at a shaft on the shaft's own motion.
         own = [c for c in (force.curves if force else ()) if c.x_label.startswith(place)]
-        for curve in own[:CURVES]:
+        for curve in own[: RECOVERY.curves]:
             yield _law(study, place, unit, curve)
 
 
 def _law(study: Study, place: str, unit: str, curve: Curve) -> Candidate:
     lower, upper = curve.reach  # held beyond its ends, a curve that is too short bends the model's own parameters
-    abscissas = np.linspace(lower, upper, POINTS)
+    abscissas = np.linspace(lower, upper, RECOVERY.heights)
     heights = np.interp(abscissas, curve.x, curve.y)
     size = float(np.abs(heights).max()) or 1.0
-    names = [f"heights[{k + 1}]" for k in range(POINTS)]
+    names = [f"heights[{k + 1}]" for k in range(RECOVERY.heights)]
     name, block = f"{NAME}_law", study.scenario.system.split(place)[0]
     point = place in study.scales.inputs
 
@@ -58,9 +50,13 @@ def _law(study: Study, place: str, unit: str, curve: Curve) -> Candidate:
         ends = {"lower": lower, "upper": upper}
         if point:
             given = {key: with_unit(value, curve.x_unit) for key, value in ends.items()}
-            return [InSignal(name, "Curve", place, {"points": POINTS, **given, "heights": rows})]
+            return [InSignal(name, "Curve", place, {"points": RECOVERY.heights, **given, "heights": rows})]
         of = "speed" if curve.x_label.endswith(".speed") else "angle"
-        return [AtFlange(name, "TorqueCurve", place, "shaft", {"of": of, "points": POINTS, **ends, "heights": rows})]
+        return [
+            AtFlange(
+                name, "TorqueCurve", place, "shaft", {"of": of, "points": RECOVERY.heights, **ends, "heights": rows}
+            )
+        ]
 
     parameters = tuple(EffectParameter(n, size, signed=True) for n in names)
     return Candidate(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 from diagnosis.effects.effect import Candidate, Sizes
-from diagnosis.estimation.problem import Array, Problem
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
 from diagnosis.search.scored_model import ScoredModel
 
 
@@ -24,6 +26,16 @@ class StartingPoint:
     built: tuple[Sizes, ...]
 
 
+class PointSource(Protocol):
+    """Builds models with effects in them, and says where their fits may start."""
+
+    def points(
+        self, effects: tuple[Candidate, ...], groups: Sequence[Sequence[Sizes]], parent: dict[str, float]
+    ) -> list[StartingPoint]:
+        """Starting sizes that share one model, each with its cost."""
+        ...
+
+
 @dataclass(frozen=True)
 class PartialFit:
     """Effects put in, after a few steps of their fit."""
@@ -33,7 +45,7 @@ class PartialFit:
     converged: bool
 
     def row(self) -> dict[str, Any]:
-        """As numbers, for `CandidateFitter.revived`."""
+        """As numbers, for `CandidateFitter.restored`."""
         return {
             "x": self.point.x.tolist(),
             "cost": self.point.cost,

@@ -8,56 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
-from diagnosis.estimation.problem import Array
-from diagnosis.frequency_response.table_experiment import TableExperiment
-from diagnosis.recordings.mapping import Recorded, Recording
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import KNOWN
-from diagnosis.search.scored_model import STRAIN, ScoredModel, at_end, by_chance, gain_band, outside_tolerances
-
-DECISIVE = 10.0
-"""Difference in cost, twice the log likelihood ratio, beyond which one change is preferred to another."""
-
-NEAR = 0.05
-"""Models whose held-out errors differ by less than this share do equally well, or by less than the best one itself
-leaves over: what a right law leaves is what is not modelled, and that favours one law or another."""
-
-RICHER = 0.02
-"""A richer law that does better by more than this share is a rival of the simpler one that was preferred."""
-
-LEAST = 0.25
-"""Excess over the floor, as a share of it, that is worth explaining."""
-
-FAR = 1.5
-"""The same where the fitted data are at the floor."""
-
-FITTED = 0.1
-"""The same for the data that are fitted, which more samples and free parameters bring closer to the floor."""
-
-REACHED, LEFT_OVER, AT_MOST = 0.5, 0.015, 2.0
-"""Where the noise is known, a right law brings the held-out error so close to it, or leaves so small a share, which
-is at most so many floors."""
-
-UNCERTAIN, AT_MOST_THEN = 0.25, 5.0
-"""Where the fitted data are at the floor, this share of the mismatch may be what the parameters are uncertain by, and
-at most so many floors."""
-
-UNKNOWN = 1.0
-"""Held-out excess over the floor, in floors, beyond which something is missing even if no effect accounts for it."""
-
-EXPLAINS = 0.6
-"""A name must account for at least this share of the held-out excess over the floor."""
-
-PAYS, PAYS_AGAIN = 0.3, 0.5
-"""Share of the held-out excess that a first and a second effect must take away."""
-
-PIECE, ROWS = 0.2, 32
-"""Length (s) of the pieces of a residual of which the median tells its noise, and how many rows they have at least."""
-
-BENT = 5.0
-"""Tolerances; an effect that needs a parameter of the user's so far out, where the refit did not, is not named."""
-
-RELIEVES = 0.6
-"""A single change relieves the strain on the tolerances if it leaves at most this share of it."""
+from diagnosis.search.scored_model import ScoredModel, at_end, by_chance, gain_band, outside_tolerances
+from diagnosis.thresholds import PREFERENCE
 
 NESTED = {
     "coulomb_friction": ("stribeck_friction", "direction_dependent_friction"),
@@ -77,32 +31,15 @@ NESTED_ANYWHERE = {"offset": ("stray_spring",)}
 def noise_floor(trial: ScoredModel) -> float:
     """Mean squared residual that is noise, in units of the stated variance: that stated, or more where it shows more.
 
-    White noise is what second differences leave of a residual: a model's errors are smooth at the rate of the samples,
-    save where a friction or a contact that is not quite right makes kinks, so that it is the median of pieces that
-    counts. What a signal did not record counts for nothing.
+    What a signal did not record counts for nothing.
     """
-    problem = trial.fit.problem
-    held = problem.chosen("hold_out") or problem.chosen("train", "repeat")
-    levels = []
-    for e in held:
-        if isinstance(e, TableExperiment) or len(e.time) < 64:
+    problem, levels = trial.fit.problem, list[float]()
+    for e in problem.judged:
+        found = e.noise_levels(problem.residual(trial.fit.x, e))
+        if found is None:
             return 1.0
-        for r, y in zip(problem.residual(trial.fit.x, e).T, e.measured.T, strict=True):
-            there = np.flatnonzero(np.isfinite(y))
-            bend = np.diff(r[there], 2)[np.diff(there, 2) == 0]
-            if len(bend):
-                pieces = min(round(float(e.time[-1] - e.time[0]) / PIECE), len(bend) // ROWS)
-                levels.append(_typical(bend**2, pieces) / 6)
+        levels += found
     return max(1.0, float(np.mean(levels))) if levels else 1.0
-
-
-def _typical(squares: Array, pieces: int) -> float:
-    """Mean of squared second differences of white noise, from the median of the means of so many pieces."""
-    if pieces < 3:
-        return float(squares.mean())
-    middle = float(np.median([part.mean() for part in np.array_split(squares, pieces)]))
-    # Neighbours correlate by -2/3 and 1/6, so that a mean of n is a chi-square of 18/35 n freedoms (Wilson-Hilferty).
-    return middle / (1 - 2 / (9 * len(squares) / pieces * 18 / 35)) ** 3
 
 
 def unexplained(trial: ScoredModel, floor: float) -> bool:
@@ -112,19 +49,19 @@ def unexplained(trial: ScoredModel, floor: float) -> bool:
     it is much.
     """
     left = trial.hold_out - floor
-    fitted = trial.fit.chi2 - floor > FITTED * floor
-    return (fitted or left > FAR * floor) and left > max(LEAST * floor, by_chance(trial))
+    fitted = trial.fit.chi2 - floor > PREFERENCE.fitted * floor
+    return (fitted or left > PREFERENCE.far * floor) and left > max(PREFERENCE.least * floor, by_chance(trial))
 
 
 def missing(refit: ScoredModel) -> bool:
     """Whether so much is left over that something is missing, even if no effect accounts for it."""
-    return refit.hold_out - noise_floor(refit) > max(UNKNOWN, by_chance(refit))
+    return refit.hold_out - noise_floor(refit) > max(PREFERENCE.unknown, by_chance(refit))
 
 
 def pays(better: ScoredModel, worse: ScoredModel) -> bool:
     """Whether what a model adds takes enough away of what another leaves over, beyond the bootstrap band."""
     floor = noise_floor(better)
-    share = PAYS if len(better.effects) == 1 or not worse.effects else PAYS_AGAIN
+    share = PREFERENCE.pays if len(better.effects) == 1 or not worse.effects else PREFERENCE.pays_again
     gain = worse.hold_out - better.hold_out
     return gain > share * (worse.hold_out - floor) and gain_band(better, worse)[0] > 0 and unexplained(worse, floor)
 
@@ -138,14 +75,14 @@ def reached(refit: ScoredModel, chosen: ScoredModel) -> bool:
     left, before = chosen.hold_out - floor, refit.hold_out - floor
     if chosen.fit.chi2 - floor > _little(refit.fit.chi2 - floor, floor):
         return False
-    uncertain = min(UNCERTAIN * before, AT_MOST_THEN * floor)
-    at_floor = chosen.fit.chi2 - floor < FITTED * floor
+    uncertain = min(PREFERENCE.uncertain * before, PREFERENCE.uncertain_at_most * floor)
+    at_floor = chosen.fit.chi2 - floor < PREFERENCE.fitted * floor
     return left < max(_little(before, floor), uncertain if at_floor else 0.0)
 
 
 def _little(before: float, floor: float) -> float:
     """How much above the floor a right law may leave of what was there before."""
-    return max(REACHED * floor, min(LEFT_OVER * before, AT_MOST * floor))
+    return max(PREFERENCE.reached * floor, min(PREFERENCE.left_over * before, PREFERENCE.left_at_most * floor))
 
 
 def explained(refit: ScoredModel, chosen: ScoredModel) -> float:
@@ -160,7 +97,7 @@ def explained(refit: ScoredModel, chosen: ScoredModel) -> float:
 
 
 def _of_tables(trial: ScoredModel) -> bool:
-    return any(isinstance(e, TableExperiment) for e in trial.fit.problem.experiments)
+    return trial.fit.problem.sparse
 
 
 def accounted(recordings: Sequence[Recorded], refit: ScoredModel, chosen: ScoredModel) -> bool:
@@ -169,12 +106,12 @@ def accounted(recordings: Sequence[Recorded], refit: ScoredModel, chosen: Scored
     Where the noise of every signal is stated, a law that is right reaches it; one that only resembles the missing one
     leaves a share of the mismatch.
     """
-    least = EXPLAINS if unexplained(refit, noise_floor(chosen)) else 1 - RELIEVES
+    least = PREFERENCE.explains if unexplained(refit, noise_floor(chosen)) else 1 - PREFERENCE.relieves
     if not chosen.effects or explained(refit, chosen) < least:
         return False
     if beyond(refit, chosen):
         return False
-    stated = all(isinstance(r, Recording) and all(c.noise is not None for c in r.measurements) for r in recordings)
+    stated = all(r.noise_stated for r in recordings)
     return reached(refit, chosen) if stated else True
 
 
@@ -185,7 +122,9 @@ def beyond(refit: ScoredModel, chosen: ScoredModel) -> list[str]:
 
 def _bent(trial: ScoredModel) -> set[str]:
     """Parameters of the user's that stand far outside their tolerances."""
-    return {f.name for f, x in zip(trial.fit.problem.free, trial.fit.x, strict=True) if f.prior and abs(x) > BENT}
+    return {
+        f.name for f, x in zip(trial.fit.problem.free, trial.fit.x, strict=True) if f.prior and abs(x) > PREFERENCE.bent
+    }
 
 
 def price(trial: ScoredModel) -> float:
@@ -203,15 +142,19 @@ def near(best: ScoredModel, trials: Sequence[ScoredModel], before: ScoredModel) 
         trials: models.
         before: the model without what they add.
     """
-    rows, left = [], min(max(best.hold_out - noise_floor(best), 0.0), LEAST)
+    rows, left = [], min(max(best.hold_out - noise_floor(best), 0.0), PREFERENCE.least)
     for t in trials:
         apart = (t.merit - best.merit) * best.samples / max(best.hold_out, 1.0)
-        if t.merit - best.merit < max(NEAR * best.merit, left) or gain_band(best, t)[0] <= 0 or apart < DECISIVE:
+        if (
+            t.merit - best.merit < max(PREFERENCE.near * best.merit, left)
+            or gain_band(best, t)[0] <= 0
+            or apart < PREFERENCE.decisive
+        ):
             rows.append(t)
     if _of_tables(best):
         return rows
     least = min([best.fit.chi2, *(t.fit.chi2 for t in rows)])
-    slack = max(LEAST * max(least, 1.0), LEFT_OVER * (before.fit.chi2 - least))
+    slack = max(PREFERENCE.least * max(least, 1.0), PREFERENCE.left_over * (before.fit.chi2 - least))
     return [t for t in rows if t.fit.chi2 - least < slack]
 
 
@@ -245,20 +188,20 @@ def relieved(chosen: ScoredModel, pairs: Sequence[ScoredModel]) -> ScoredModel:
     mine = {c.key for c in chosen.effects}
     able = [t for t in pairs if mine <= {c.key for c in t.effects} and t.hold_out < 1.1 * chosen.hold_out]
     best = min(able, key=lambda t: t.fit.cost, default=chosen)
-    return best if chosen.fit.cost - best.fit.cost > DECISIVE * max(best.fit.chi2, 1.0) else chosen
+    return best if chosen.fit.cost - best.fit.cost > PREFERENCE.decisive * max(best.fit.chi2, 1.0) else chosen
 
 
 def _freed(refit: ScoredModel, trials: Sequence[ScoredModel]) -> ScoredModel:
     """The single change that lets all other parameters stay within their tolerances, if one does."""
     able = _relieving(refit, refit, trials)
     best = min(able, key=lambda t: (t.fit.cost, t.effects[0].effect != "wrong_parameter"), default=refit)
-    return best if refit.fit.cost - best.fit.cost > STRAIN**2 else refit
+    return best if refit.fit.cost - best.fit.cost > PREFERENCE.believed**2 else refit
 
 
 def _relieving(refit: ScoredModel, chosen: ScoredModel, trials: Sequence[ScoredModel]) -> list[ScoredModel]:
     """Single changes that take most of the strain away; what only follows the noise closer does not."""
     able = [t for t in trials if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
-    return [t for t in able if t.prior_cost < RELIEVES * refit.prior_cost]
+    return [t for t in able if t.prior_cost < PREFERENCE.relieves * refit.prior_cost]
 
 
 def rivals(chosen: ScoredModel, refit: ScoredModel, trials: Sequence[ScoredModel]) -> tuple[ScoredModel, ...]:
@@ -271,14 +214,14 @@ def rivals(chosen: ScoredModel, refit: ScoredModel, trials: Sequence[ScoredModel
     others += [t for t in trials if len(t.effects) > 1 and {c.effect for c in t.effects} == pair]
     if not unexplained(refit, noise_floor(chosen)):
         able = _relieving(refit, chosen, others)
-        return tuple(t for t in able if t.fit.cost - chosen.fit.cost < DECISIVE)
+        return tuple(t for t in able if t.fit.cost - chosen.fit.cost < PREFERENCE.decisive)
     alike = [t for t in near(chosen, others, refit) if not at_end(t)]
     if _of_tables(chosen) and not outside_tolerances(chosen):
         # One that needs further parameters outside their tolerances is none.
         alike = [t for t in alike if not outside_tolerances(t)]
-    rows = [t for t in alike if not _contains(t, chosen) and price(t) - price(chosen) < 3 * DECISIVE]
+    rows = [t for t in alike if not _contains(t, chosen) and price(t) - price(chosen) < 3 * PREFERENCE.decisive]
     # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.
-    richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + LEAST) * chosen.merit]
+    richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + PREFERENCE.least) * chosen.merit]
     rows += [t for t in richer if better(t, chosen)]
     found: dict[frozenset[str], ScoredModel] = {}
     for t in sorted(rows, key=lambda t: t.merit):
@@ -289,8 +232,8 @@ def rivals(chosen: ScoredModel, refit: ScoredModel, trials: Sequence[ScoredModel
 
 def better(one: ScoredModel, other: ScoredModel) -> bool:
     """Whether a law does clearly better than another, on held-out data beyond chance or on the fitted ones."""
-    held = other.hold_out - one.hold_out > RICHER * other.hold_out and gain_band(one, other)[0] > 0
-    return held or other.fit.chi2 - one.fit.chi2 > RICHER * other.fit.chi2
+    held = other.hold_out - one.hold_out > PREFERENCE.richer * other.hold_out and gain_band(one, other)[0] > 0
+    return held or other.fit.chi2 - one.fit.chi2 > PREFERENCE.richer * other.fit.chi2
 
 
 def _same(one: ScoredModel, other: ScoredModel) -> bool:

@@ -11,31 +11,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes
-from diagnosis.estimation.problem import HUGE, Array, prior
+from diagnosis.estimation.parameters import Array
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.scored_model import ScoredModel
+from diagnosis.thresholds import FITTING, PAIRS
 from engine.errors import FlexarmError, SimulationError
 from engine.spread import Spread
-
-if TYPE_CHECKING:
-    from diagnosis.search.fitter import CandidateFitter
-
-FACTOR = 30.0
-"""A size is taken to be within this factor of the one whose course is known."""
-
-COURSES = 12
-"""At most so many sizes of an effect, spread over its starts, are simulated."""
-
-SAMPLES = 4_000
-"""About so many samples of the fitted recordings are looked at."""
-
-ALIKE, KEPT, NEARLY = 2, 2, 0.8
-"""Of two effects, the pairs at so many places, each from so many pairs of sizes that gain this share of the best gain.
-"""
 
 
 @dataclass(frozen=True)
@@ -64,9 +49,9 @@ def promising(
         count: at most so many pairs.
     """
     made, x = refit.fit.problem, refit.fit.x
-    training = made.chosen("train", "repeat")
-    every = max(1, sum(len(e.time) for e in training) // SAMPLES)
-    own, parts = prior(made, x), []
+    training = made.training
+    every = max(1, sum(len(e.time) for e in training) // PAIRS.samples)
+    own, parts = made.prior(x), []
     try:
         for e in training:
             r, J = made.linearised(x, e)
@@ -94,20 +79,20 @@ def _sensitivities(
     fitter: CandidateFitter, refit: ScoredModel, effect: Candidate, r: Array, every: int
 ) -> Iterator[Sensitivity]:
     """The courses of an effect at several of its starting sizes; none where it cannot be simulated."""
-    parent, own = refit.fit.parameters(), prior(refit.fit.problem, refit.fit.x)[0]
+    parent, own = refit.fit.parameters(), refit.fit.problem.prior(refit.fit.x)[0]
     groups = effect.structures()
     for group in groups:
-        few = max(2, COURSES // len(groups))
+        few = max(2, PAIRS.sizes // len(groups))
         picked = [group[k] for k in np.unique(np.linspace(0, len(group) - 1, few).astype(int))]
         try:
             points = fitter.points((effect,), [picked], parent)
         except FlexarmError:
             continue
         for point in points:
-            there = point.problem.chosen("train", "repeat")
+            there = point.problem.training
             rows = [point.problem.residual(point.x, e)[::every].ravel() for e in there]
             values = np.concatenate([*rows, own]) - r
-            if np.abs(values).max() < HUGE / 10 and float(values @ values) > 0:
+            if np.abs(values).max() < FITTING.huge / 10 and float(values @ values) > 0:
                 yield Sensitivity(effect, point.sizes[0], values)
 
 
@@ -122,7 +107,7 @@ def _gains(gram: Array, pull: Array) -> tuple[Array, Array]:
     determinant = np.where(determinant > 1e-9 * whole, determinant, np.inf)
     first = (own[None, :] * pull[:, None] - gram * pull[None, :]) / determinant
     second = first.T
-    able = (first > 1 / FACTOR) & (first < FACTOR) & (second > 1 / FACTOR) & (second < FACTOR)
+    able = (first > 1 / PAIRS.factor) & (first < PAIRS.factor) & (second > 1 / PAIRS.factor) & (second < PAIRS.factor)
     gains = np.where(able, first * pull[:, None] + second * pull[None, :], 0.0)
     far = np.abs(np.log(np.where(able, first, 1.0))) + np.abs(np.log(np.where(able, second, 1.0)))
     return gains, far
@@ -141,10 +126,10 @@ def _ranked(sensitivities: Sequence[Sensitivity], gains: Array, far: Array) -> I
         one, other = (sensitivities[k].effect for k in groups[key][0])
         kind = frozenset((one.effect, other.effect))
         places[kind] = places.get(kind, 0) + 1
-        if places[kind] > ALIKE:
+        if places[kind] > PAIRS.places:
             continue
-        able = [at for at in groups[key] if gains[at] > NEARLY * best[key]]
-        chosen = sorted(able, key=lambda at: far[at])[:KEPT]
+        able = [at for at in groups[key] if gains[at] > PAIRS.nearly * best[key]]
+        chosen = sorted(able, key=lambda at: far[at])[: PAIRS.kept]
         rows = [(sensitivities[a].sizes, sensitivities[b].sizes) for a, b in chosen]
         yield tuple(_begun(effect, [row[k] for row in rows]) for k, effect in enumerate((one, other)))
 

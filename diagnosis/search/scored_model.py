@@ -8,18 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
-from diagnosis.estimation.initial_states import settled
-from diagnosis.estimation.least_squares import Fit
-from diagnosis.estimation.problem import Array, prior
-
-BLOCK = 0.2
-"""Length (s) of the blocks that the bootstrap draws: residuals are taken to be independent beyond it."""
-
-CHANCE = 1.645
-"""Standard deviations of chi2 that noise alone exceeds once in twenty times."""
-
-STRAIN = 2.5
-"""Tolerances beyond which a fitted parameter is not believed."""
+from diagnosis.estimation.least_squares import Fit, with_held_out_starts
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import counted
+from diagnosis.thresholds import NOISE, PREFERENCE
 
 
 @dataclass(frozen=True)
@@ -71,7 +63,7 @@ class ScoredModel:
     @property
     def prior_cost(self) -> float:
         """What the fitted parameters cost against their tolerances."""
-        return float(np.sum(prior(self.fit.problem, self.fit.x)[0] ** 2))
+        return self.fit.problem.prior_cost(self.fit.x)
 
     @property
     def label(self) -> str:
@@ -81,16 +73,14 @@ class ScoredModel:
 
 def scored(made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, float], ...] = ()) -> ScoredModel:
     """A fit judged on the held-out recordings, or on the fitted ones where none is held out."""
-    made = replace(made, x=settled(made.problem, made.x))
-    held = made.problem.chosen("hold_out") or made.problem.chosen("train", "repeat")
-    sums, total, count = [], 0.0, 0
-    for e in held:
-        squares = np.sum(e.squares(made.problem.residual(made.x, e)), axis=1)
-        length = max(1, round(BLOCK / (e.step * e.every)))
-        edges = np.arange(0, len(squares), length)
-        sums.append(np.add.reduceat(squares, edges))
-        total, count = total + float(squares.sum()), count + int(np.isfinite(e.measured).sum())
-    return ScoredModel(effects, made, sizes, total / max(count, 1), np.concatenate(sums), count)
+    problem, x = made.problem, with_held_out_starts(made.problem, made.x)
+    sums = []
+    for e in problem.judged:
+        squares = np.sum(e.squares(problem.residual(x, e)), axis=1)
+        length = max(1, round(NOISE.block / e.interval))
+        sums.append(np.add.reduceat(squares, np.arange(0, len(squares), length)))
+    errors, samples = np.concatenate(sums), counted(problem.judged)
+    return ScoredModel(effects, replace(made, x=x), sizes, problem.chi2(x, problem.judged), errors, samples)
 
 
 def gain_band(better: ScoredModel, worse: ScoredModel, seed: int = 0, draws: int = 400) -> tuple[float, float]:
@@ -104,13 +94,13 @@ def gain_band(better: ScoredModel, worse: ScoredModel, seed: int = 0, draws: int
 
 def by_chance(trial: ScoredModel) -> float:
     """How far above the floor noise alone may leave held-out chi2: far for the few rows of a table."""
-    return CHANCE * math.sqrt(2 / max(trial.samples, 1))
+    return NOISE.chance * math.sqrt(2 / max(trial.samples, 1))
 
 
 def outside_tolerances(refit: ScoredModel) -> list[str]:
     """Parameters that the refit could only place far outside their tolerances."""
     pairs = zip(refit.fit.problem.free, refit.fit.x, strict=True)
-    return [f.name for f, x in pairs if f.prior and abs(x) > STRAIN]
+    return [f.name for f, x in pairs if f.prior and abs(x) > PREFERENCE.believed]
 
 
 def at_end(trial: ScoredModel) -> list[str]:
@@ -122,7 +112,6 @@ def at_end(trial: ScoredModel) -> list[str]:
 
 def log_evidence(trial: ScoredModel, best: ScoredModel) -> float:
     """-BIC/2 on the training data, with chi2 relative to the best model's where that is above 1."""
-    training = trial.fit.problem.chosen("train", "repeat")
-    count = sum(int(np.isfinite(e.measured).sum()) for e in training)
+    count = counted(trial.fit.problem.training)
     noise_floor = max(1.0, best.fit.chi2)
     return -0.5 * (trial.fit.chi2 * count / noise_floor + trial.size * math.log(max(count, 2)))

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate
-from diagnosis.effects.scales import OperatingScales, operating_scales
+from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import Fit
-from diagnosis.estimation.problem import Array
-from diagnosis.recordings.mapping import Channel, Recorded, Recording
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import lookalike, same_laws
-from diagnosis.search.fitter import MOST, CandidateFitter
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import PartialFit, ended
 from diagnosis.search.preference import (
-    AT_MOST,
-    FITTED,
-    LEFT_OVER,
     accounted,
     better,
     choose,
@@ -36,68 +31,13 @@ from diagnosis.search.preference import (
 )
 from diagnosis.search.promising_pairs import promising
 from diagnosis.search.scored_model import ScoredModel, at_end
+from diagnosis.search.study import Study
 from diagnosis.search.wrong_parameters import pairs, suspects
+from diagnosis.thresholds import EXCHANGE, INSERTION, PAIRS, PREFERENCE
 from engine.errors import FlexarmError
 from engine.spread import Spread
-from scenarios.load import Scenario
-
-FINISHED, PROMISING, EXCHANGED = 15, 0.2, 6
-"""At most so many effects are fitted to the end, of those that gained this share of what the best gained; of those that
-take the place of half a pair, so many."""
-
-SECONDS, LEADERS = 12, 2
-"""A second effect is sought among all others beside the first of so many leaders, among so many beside the rest."""
-
-SECONDS_AT_TABLES, LEADERS_AT_TABLES = 3, 1
-"""The same for tables, which are dear to simulate for the few numbers they give."""
-
-TOGETHER, ROUNDS = 20, 2
-"""So many pairs are fitted that look best taken together, and halves are exchanged so often at most."""
-
-SWAPS = 0.2
-"""Share of the held-out excess that the best pair must take away for its halves to be exchanged."""
-
-BLIND = 5.0
-"""Held-out excess, in floors, that calls for another recording to be fitted where one effect brings the fitted ones to
-the floor."""
-
-UNSEEN = 0.5
-"""Held-out excess, in floors, that calls for another recording to be fitted where the fitted ones are at the floor."""
-
-PART = 0.5
-"""Length (s) of the parts into which a recording is cut that alone shows a mismatch."""
-
-LINES = 3
-"""How many frequencies of what is left over are tried as a vibration from outside."""
 
 Progress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True)
-class Study:
-    """A scenario and its recordings, and everything tried on them.
-
-    Attributes:
-        scenario: the user's.
-        recordings: of all roles.
-        nominal: mean squared residual of the model as given, (train, hold-out).
-        refit: the user's model with its parameters fitted.
-        trials: single effects, best first, and pairs that may be taken for the chosen one.
-        chosen: the best model found, of one or more effects, or the refit.
-        around: sizes at the places.
-        failures: candidates that could not be built, with the reason.
-        notes: what was done differently from what was asked, in sentences.
-    """
-
-    scenario: Scenario
-    recordings: tuple[Recorded, ...]
-    nominal: tuple[float, float]
-    refit: ScoredModel
-    trials: tuple[ScoredModel, ...]
-    chosen: ScoredModel
-    scales: OperatingScales
-    failures: tuple[tuple[str, str], ...]
-    notes: tuple[str, ...] = ()
 
 
 def study(
@@ -126,11 +66,10 @@ def study(
         refit, notes = fitter.refit(), [swapped[1]]
     base = fitter.base
     zero = np.zeros(len(base.free))
-    nominal = Fit(base, zero, 0.0, 0.0, True, np.zeros((len(zero), len(zero))))
-    before = (nominal.score(base.chosen("train", "repeat")), nominal.score(base.chosen("hold_out")))
+    before = (base.chi2(zero, base.training), base.chi2(zero, base.held_out))
     scales = operating_scales(base)
     scales.lines = lines(refit)
-    listed = [c for c in candidates(scales) if c.effect not in without]
+    listed = candidates(scales, without)
     trials, failures = _try_all(fitter, [(c,) for c in listed], refit.fit, progress)
     trials.sort(key=lambda t: (t.merit, t.size))
     chosen = choose(refit, trials)
@@ -145,9 +84,15 @@ def study(
     lead = min(trials, key=lambda t: t.fit.chi2, default=refit)
     if not (notes or fitter.tables or reached(refit, chosen)) and lead.hold_out - noise_floor(
         lead
-    ) > BLIND * noise_floor(lead):
+    ) > EXCHANGE.blind * noise_floor(lead):
         floor = noise_floor(lead)
-        swapped = exchanged(fitter, lead, max(FITTED, min(LEFT_OVER * (refit.fit.chi2 - floor) / floor, AT_MOST)))
+        swapped = exchanged(
+            fitter,
+            lead,
+            max(
+                PREFERENCE.fitted, min(PREFERENCE.left_over * (refit.fit.chi2 - floor) / floor, PREFERENCE.left_at_most)
+            ),
+        )
         if swapped:
             return study(fitter.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
     if most > 1 and len(chosen.effects) <= 1 and unexplained(chosen, noise_floor(chosen)):
@@ -188,7 +133,9 @@ def _unnamed(fitter: CandidateFitter, study: Study, progress: Progress | None) -
     return replace(study, chosen=min(fitter.polish(found[0]), found[0], key=lambda t: t.hold_out))
 
 
-def exchanged(fitter: CandidateFitter, refit: ScoredModel, slack: float = FITTED) -> tuple[list[Recorded], str] | None:
+def exchanged(
+    fitter: CandidateFitter, refit: ScoredModel, slack: float = PREFERENCE.fitted
+) -> tuple[list[Recorded], str] | None:
     """The recordings with the worst held-out one fitted in place of none, where only held-out data show a mismatch.
 
     What no recording to fit shows cannot be fitted: an amplifier that saturates in the held-out recordings alone. Where
@@ -200,50 +147,28 @@ def exchanged(fitter: CandidateFitter, refit: ScoredModel, slack: float = FITTED
         slack: share.
     """
     base, floor = fitter.base, noise_floor(refit)
-    held = base.chosen("hold_out")
-    if len(held) < 2 or refit.fit.chi2 - floor > slack * floor or refit.hold_out - floor < UNSEEN * floor:
+    held = base.held_out
+    if len(held) < 2 or refit.fit.chi2 - floor > slack * floor or refit.hold_out - floor < EXCHANGE.unseen * floor:
         return None
-    errors = {e.name: refit.fit.score([e]) for e in held}
+    errors = {e.name: base.chi2(refit.fit.x, [e]) for e in held}
     worst = max(held, key=lambda e: errors[e.name])
     told = f"what the recordings to fit show can be fitted, and what '{worst.name}' shows cannot: "
-    if any(error - floor > UNSEEN * floor for name, error in errors.items() if name != worst.name):
+    if any(error - floor > EXCHANGE.unseen * floor for name, error in errors.items() if name != worst.name):
         moved = [replace(r, role="train") if r.name == worst.name else r for r in fitter.recordings]
         return moved, told + "it was fitted too, and the rest is held out"
     rows = [r for r in fitter.recordings if r.name != worst.name]
-    only = next(r for r in fitter.recordings if r.name == worst.name)
-    if not isinstance(only, Recording):
+    parts = next(r for r in fitter.recordings if r.name == worst.name).split(EXCHANGE.part)
+    if parts is None:
         return None
-    fitted, judged = halves(only)
-    return [*rows, fitted, judged], told + f"of it, every other {PART:g} s was fitted and the rest held out"
-
-
-def halves(recording: Recording) -> tuple[Recording, Recording]:
-    """A recording twice: with one part of its measurements, to fit, and with the other, to judge on."""
-    mine = np.floor(np.asarray(recording.time) / PART).astype(int) % 2 == 0
-
-    def only(keep: Array) -> tuple[Channel, ...]:
-        return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in recording.measurements)
-
-    return (
-        replace(recording, name=f"{recording.name} (fitted part)", role="train", measurements=only(mine)),
-        replace(recording, name=f"{recording.name} (held-out part)", role="hold_out", measurements=only(~mine)),
-    )
+    return [*rows, *parts], told + f"of it, every other {EXCHANGE.part:g} s was fitted and the rest held out"
 
 
 def lines(refit: ScoredModel) -> list[float]:
     """Frequencies (rad/s) that stand out in what the refitted model leaves over of the training recordings."""
-    problem = refit.fit.problem
-    found: dict[float, float] = {}
-    for e in problem.chosen("train", "repeat"):
-        if len(e.time) < 64:
-            return []
-        r = problem.residual(refit.fit.x, e)
-        power = np.sum(np.abs(np.fft.rfft((r - r.mean(axis=0)) * np.hanning(len(r))[:, None], axis=0)) ** 2, axis=1)
-        rate = 2 * math.pi / float(e.time[-1] - e.time[0])
-        peaks = [k for k in range(2, len(power) - 1) if power[k] == power[k - 2 : k + 3].max()]
-        for k in sorted(peaks, key=lambda k: -power[k])[:LINES]:
-            found[k * rate] = float(power[k])
-    return sorted(found, key=lambda w: -found[w])[:LINES]
+    problem, found = refit.fit.problem, dict[float, float]()
+    for e in problem.training:
+        found |= e.lines(problem.residual(refit.fit.x, e), INSERTION.lines)
+    return sorted(found, key=lambda w: -found[w])[: INSERTION.lines]
 
 
 def _second(
@@ -261,18 +186,18 @@ def _second(
     """
     pairs: list[ScoredModel] = []
     if not fitter.tables:
-        together = promising(fitter, refit, [t.effects[0] for t in singles], TOGETHER)
+        together = promising(fitter, refit, [t.effects[0] for t in singles], PAIRS.together)
         pairs = _try_all(fitter, together, refit.fit, progress)[0]
         pairs.sort(key=lambda t: (t.merit, t.size))
     if not (pairs and _settled(refit, pairs[0])):
         for k, leader in enumerate(_leaders(fitter, chosen, singles)):
-            others = singles if k == 0 else singles[:SECONDS]
+            others = singles if k == 0 else singles[: PAIRS.seconds]
             pairs += _beside(fitter, leader, leader.effects[0], others, pairs, progress)
     pairs.sort(key=lambda t: (t.merit, t.size))
     left = chosen.hold_out - noise_floor(chosen)
-    if not pairs or not (pays(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > SWAPS * left):
+    if not pairs or not (pays(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > PAIRS.swaps * left):
         return chosen, pairs
-    for _ in range(ROUNDS):
+    for _ in range(PAIRS.rounds):
         best, nearest = pairs[0], min(pairs, key=lambda t: t.fit.cost)
         for pair in [best] if best is nearest or _settled(refit, best) else [best, nearest]:
             pairs += _around(fitter, refit, pair, singles, pairs, progress)
@@ -292,7 +217,7 @@ def _second(
         return best, [*alone, *pairs]
     # Then it is the model's own parameters that were helped, and the other effects are fitted from there as well.
     known = alone[0].effects[0].key
-    again = [(t.effects[0],) for t in singles[:SECONDS] if t.effects[0].key != known]
+    again = [(t.effects[0],) for t in singles[: PAIRS.seconds] if t.effects[0].key != known]
     alone += _try_all(fitter, again, alone[0].fit, progress)[0]
     alone.sort(key=lambda t: (t.merit, t.size))
     return choose(refit, alone), [*alone, *pairs]
@@ -309,7 +234,10 @@ def _leaders(fitter: CandidateFitter, chosen: ScoredModel, singles: Sequence[Sco
     wished = [*([chosen] if chosen.effects else []), *sorted(singles, key=lambda t: t.fit.cost)[:1], *singles]
     for t in wished:
         known = {c.effect for leader in leaders for c in leader.effects}
-        if len(leaders) < (LEADERS_AT_TABLES if fitter.tables else LEADERS) and t.effects[0].effect not in known:
+        if (
+            len(leaders) < (PAIRS.leaders_at_tables if fitter.tables else PAIRS.leaders)
+            and t.effects[0].effect not in known
+        ):
             leaders.append(t)
     return leaders
 
@@ -321,7 +249,7 @@ def _beside(
     singles: Sequence[ScoredModel],
     done: Sequence[ScoredModel],
     progress: Progress | None,
-    compute_finish: int = FINISHED,
+    compute_finish: int = INSERTION.finished,
 ) -> list[ScoredModel]:
     """One effect kept, every other one beside it."""
     known = {frozenset(c.key for c in t.effects) for t in done}
@@ -331,7 +259,7 @@ def _beside(
     begun = ended(start, kept) if kept in start.effects else kept
     wanted = [(begun, t.effects[0]) for t in others]
     if fitter.tables:
-        wanted = [(begun, ended(t, t.effects[0])) for t in others[:SECONDS_AT_TABLES]]
+        wanted = [(begun, ended(t, t.effects[0])) for t in others[: PAIRS.seconds_at_tables]]
     return _try_all(fitter, wanted, start.fit, progress, compute_finish)[0]
 
 
@@ -353,9 +281,9 @@ def _around(
     begun = replace(pair, fit=replace(pair.fit, cost=refit.fit.cost))  # what they gain is counted from there
     for kept, moved in (pair.effects, pair.effects[::-1]):
         alike = [t for t in singles if moved.place == t.effects[0].place or moved.effect == t.effects[0].effect]
-        others = [*([] if fitter.tables else alike), *singles[:SECONDS]]
+        others = [*([] if fitter.tables else alike), *singles[: PAIRS.seconds]]
         unlike = list({id(t): t for t in others}.values())
-        found += _beside(fitter, begun, kept, unlike, [*known, *found], progress, EXCHANGED)
+        found += _beside(fitter, begun, kept, unlike, [*known, *found], progress, PAIRS.exchanged)
     return found
 
 
@@ -364,7 +292,7 @@ def _try_all(
     combinations: Sequence[tuple[Candidate, ...]],
     start: Fit,
     progress: Progress | None,
-    compute_finish: int = FINISHED,
+    compute_finish: int = INSERTION.finished,
 ) -> tuple[list[ScoredModel], list[tuple[str, str]]]:
     partials: list[PartialFit] = []
     failures: list[tuple[str, str]] = []
@@ -385,8 +313,8 @@ def _try_all(
                 progress("trying effects", done, len(combinations))
         partials.sort(key=lambda partial: partial.point.cost)
         best = start.cost - partials[0].point.cost if partials else 0.0
-        promising = [d for d in partials[:compute_finish] if start.cost - d.point.cost > PROMISING * best]
-        left = [MOST if k < len(promising) else 0 for k in range(len(partials))]
+        promising = [d for d in partials[:compute_finish] if start.cost - d.point.cost > INSERTION.promising * best]
+        left = [INSERTION.most_steps if k < len(promising) else 0 for k in range(len(partials))]
         trials = []
         tasks = zip(partials, left, strict=True)
         for done, trial in enumerate(pool.map(lambda task: fitter.finish(*task), tasks), 1):

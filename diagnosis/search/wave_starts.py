@@ -11,25 +11,18 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
-from diagnosis.estimation.problem import Array, Problem, prior
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.search.partial_fit import PointSource, StartingPoint
+from diagnosis.thresholds import INSERTION
 from engine.errors import SimulationError
 
-if TYPE_CHECKING:
-    from diagnosis.search.fitter import CandidateFitter
-    from diagnosis.search.partial_fit import StartingPoint
 
-FARTHEST = 3.0
-"""So many tolerances at most may a parameter move in the linear solution."""
-
-
-def solved(
-    fitter: CandidateFitter, effects: Sequence[Candidate], k: int, parent: dict[str, float]
-) -> list[StartingPoint]:
+def solved(fitter: PointSource, effects: Sequence[Candidate], k: int, parent: dict[str, float]) -> list[StartingPoint]:
     """A start at each order of a wave, the best first; costs are those of all training recordings.
 
     Args:
@@ -52,8 +45,7 @@ def solved(
 
 
 def _cost(made: Problem, x: Array) -> float:
-    parts = [made.residual(x, e) for e in made.chosen("train", "repeat")]
-    return sum(float(np.sum(r**2)) for r in [*parts, prior(made, x)[0]])
+    return made.cost(x, made.training) + made.prior_cost(x)
 
 
 def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
@@ -65,7 +57,7 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     names = [f.name for f in made.free]
     a, p = (names.index(f"{effect.name}.{key}") for key in (effect.wave.amplitude, effect.wave.phase))
     try:
-        parts = [*(made.linearised(x, e) for e in made.chosen("train", "repeat")), prior(made, x)]
+        parts = [*(made.linearised(x, e) for e in made.training), made.prior(x)]
     except SimulationError:
         return None
     r, J = np.concatenate([r for r, _ in parts]), np.vstack([J for _, J in parts])
@@ -76,7 +68,7 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     J[:, mine] = 0.0  # a frequency has no slope where the amplitude is nothing
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     step = -np.linalg.lstsq(J / size, r, rcond=1e-9)[0] / size
-    there = x + np.clip(step, -FARTHEST, FARTHEST)
+    there = x + np.clip(step, -INSERTION.farthest, INSERTION.farthest)
     there[a] = amplitude.position(amplitude.value(x[a]) * math.hypot(1 + step[a], step[p]))
     there[p] = phase.position(phase.value(x[p]) + math.atan2(step[p], 1 + step[a]))
     return np.asarray(there)

@@ -11,26 +11,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.least_squares import Fit, descend
-from diagnosis.estimation.problem import Array, Problem
-from diagnosis.frequency_response.table_experiment import TableExperiment
-from diagnosis.search.preference import DECISIVE
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.scored_model import ScoredModel, outside_tolerances
+from diagnosis.thresholds import PREFERENCE, TABLES
 from engine.errors import FlexarmError
-
-if TYPE_CHECKING:
-    from diagnosis.search.fitter import CandidateFitter
-
-SHARES = (0.5, 0.35)
-"""Shares of the rows, those of the lowest frequencies, that are fitted: the largest one that can be met counts."""
-
-SUSPECTS, BESIDE, TRIED = 2, 12, 3
-"""So many parameters, each looked at with so many of the effects that do best alone, and fitted with so many."""
 
 
 @dataclass(frozen=True)
@@ -71,14 +63,14 @@ def suspects(fitter: CandidateFitter, listed: Sequence[Candidate], refit: Scored
     """
     if not fitter.tables or not outside_tolerances(refit):
         return []
-    for share in SHARES:
+    for share in TABLES.lowest_shares:
         count = sum(len(e.time) for e in _lowest(fitter.base, share))
         within = _fitted(fitter.base, [np.zeros(len(fitter.base.free))], share)
         found = [_let_go(fitter, c, share) for c in listed if c.freed]
         found.sort(key=lambda suspect: suspect.fit.cost)
         if found and found[0].fit.cost < count:
-            best = [s for s in found if s.fit.cost < min(within.cost, found[0].fit.cost + DECISIVE)]
-            return best[:SUSPECTS] if within.cost - found[0].fit.cost > DECISIVE else []
+            best = [s for s in found if s.fit.cost < min(within.cost, found[0].fit.cost + PREFERENCE.decisive)]
+            return best[: TABLES.suspects] if within.cost - found[0].fit.cost > PREFERENCE.decisive else []
     return []
 
 
@@ -95,7 +87,7 @@ def _let_go(fitter: CandidateFitter, candidate: Candidate, share: float) -> Wron
         starts.append(x)
     fit = _fitted(made, starts, share)
     key = candidate.freed.name.rpartition(".")[2]
-    highest = max(float(e.frequency.max()) for e in _lowest(made, share))
+    highest = max(e.highest_frequency or 0.0 for e in _lowest(made, share))
     return WrongParameter(replace(candidate, starts=({key: made.free[i].value(fit.x[i])},)), fit, highest)
 
 
@@ -107,9 +99,8 @@ def _fitted(made: Problem, starts: Sequence[Array], share: float) -> Fit:
     return Fit(made, x, cost, cost, converged, np.zeros((n, n)))
 
 
-def _lowest(made: Problem, share: float) -> list[TableExperiment]:
-    tables = [e for e in made.chosen("train", "repeat") if isinstance(e, TableExperiment)]
-    return [e.rows(np.argsort(e.frequency, kind="stable")[: round(share * len(e.time))]) for e in tables]
+def _lowest(made: Problem, share: float) -> list[Experiment]:
+    return [e.lowest(share) for e in made.training]
 
 
 def pairs(
@@ -122,7 +113,7 @@ def pairs(
         suspected: parameters.
         singles: effects alone, best first.
     """
-    others = [t.effects[0] for t in singles if len(t.effects) == 1 and not t.effects[0].freed][:BESIDE]
+    others = [t.effects[0] for t in singles if len(t.effects) == 1 and not t.effects[0].freed][: TABLES.beside]
     for suspect in suspected:
         parent, rows = suspect.fit.parameters(), []
         for other in others:
@@ -136,10 +127,10 @@ def pairs(
                 best = min(points, key=lambda point: robust(point.problem, point.x))
                 rows.append((robust(best.problem, best.x), other))
         rows.sort(key=lambda row: row[0])
-        yield suspect.fit, [(suspect.candidate, other) for _, other in rows[:TRIED]]
+        yield suspect.fit, [(suspect.candidate, other) for _, other in rows[: TABLES.tried]]
 
 
 def robust(problem: Problem, x: Array) -> float:
     """Sum of log(1 + r^2) over the fitted rows: a row that is far off costs little more than one that is off."""
-    parts = [problem.residual(x, e) for e in problem.chosen("train", "repeat")]
+    parts = [problem.residual(x, e) for e in problem.training]
     return float(sum(np.sum(np.log1p(part**2)) for part in parts))

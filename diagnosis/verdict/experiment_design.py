@@ -7,29 +7,20 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from diagnosis.estimation.problem import Array, Experiment, Problem, prior
-from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import TimeExperiment, over_time
+from diagnosis.frequency_response.table_experiment import tables
 from diagnosis.search.preference import NESTED
-from diagnosis.verdict.table_report import SEPARATED, choose
+from diagnosis.search.scored_model import ScoredModel
+from diagnosis.thresholds import NEXT_EXPERIMENT
+from diagnosis.verdict.table_report import choose
 from engine.errors import FlexarmError
 from engine.simulate import Drive
-
-if TYPE_CHECKING:
-    from diagnosis.search.scored_model import ScoredModel
-
-DURATION = 6.0
-STEP = 1e-3
-"""Length (s) of an input, and time between its values."""
-
-QUICK = 5e-3
-"""Shortest bit (s) of a random binary sequence; five samples where they are further apart than a millisecond."""
-
-INDEPENDENT = 0.1
-"""Share of the samples that counts: noise is not white, and no law is exact."""
 
 NOTHING = "no_input"
 """Kind of a proposal where no input of the menu separates any two rivals."""
@@ -80,27 +71,30 @@ class Proposal:
         }
 
 
-def menu(size: float, sample: float = STEP) -> dict[str, tuple[str, Array, Array]]:
+def menu(size: float, sample: float = NEXT_EXPERIMENT.step) -> dict[str, tuple[str, Array, Array]]:
     """Inputs worth trying: name -> (what to do, instants, values).
 
     Args:
         size: the largest input recorded so far; none of them goes beyond it.
         sample: time (s) between the samples that are recorded; nothing changes faster than they show.
     """
-    t: Array = np.arange(0.0, DURATION + 1e-9, STEP)
-    rise = np.clip(t / DURATION, 0, 1)
-    short = max(QUICK, 5 * sample)
+    t: Array = np.arange(0.0, NEXT_EXPERIMENT.duration + 1e-9, NEXT_EXPERIMENT.step)
+    rise = np.clip(t / NEXT_EXPERIMENT.duration, 0, 1)
+    short = max(NEXT_EXPERIMENT.quick, 5 * sample)
     high = 0.5 / short
     low = min(0.5, high / 4)
-    sweep = np.sin(2 * np.pi * low * DURATION / np.log(high / low) * ((high / low) ** rise - 1))
+    sweep = np.sin(2 * np.pi * low * NEXT_EXPERIMENT.duration / np.log(high / low) * ((high / low) ** rise - 1))
     made = {
         "slow_sine": ("apply a sine of 0.5 Hz", np.sin(np.pi * t)),
         "ramp": ("ramp slowly up and down through zero", 1 - 4 * np.abs(rise - 0.5)),
         "reversal": ("reverse a constant input every second", np.sign(np.sin(np.pi * t + 1e-9))),
-        "push": ("push one way for half of the time, then the other way", np.where(t < DURATION / 2, 1.0, -1.0)),
+        "push": (
+            "push one way for half of the time, then the other way",
+            np.where(t < NEXT_EXPERIMENT.duration / 2, 1.0, -1.0),
+        ),
         "levels": ("apply levels of random size and direction, half a second each", _held(t, 0.5, levels=True)),
     }
-    for bit in [b for b in (max(0.1, 4 * short), 4 * short, 2 * short, short) if b < DURATION / 20]:
+    for bit in [b for b in (max(0.1, 4 * short), 4 * short, 2 * short, short) if b < NEXT_EXPERIMENT.duration / 20]:
         told = f"apply a random binary sequence with bits of {1e3 * bit:g} ms"
         made[f"prbs_{1e3 * bit:g}ms"] = (told, _held(t, bit))
     made |= {
@@ -132,13 +126,15 @@ def propose(rivals: Sequence[ScoredModel], most: int = 8) -> Proposal | None:
         most: so many are compared.
     """
     problem = rivals[0].fit.problem
-    e = problem.experiments[0]
-    if isinstance(e, TableExperiment):
+    if tables(problem.experiments):
         return _rows(rivals, problem)
+    e = over_time(problem.experiments)[0]
     kept = [r for r in rivals if r is rivals[0] or not any(_richer(r, other) for other in rivals)][:most]
     if e.drive is None or len(problem.model.inputs) != 1 or len(kept) < 2:
         return None
-    size = max(float(np.abs(np.asarray(x.drive.values)).max()) for x in problem.experiments if x.drive is not None)
+    size = max(
+        float(np.abs(np.asarray(x.drive.values)).max()) for x in over_time(problem.experiments) if x.drive is not None
+    )
     pairs = list(itertools.combinations(range(len(kept)), 2))
     held = [_held_by(r) for r in kept]
     driven, signals = problem.model.inputs[0], tuple(v.name for v in problem.model.outputs)
@@ -155,7 +151,7 @@ def propose(rivals: Sequence[ScoredModel], most: int = 8) -> Proposal | None:
         # What is beyond enough to separate two counts for little, so that every pair counts.
         worth = sum(math.log1p(gap) for gap in gaps.values())
         if worth > most_worth:
-            apart = min((gap for gap in gaps.values() if gap >= SEPARATED), default=max(gaps.values()))
+            apart = min((gap for gap in gaps.values() if gap >= NEXT_EXPERIMENT.separated), default=max(gaps.values()))
             shown = {r.label: m.values for r, m in zip(kept, made, strict=True)}
             best = Proposal(kind, sentence, tuple(shown), apart, time, drive, driven.name, driven.unit, shown, signals)
             most_worth = worth
@@ -166,7 +162,7 @@ def _alike(kept: Sequence[ScoredModel], highest: dict[tuple[int, int], float]) -
     """Labels of rivals, group by group, that no input of the menu separates from each other."""
     groups: list[list[int]] = []
     for k in range(len(kept)):
-        mine = next((g for g in groups if all(highest[j, k] < SEPARATED for j in g)), None)
+        mine = next((g for g in groups if all(highest[j, k] < NEXT_EXPERIMENT.separated for j in g)), None)
         if mine is None:
             groups.append([k])
         else:
@@ -197,7 +193,7 @@ def _rows(rivals: Sequence[ScoredModel], problem: Problem) -> Proposal | None:
     found = choose(rivals)
     if found is None:
         return None
-    apart = {label: value for label, value in found.factors.items() if value >= SEPARATED}
+    apart = {label: value for label, value in found.factors.items() if value >= NEXT_EXPERIMENT.separated}
     return Proposal(
         found.kind,
         found.sentence,
@@ -229,12 +225,22 @@ def _predict(trial: ScoredModel, time: Array, drive: Array) -> _Prediction:
         FlexarmError: the simulation fails.
     """
     fit = trial.fit
-    e = fit.problem.experiments[0]
-    every = max(1, math.ceil(e.shortest / STEP - 1e-6))
+    e = over_time(fit.problem.experiments)[0]
+    every = max(1, math.ceil(e.shortest / NEXT_EXPERIMENT.step - 1e-6))
     step = e.shortest / every
     rows = step * np.arange(int(time[-1] / step + 1e-6) + 1, dtype=float)
     silent, given = np.zeros((len(rows), e.measured.shape[1])), Drive(time, drive[:, None])
-    played = Experiment("next", "train", rows, step, 1, given, silent, e.sigma, e.from_first)
+    played = TimeExperiment(
+        name="next",
+        role="train",
+        time=rows,
+        step=step,
+        every=1,
+        drive=given,
+        measured=silent,
+        sigma=e.sigma,
+        from_first=e.from_first,
+    )
     values = fit.problem.simulate(fit.x, played)[: len(rows)]
     slopes = -fit.problem.linearised(fit.x, played)[1]
     scaled = (values - np.where(e.from_first, values[0], 0.0)) / e.sigma
@@ -246,12 +252,12 @@ def _predict(trial: ScoredModel, time: Array, drive: Array) -> _Prediction:
 def _held_by(trial: ScoredModel) -> Array:
     """How firmly the recordings and the tolerances hold the search vector of a rival, shape (free, free)."""
     fit = trial.fit
-    weights = prior(fit.problem, fit.x)[1]
+    weights = fit.problem.prior(fit.x)[1]
     held = weights.T @ weights
-    for e in fit.problem.chosen("train", "repeat"):
+    for e in fit.problem.training:
         with contextlib.suppress(FlexarmError):
             J = fit.problem.linearised(fit.x, e)[1]
-            held = held + INDEPENDENT * J.T @ J
+            held = held + NEXT_EXPERIMENT.independent * J.T @ J
     return np.asarray(held)
 
 
@@ -262,6 +268,6 @@ def _gap(truth: _Prediction, other: _Prediction, held: Array) -> float:
     """
     apart = truth.scaled - other.scaled
     pull = other.slopes.T @ apart
-    bend = INDEPENDENT * other.slopes.T @ other.slopes + held
-    moved = np.linalg.lstsq(bend, INDEPENDENT * pull, rcond=1e-12)[0]
-    return max(0.0, 0.5 * INDEPENDENT * float(apart @ apart - pull @ moved))
+    bend = NEXT_EXPERIMENT.independent * other.slopes.T @ other.slopes + held
+    moved = np.linalg.lstsq(bend, NEXT_EXPERIMENT.independent * pull, rcond=1e-12)[0]
+    return max(0.0, 0.5 * NEXT_EXPERIMENT.independent * float(apart @ apart - pull @ moved))

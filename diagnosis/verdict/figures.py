@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.least_squares import Fit
-from diagnosis.estimation.problem import Experiment
-from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.frequency_response.table_experiment import tables
 from diagnosis.search.scored_model import ScoredModel, log_evidence
 from diagnosis.verdict.table_report import draw
 from diagnosis.verdict.verdict import Diagnosis, fit_table, place_odds
@@ -54,16 +54,16 @@ def held_out(diagnosis: Diagnosis, path: Path) -> Path:
     if not diagnosis.study.chosen.effects:
         del made["amended"]
     base = made["refit"].problem
-    held: Experiment = (base.chosen("hold_out") or base.chosen("train", "repeat"))[0]
+    held: Experiment = (base.judged)[0]
     outputs = base.model.outputs
     figure, axes = _drawn(2 * len(outputs), 1, (9, 3.4 * len(outputs) + 1), sharex=True)
     axes = axes[:, 0]
-    table = isinstance(held, TableExperiment)
+    table = tables([held])
     for k, variable in enumerate(outputs):
         above, below = axes[2 * k], axes[2 * k + 1]
-        if isinstance(held, TableExperiment):
+        if table:
             draw((above, below), made, COLOURS, k)
-            under = f"({held.unit})" if set("./") & set(held.unit) else held.unit
+            under = f"({table[0].unit})" if set("./") & set(table[0].unit) else table[0].unit
             above.set_ylabel(f"{variable.name}\n[dB re 1 {variable.unit}/{under}]", fontsize=9)
             below.set_ylabel("left over\n[dB]", fontsize=9)
             for axis in (above, below):
@@ -188,7 +188,7 @@ def _best(diagnosis: Diagnosis, place: str) -> ScoredModel:
 
 
 def _judged(diagnosis: Diagnosis) -> str:
-    return "held-out" if diagnosis.study.refit.fit.problem.chosen("hold_out") else "fitted"
+    return "held-out" if diagnosis.study.refit.fit.problem.held_out else "fitted"
 
 
 def before_after(diagnosis: Diagnosis, path: Path) -> Path:

@@ -6,29 +6,18 @@ times too large, upside down, a few samples early, or cut off. Nothing is repair
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.estimation.problem import Array, Experiment, Problem
-from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import over_time
+from diagnosis.frequency_response.table_experiment import TableExperiment, tables
+from diagnosis.thresholds import RECORDING_CHECKS
 from engine.errors import SimulationError
-
-ALIKE = 0.8
-"""Correlation of measured and simulated signal from which their ratio means something."""
-
-NEAR = 0.12
-"""A ratio is taken for a unit's if it lies within this share of it."""
-
-FARTHEST = 5
-"""Samples by which a column may be shifted."""
-
-HALVED = 0.35
-"""A shift is reported if it leaves this share of the residual, or less."""
-
-RUN = 5
-"""Equal samples in a row, at the extreme of a signal, that may be clipping."""
 
 UNITS = (
     (180 / math.pi, "degrees taken for radians"),
@@ -56,11 +45,6 @@ class Remark:
     refutable: bool = False
 
 
-def warnings(problem: Problem) -> list[str]:
-    """Sentences about what looks wrong with the recordings of a problem, for the verdict."""
-    return [remark.text for remark in screen(problem)]
-
-
 def screen(problem: Problem) -> list[Remark]:
     """Hold the nominal model against every recording over time, and remark on what no physics explains.
 
@@ -70,27 +54,25 @@ def screen(problem: Problem) -> list[Remark]:
     found: list[Remark] = []
     alike: dict[str, list[float]] = {}
     zero = np.zeros(len(problem.free))
-    for e in problem.experiments:
-        if not isinstance(e, Experiment):
-            continue
+    for table in tables(problem.experiments):
+        with contextlib.suppress(SimulationError):
+            found += _level(table, problem.simulate(zero, table))
+    for e in over_time(problem.experiments):
         try:
             simulated = e.sampled(problem.simulate(zero, e))
         except SimulationError:
             continue
-        if isinstance(e, TableExperiment):
-            found += _level(e, simulated)
-            continue
         simulated = simulated - np.where(e.from_first, simulated[0], 0.0)
         for k, variable in enumerate(problem.model.outputs):
             there = np.isfinite(e.measured[:, k])
-            if int(there.sum()) < 4 * FARTHEST:
+            if int(there.sum()) < 4 * RECORDING_CHECKS.farthest:
                 continue
             where = f"'{variable.name}' of recording '{e.name}'"
             y, s = e.measured[there, k], simulated[there, k]
             alike.setdefault(variable.name, []).append(_likeness(y, s)[0])
             found += _scale(where, y, s) + _clipped(where, y, s)
             if there.all() and not e.uneven:
-                found += _shifted(where, y, s, e.step * e.every)
+                found += _shifted(where, y, s, e.interval)
     return list(dict.fromkeys([*_upside_down(alike), *found]))
 
 
@@ -98,7 +80,7 @@ def _upside_down(alike: dict[str, list[float]]) -> list[Remark]:
     """Signals that run against the model in all recordings; in one alone a resonance beside the input may do that."""
     found = []
     for name, correlations in alike.items():
-        clear = [c for c in correlations if abs(c) >= ALIKE]
+        clear = [c for c in correlations if abs(c) >= RECORDING_CHECKS.alike]
         if clear and max(clear) < 0:
             often = f"in {len(clear)} of {len(correlations)} recordings" if len(correlations) > 1 else ""
             text = f"'{name}' runs against the model {often} (correlation {min(clear):.2f})".replace("  ", " ")
@@ -117,7 +99,7 @@ def _level(e: TableExperiment, simulated: Array) -> list[Remark]:
         found += [
             Remark(f"signal {k + 1} of table '{e.name}' is {gain:.3g} times as large as the model's: {guess}?", True)
             for factor, guess in UNITS
-            if abs(math.log(gain / factor)) < NEAR
+            if abs(math.log(gain / factor)) < RECORDING_CHECKS.near
         ]
     return found
 
@@ -134,11 +116,11 @@ def _likeness(y: Array, s: Array) -> tuple[float, float]:
 
 def _scale(where: str, y: Array, s: Array) -> list[Remark]:
     correlation, gain = _likeness(y, s)
-    if abs(correlation) < ALIKE:
+    if abs(correlation) < RECORDING_CHECKS.alike:
         return []
     found = []
     for factor, guess in UNITS:
-        if abs(math.log(abs(gain) / factor)) < NEAR:
+        if abs(math.log(abs(gain) / factor)) < RECORDING_CHECKS.near:
             found.append(
                 Remark(
                     f"{where} is {abs(gain):.3g} times as large as the model's (correlation {correlation:.2f}): "
@@ -151,15 +133,15 @@ def _scale(where: str, y: Array, s: Array) -> list[Remark]:
 
 def _shifted(where: str, y: Array, s: Array, interval: float) -> list[Remark]:
     """A whole number of samples by which the recording is early or late."""
-    if _likeness(y, s)[0] < ALIKE:
+    if _likeness(y, s)[0] < RECORDING_CHECKS.alike:
         return []
-    inner = slice(FARTHEST, len(y) - FARTHEST)
+    inner = slice(RECORDING_CHECKS.farthest, len(y) - RECORDING_CHECKS.farthest)
     left: dict[int, float] = {}
-    for k in range(-FARTHEST, FARTHEST + 1):
-        a = np.column_stack([np.roll(s, k)[inner], np.ones(len(y) - 2 * FARTHEST)])
+    for k in range(-RECORDING_CHECKS.farthest, RECORDING_CHECKS.farthest + 1):
+        a = np.column_stack([np.roll(s, k)[inner], np.ones(len(y) - 2 * RECORDING_CHECKS.farthest)])
         left[k] = float(np.sum((y[inner] - a @ np.linalg.lstsq(a, y[inner], rcond=None)[0]) ** 2))
     best = min(left, key=lambda k: left[k])
-    if best == 0 or left[best] > HALVED * left[0]:
+    if best == 0 or left[best] > RECORDING_CHECKS.halved * left[0]:
         return []
     samples = f"{abs(best)} sample{'s' if abs(best) > 1 else ''} ({abs(best) * interval:g} s)"
     if best < 0:
@@ -179,7 +161,9 @@ def _clipped(where: str, y: Array, s: Array) -> list[Remark]:
     for extreme, sign in ((float(y.max()), 1.0), (float(y.min()), -1.0)):
         at = np.concatenate([[False], y == extreme, [False]])
         begins, ends = np.flatnonzero(~at[:-1] & at[1:]), np.flatnonzero(at[:-1] & ~at[1:])
-        runs = [(b, e) for b, e in zip(begins, ends, strict=True) if e - b >= RUN and b > 0 and e < len(y)]
+        runs = [
+            (b, e) for b, e in zip(begins, ends, strict=True) if e - b >= RECORDING_CHECKS.run and b > 0 and e < len(y)
+        ]
         abrupt = [(b, e) for b, e in runs if min(moves[b - 1], moves[e - 1]) >= 0.5 * usual]
         held = sum(e - b for b, e in abrupt)
         model = y.mean() + gain * (s - s.mean()) if gain else y

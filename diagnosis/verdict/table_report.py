@@ -4,46 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from diagnosis.estimation.problem import Array, Problem
-from diagnosis.frequency_response.table_experiment import BroydenJacobian, TableExperiment
+from diagnosis.estimation.least_squares import Fit
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.frequency_response.table_experiment import BroydenJacobian, TableExperiment, tables
+from diagnosis.search.scored_model import ScoredModel
+from diagnosis.search.study import Study
+from diagnosis.thresholds import NEXT_EXPERIMENT
 from engine.errors import SimulationError
-
-if TYPE_CHECKING:
-    from diagnosis.estimation.least_squares import Fit
-    from diagnosis.search.scored_model import ScoredModel
-    from diagnosis.search.search import Study
-
-SHARES = (0.25, 0.5, 0.75, 1.0)
-"""Amplitudes of a proposed sweep, as shares of the largest that was used."""
-
-ENOUGH = 10.0
-"""Log Bayes factor beyond which two models count as separated for good."""
-
-SEPARATED = 3.0
-"""Log Bayes factor from which an experiment is said to separate two models."""
-
-FREQUENCIES = 6
-"""At so many frequencies, spread over those of the table, an amplitude sweep is tried."""
 
 
 def remarks(problem: Problem) -> list[str]:
     """What makes names given from these tables less sure, in sentences."""
-    tables = [e for e in problem.experiments if isinstance(e, TableExperiment)]
-    if not tables:
+    given = tables(problem.experiments)
+    if not given:
         return []
-    rows = list(dict.fromkeys(e.note for e in tables if e.note))
-    fitted = [e for e in tables if e.role != "hold_out"]
+    rows = list(dict.fromkeys(e.note for e in given if e.note))
+    fitted = [e for e in given if e.role != "hold_out"]
     if len({round(float(a), 9) for e in fitted for a in e.amplitude}) == 1:
         rows.append(
             f"all rows have one amplitude ({fitted[0].amplitude[0]:g} {fitted[0].unit}): effects that depend on "
             "amplitude are hard to tell apart"
         )
-    if all(len(e.time) < 8 for e in tables):
-        count = sum(len(e.time) for e in tables)
+    if all(len(e.time) < 8 for e in given):
+        count = sum(len(e.time) for e in given)
         rows.append(f"{count} rows are few: small gains on held-out rows may be chance")
     return rows
 
@@ -51,8 +39,11 @@ def remarks(problem: Problem) -> list[str]:
 def absorbed(study: Study) -> list[str]:
     """What parameters took up where a table shows nothing missing once they have moved within their tolerances."""
     refit = study.refit
-    tables = [e for e in refit.fit.problem.experiments if isinstance(e, TableExperiment)]
-    if not tables or study.chosen.effects or study.nominal[1] < 3 * max(refit.hold_out, 1.0):
+    if (
+        not tables(refit.fit.problem.experiments)
+        or study.chosen.effects
+        or study.nominal[1] < 3 * max(refit.hold_out, 1.0)
+    ):
         return []
     moved = [(f.name, f.value(x) / f.start - 1) for f, x in zip(refit.fit.problem.free, refit.fit.x, strict=True)]
     moved.sort(key=lambda pair: -abs(pair[1]))
@@ -69,8 +60,8 @@ def menu(e: TableExperiment) -> dict[str, tuple[str, Array, Array]]:
     top = float(e.amplitude.max())
     order = np.sort(e.frequency)
     made: dict[str, tuple[str, Array, Array]] = {}
-    picks = np.unique(order[np.round(np.linspace(0, len(order) - 1, FREQUENCIES)).astype(int)])
-    shares = np.array(SHARES)
+    picks = np.unique(order[np.round(np.linspace(0, len(order) - 1, NEXT_EXPERIMENT.frequencies)).astype(int)])
+    shares = np.array(NEXT_EXPERIMENT.amplitudes)
     made["amplitude_sweep"] = (
         "repeat some frequencies at several amplitudes",
         np.repeat(picks, len(shares)),
@@ -108,16 +99,16 @@ def choose(models: Sequence[ScoredModel]) -> Choice | None:
     Returns:
         None if the models were not fitted to tables or cannot be simulated there.
     """
-    first = models[0].fit.problem.experiments[0]
-    if not isinstance(first, TableExperiment):
+    given = tables(models[0].fit.problem.experiments)
+    if not given:
         return None
+    first = given[0]
     best: tuple[float, Choice] | None = None
     for kind, (sentence, frequency, amplitude) in menu(first).items():
         rows = _rows(first, frequency, amplitude)
         predictions: dict[str, Array] = {}
         for model in models:
-            own = model.fit.problem.experiments[0]
-            assert isinstance(own, TableExperiment)
+            own = tables(model.fit.problem.experiments)[0]
             try:
                 predictions[model.label] = model.fit.problem.simulate(model.fit.x, _rows(own, frequency, amplitude))
             except SimulationError:
@@ -126,7 +117,7 @@ def choose(models: Sequence[ScoredModel]) -> Choice | None:
             continue
         lead = predictions[models[0].label]
         factors = {label: _factor(lead, made, rows) for label, made in predictions.items() if made is not lead}
-        worth = sum(min(value, ENOUGH) for value in factors.values())
+        worth = sum(min(value, NEXT_EXPERIMENT.enough) for value in factors.values())
         if best is None or worth > best[0]:
             best = worth, Choice(kind, sentence, rows, predictions, factors)
     return best[1] if best else None
@@ -165,13 +156,13 @@ def draw(axes: Any, models: Mapping[str, Fit], colours: Mapping[str, str], k: in
     """
     above, below = axes
     for label, fit in models.items():
-        tables = [e for e in fit.problem.experiments if isinstance(e, TableExperiment)]
-        frequency = np.concatenate([e.frequency for e in tables])
+        given = tables(fit.problem.experiments)
+        frequency = np.concatenate([e.frequency for e in given])
         order = np.argsort(frequency)
-        left = np.concatenate([(fit.problem.residual(fit.x, e) * e.sigma * e.relative)[:, k] for e in tables])
-        measured = np.concatenate([e.measured[:, k] for e in tables])
+        left = np.concatenate([(fit.problem.residual(fit.x, e) * e.sigma * e.relative)[:, k] for e in given])
+        measured = np.concatenate([e.measured[:, k] for e in given])
         if label == next(iter(models)):
-            held = np.concatenate([np.full(len(e.time), e.role == "hold_out") for e in tables])
+            held = np.concatenate([np.full(len(e.time), e.role == "hold_out") for e in given])
             above.semilogx(frequency, measured, ".", color=colours["recording"], label="recording")
             above.semilogx(
                 frequency[held], measured[held], "o", mfc="none", color=colours["recording"], ms=8, label="held out"

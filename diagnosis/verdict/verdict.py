@@ -4,28 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, EffectParameter
-from diagnosis.estimation.covariance import TIMING
-from diagnosis.estimation.least_squares import Fit, known
-from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.estimation.least_squares import Fit, with_covariance
+from diagnosis.estimation.time_experiment import over_time
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.preference import EXPLAINS, accounted, beyond, explained, missing, noise_floor, reached, rivals
+from diagnosis.search.preference import accounted, beyond, explained, missing, noise_floor, reached, rivals
 from diagnosis.search.scored_model import ScoredModel, log_evidence
-from diagnosis.search.search import Study
+from diagnosis.search.study import Study
+from diagnosis.thresholds import INTERVALS, PREFERENCE, WORDING
 from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
 from diagnosis.verdict.table_report import absorbed, remarks
 
 WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
 """Statuses of findings, the weakest first."""
-
-LEFT = 2.0
-"""Held-out error, in floors, beyond which a sentence about a tie says what is left."""
 
 SCALES = {
     "degrees and radians": math.degrees(1),
@@ -133,38 +130,24 @@ def place_odds(study: Study) -> dict[str, float]:
 
 def fit_table(study: Study) -> dict[str, Any]:
     """Per role and model: nrmse (per cent) and chi2 of each signal."""
-    base = study.refit.fit.problem
-    given = replace(study.refit.fit, x=np.zeros(len(base.free)))
-    models = {"nominal": given, "refit": study.refit.fit, "amended": study.chosen.fit}
-    table: dict[str, Any] = {}
-    for role, roles in (("train", ("train", "repeat")), ("hold_out", ("hold_out",))):
-        table[role] = {name: _signals(made, roles) for name, made in models.items()}
+    refit = study.refit.fit
+    models = {
+        "nominal": replace(refit, x=np.zeros(len(refit.problem.free))),
+        "refit": refit,
+        "amended": study.chosen.fit,
+    }
+    table: dict[str, Any] = {"train": {}, "hold_out": {}}
+    for name, made in models.items():
+        for role, experiments in (("train", made.problem.training), ("hold_out", made.problem.held_out)):
+            found = made.problem.by_signal(made.x, experiments)
+            table[role][name] = {signal: asdict(row) for signal, row in found.items()}
     return table
-
-
-def _signals(made: Fit, roles: tuple[str, ...]) -> dict[str, dict[str, float]]:
-    names = [v.name for v in made.problem.model.outputs]
-    rows: dict[str, dict[str, float]] = {}
-    for k, name in enumerate(names):
-        error = spread = squares = 0.0
-        count = 0
-        for e in made.problem.chosen(*roles):
-            r = made.problem.residual(made.x, e)[:, k]
-            y = e.measured[:, k]
-            error += float(np.sum((r * e.sigma[k]) ** 2))
-            spread += float(np.nansum((y - np.nanmean(y)) ** 2))
-            squares += float(np.sum(r**2))
-            count += int(np.isfinite(y).sum())
-        if count:
-            nrmse = 100 * (1 - math.sqrt(error / spread)) if spread > 0 else -math.inf
-            rows[name] = {"nrmse": nrmse, "chi2": squares / count}
-    return rows
 
 
 def judge(study: Study, seed: int = 0) -> Diagnosis:
     """Turn a study into a verdict."""
     chosen, refit = study.chosen, study.refit
-    made = known(chosen.fit, chosen.hold_out - noise_floor(chosen))
+    made = with_covariance(chosen.fit, chosen.hold_out - noise_floor(chosen))
     found = screen(refit.fit.problem)
     warnings = (*study.notes, *(remark.text for remark in found), *_warnings(study))
     if not chosen.effects:
@@ -235,7 +218,7 @@ def _finding(
 
 def _chosen_size(study: Study, parameter: EffectParameter, value: float) -> dict[str, Any]:
     """A size that is not fitted but chosen, as a parameter; one in time is known as well as the input's timing is."""
-    half = 1.96 * TIMING * study.scales.sample if parameter.unit == "s" else 0.0
+    half = 1.96 * INTERVALS.input_timing * study.scales.sample if parameter.unit == "s" else 0.0
     return {"value": value, "low": value - half, "high": value + half, "unit": parameter.unit}
 
 
@@ -282,11 +265,11 @@ def _sentence(
         return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
     if status == "tie":
         others = "; ".join(t.label for t in rivals[:8])
-        left = f" {numbers.capitalize()}." if after > LEFT else ""
+        left = f" {numbers.capitalize()}." if after > WORDING.left else ""
         return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}.{left}"
     if effect == "unknown":
         return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
-    if status == "unknown" and explained >= EXPLAINS:
+    if status == "unknown" and explained >= PREFERENCE.explains:
         what = f"{what.capitalize()} at {place} would explain {explained:.0%}"
         if accounted(study.recordings, study.refit, study.chosen):
             return f"{what}, but a recording looks wrong: see the warnings."
@@ -302,42 +285,13 @@ def _sentence(
 def traits(trial: ScoredModel) -> tuple[str, str]:
     """When and at which frequency the residual of a model is large, in words."""
     problem = trial.fit.problem
-    e = (problem.chosen("hold_out") or problem.chosen("train", "repeat"))[0]
-    r = problem.residual(trial.fit.x, e)
-    if isinstance(e, TableExperiment):
-        return e.traits(r, [v.name for v in problem.model.outputs])
-    energy = np.sum(r**2, axis=1)
-    dt = float(e.time[1] - e.time[0])
-    length = max(1, round(0.2 / dt))
-    edges = np.arange(0, len(energy), length)
-    blocks = np.add.reduceat(energy, edges)
-    order = np.argsort(-blocks)
-    count = int(np.searchsorted(np.cumsum(blocks[order]), 0.5 * blocks.sum())) + 1
-    spans = sorted(float(edges[i] * dt) for i in order[:count])
-    when = (
-        f"half of it within {count * length * dt:.2g} s of {len(energy) * dt:.2g} s, from {_spans(spans, length * dt)}"
-    )
-    k = int(np.argmax(np.sum(r**2, axis=0)))
-    spectrum = np.abs(np.fft.rfft((r[:, k] - r[:, k].mean()) * np.hanning(len(r)))) ** 2
-    peak = int(np.argmax(spectrum[1:])) + 1
-    name = problem.model.outputs[k].name
-    return when, f"strongest at {peak / (len(r) * dt):.3g} Hz, in {name}"
+    e = problem.judged[0]
+    return e.large_where(problem.residual(trial.fit.x, e), [v.name for v in problem.model.outputs])
 
 
 def name_of(effect: str) -> str:
     """An effect in words."""
     return WORDS.get(effect, effect.replace("_", " "))
-
-
-def _spans(starts: Sequence[float], width: float) -> str:
-    merged: list[list[float]] = []
-    for begin in starts:
-        if merged and begin - merged[-1][1] < 1e-9 + 0.5 * width:
-            merged[-1][1] = begin + width
-        else:
-            merged.append([begin, begin + width])
-    shown = [f"{a:.2f}-{b:.2f} s" for a, b in merged[:4]]
-    return ", ".join(shown) + (", ..." if len(merged) > 4 else "")
 
 
 def _units(study: Study) -> list[str]:
@@ -357,7 +311,7 @@ def _units(study: Study) -> list[str]:
 def _warnings(study: Study) -> tuple[str, ...]:
     rows: list[str] = []
     problem = study.refit.fit.problem
-    drives = [np.asarray(e.drive.values) for e in problem.chosen("train", "repeat") if e.drive is not None]
+    drives = [np.asarray(e.drive.values) for e in over_time(problem.training) if e.drive is not None]
     if drives and (all((d >= 0).all() for d in drives) or all((d <= 0).all() for d in drives)):
         rows.append(
             "the training recordings drive in one direction only: names given from one direction deserve distrust"
@@ -367,7 +321,7 @@ def _warnings(study: Study) -> tuple[str, ...]:
             "all training recordings have one amplitude: effects that depend on amplitude are hard to tell apart"
         )
     rows += remarks(problem) + absorbed(study) + _units(study)
-    if not problem.chosen("hold_out"):
+    if not problem.held_out:
         rows.append("no recording was held out: gains are judged on the data that were fitted")
     if not study.refit.fit.converged:
         rows.append("the fit of the model's own parameters did not converge")

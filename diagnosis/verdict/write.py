@@ -48,7 +48,7 @@ def amended_text(found: Diagnosis) -> str:
         if name in given and block in study.scenario.file.blocks and "[" not in key:
             unit = given[name].unit
             edits.append(Set(block, key, f"{value:.8g} {unit}" if unit not in ("1", "*") else float(f"{value:.8g}")))
-    return amended(original, edits, notes)
+    return amended(original, edits, notes, study.scenario.resolve)
 
 
 def write(found: Diagnosis, folder: Path) -> list[Path]:
@@ -113,7 +113,9 @@ def experiment_text(found: Diagnosis, proposal: Proposal, folder: Path) -> str:
     }
     task = proposal.sentence[:1].upper() + proposal.sentence[1:]
     note = f"To tell apart: {'; '.join(proposal.separates)}.\n{task} ({proposal.kind})."
-    fed = amended(text, [Feed(EXPERIMENT, "Table", proposal.input, source)], {EXPERIMENT: note})
+    fed = amended(
+        text, [Feed(EXPERIMENT, "Table", proposal.input, source)], {EXPERIMENT: note}, found.study.scenario.resolve
+    )
     return fed.rstrip() + f"\n\nsimulate: {{stop: {float(proposal.time[-1]):g} s, step: 1 ms}}\n"
 
 

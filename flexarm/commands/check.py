@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
 def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
     """Read and assemble a scenario with its analyses and recordings, and report problems."""
-    from diagnosis.compare import verify
-    from diagnosis.recordings.mapping import FrequencyTable, from_scenario
-    from diagnosis.recordings.paths import VARIABLE, at_hand
+    from diagnosis.binding import verify
+    from diagnosis.recordings.mapping import from_scenario
+    from diagnosis.recordings.paths import VARIABLE, is_available
+    from diagnosis.recordings.types import FrequencyTable
     from flexarm.api import linearise as linear_model
     from flexarm.console.text import columns, plural
     from flexarm.cut import cut
@@ -46,7 +47,7 @@ def check(scenario: ScenarioArgument, overrides: SetOption = None) -> None:
             linear_model(made)
         say_bypassed(made.bypassed, f"analysis {name}")
     for name in loaded.recordings:
-        if not at_hand(loaded, name):
+        if not is_available(loaded, name):
             typer.echo(f"recording {name}: not read, since the environment variable {VARIABLE} is not set")
             continue
         recording = from_scenario(loaded, name)

@@ -22,7 +22,7 @@ def compare(
     rows: Annotated[bool, typer.Option("--rows", help="Also print every row of a frequency-response table.")] = False,
 ) -> None:
     """Simulate with a recording's own input and print the error of every signal."""
-    from diagnosis.compare import find_recording
+    from diagnosis.binding import find_recording
     from flexarm.api import compare as compare_one
     from flexarm.console.progress import Progress
     from flexarm.console.text import comparison_page

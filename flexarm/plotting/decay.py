@@ -46,7 +46,7 @@ def draw_waterfall(axis: Any, waterfall: Waterfall) -> None:
     """Draw a waterfall on an axis made with ``projection="3d", computed_zorder=False``."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    from diagnosis.decay.spectra import BAND
+    from diagnosis.decay.windows import BAND
 
     highest = max(mode.given for mode in waterfall.modes)
     shown = waterfall.axis <= max(1.6 * highest, highest + 6 / waterfall.window)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diagnosis.recordings.mapping import FrequencyTable
 from diagnosis.search.scored_model import log_evidence
 from diagnosis.verdict.verdict import fit_table, place_odds
 from diagnosis.verdict.write import amended_text
@@ -18,7 +16,6 @@ from flexarm.report.page import difference, render, write_page
 from scenarios.amend import relocated
 
 if TYPE_CHECKING:
-    from diagnosis.recordings.mapping import Recorded
     from diagnosis.verdict.verdict import Diagnosis
 
 VERDICTS = {
@@ -67,7 +64,7 @@ def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: st
         picture=picture,
         odds=list(odds.items()),
         evidence=[chart.key for chart in evidence],
-        held=study.refit.fit.problem.chosen("hold_out"),
+        held=study.refit.fit.problem.held_out,
         scores=_scores(found),
         fit=_fit_rows(found),
         labels=LABELS,
@@ -83,15 +80,8 @@ def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: st
         origin=origin(
             study.scenario, recordings=[r.file for r in study.recordings if r.file], seed=seed, command=command
         ),
-        recordings=[(r.name, ROLES.get(r.role, r.role), *_extent(r), r.notes) for r in study.recordings],
+        recordings=[(r.name, ROLES.get(r.role, r.role), *r.extent, r.notes) for r in study.recordings],
     )
-
-
-def _extent(recording: Recorded) -> tuple[int, float]:
-    """Samples and duration (s) of a recording; rows, and no duration, of a table."""
-    if isinstance(recording, FrequencyTable):
-        return len(recording.frequency), math.nan
-    return len(recording.time), float(recording.time[-1])
 
 
 def _lit(found: Diagnosis, odds: dict[str, float]) -> dict[str, float]:

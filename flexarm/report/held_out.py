@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.frequency_response.table_experiment import TableExperiment
+from diagnosis.frequency_response.table_experiment import TableExperiment, tables
 from diagnosis.verdict.figures import models
 from flexarm.report.series import Chart, Panel, Trace
 
 if TYPE_CHECKING:
+    from diagnosis.estimation.experiment import Experiment
     from diagnosis.estimation.least_squares import Fit
-    from diagnosis.estimation.problem import Experiment
     from diagnosis.verdict.experiment_design import Proposal
     from diagnosis.verdict.verdict import Diagnosis
     from engine.model import Model
@@ -32,12 +32,12 @@ def before_after(found: Diagnosis) -> Chart:
     if not found.study.chosen.effects:
         del made["amended"]
     base = made["refit"].problem
-    tables = [e for e in base.experiments if isinstance(e, TableExperiment)]
-    if tables:
-        view = ("", _rows(made, base.model, tables))
+    given = tables(base.experiments)
+    if given:
+        view = ("", _rows(made, base.model, given))
         chart = Chart(KEY, "Table and models over frequency", "frequency", "rad/s", (view,), log=True)
     else:
-        shown = base.chosen("hold_out") or base.chosen("train", "repeat")
+        shown = base.judged
         views = [(f"{e.name} ({ROLES.get(e.role, e.role)})", _recording(made, base.model, e)) for e in shown]
         chart = Chart(KEY, "Recording and models over time", "time", "s", tuple(views), "Recording")
     nominal, refit = found.study.nominal[1], found.study.refit.hold_out
@@ -66,9 +66,7 @@ def _recording(made: dict[str, Fit], model: Model, experiment: Experiment) -> tu
 def _left(fit: Fit, experiment: Experiment) -> NDArray[np.float64]:
     """Recorded less simulated, in the signals' units; NaN where nothing was recorded."""
     own = next(e for e in fit.problem.experiments if e.name == experiment.name)
-    left = fit.problem.residual(fit.x, own) * np.asarray(own.sigma)
-    if isinstance(own, TableExperiment):
-        left = left * own.relative
+    left = own.in_units(fit.problem.residual(fit.x, own))
     return np.where(np.isfinite(own.measured), left, np.nan)
 
 

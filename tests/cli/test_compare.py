@@ -46,6 +46,46 @@ def test_check_says_that_no_input_was_recorded(recorded: Path, command: Callable
     assert said in command("check", recorded.name).out
 
 
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ("motor.shaft.sped", "names no signal"),
+        ("moter.shaft.speed", "names no block"),
+        ("motor.shaft", "names no signal"),
+    ],
+)
+def test_a_measurement_of_no_signal_is_placed(wrong: str, message: str, recorded: Path, command: Callable) -> None:
+    recorded.write_text(recorded.read_text().replace("      motor.shaft.speed:", f"      {wrong}:"))
+    for name in ("compare", "check"):
+        answer = command(name, recorded.name)
+        assert answer.code == 1
+        assert f"recorded.yaml:17: recordings.one.measurements.{wrong}: '{wrong}' {message}" in answer.err
+
+
+def test_a_model_that_cannot_be_built_does_not_blame_a_measurement(recorded: Path, command: Callable) -> None:
+    text = recorded.read_text().replace("  motor:", "  push: {type: Torque}\n  motor:", 1)
+    recorded.write_text(text.replace("      motor.shaft.speed:", "      motor.shaft.sped:"))
+    answer = command("compare", recorded.name)
+    assert answer.code == 1
+    assert "'push.torque' is not connected" in answer.err
+    assert "measurements" not in answer.err
+
+
+def test_a_response_of_no_signal_is_placed(command: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("table.csv").write_text("w,y\n1,1\n2,1\n")
+    Path("s.yaml").write_text(
+        "schema: 1\nname: s\nblocks:\n  push: {type: Torque}\n  arm: {type: Inertia, inertia: 1}\n"
+        "connect: [[push.shaft, arm.shaft]]\nrecordings:\n  table:\n    kind: frequency_response\n"
+        "    file: table.csv\n    drive: push.torque\n    frequency: {column: w, unit: rad/s}\n"
+        "    amplitude: {value: 1, unit: N.m}\n    response:\n      arm.shaft.sped: {column: y, unit: rad/s}\n"
+    )
+    answer = command("compare", "s.yaml")
+    assert answer.code == 1
+    assert "s.yaml:15: recordings.table.response.arm.shaft.sped: 'arm.shaft.sped' names no signal" in answer.err
+    assert "did you mean 'arm.shaft.speed'?" in answer.err
+
+
 def test_errors_are_what_they_say(recorded: Path, command: Callable) -> None:
     """rmse and nrmse = 100 (1 - |e| / |y - mean y|), against a direct computation."""
     from diagnosis.compare import compare

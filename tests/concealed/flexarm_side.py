@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.concealed.scenario import text, write
 from benchmarks.concealed.truth import MAXWELL_BAND, Nuisance, fine
-from diagnosis.compare import grid, plan
+from diagnosis.binding import bind, grid
 from diagnosis.recordings.mapping import from_scenario
 from engine.simulate import simulate
 from scenarios.amend import AtFlange, Between, InSignal, OnSensor, Replace, Set, amended
@@ -114,7 +114,7 @@ def simulated(case, folder, concealed=(), internal_step=None):
     out = []
     for recorded in case.recordings:
         recording = from_scenario(scenario, recorded.name)
-        made = plan(scenario, recording)
+        made = bind(scenario, recording)
         step, every = grid(recording.time, 1e-3)
         stop = step * every * (len(recording.time) - 1)
         run = simulate(made.model, stop, step, drive=made.drive, internal_step=internal_step)

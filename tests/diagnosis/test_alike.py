@@ -13,10 +13,10 @@ from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.scales import operating_scales
-from diagnosis.estimation.covariance import TIMING
 from diagnosis.search.equivalent_effects import same_laws
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.search import PART, exchanged, halves
+from diagnosis.search.search import exchanged
+from diagnosis.thresholds import EXCHANGE, INTERVALS
 from diagnosis.verdict import verdict
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -85,8 +85,8 @@ def test_the_inductance_is_fitted_like_any_other_size(listed):
 def test_a_delay_is_known_as_well_as_the_timing_and_an_order_exactly():
     study = SimpleNamespace(scales=SimpleNamespace(sample=2e-3))
     row = verdict._chosen_size(study, EffectParameter("delay", 1e-3, fixed=True, unit="s"), 5e-3)
-    assert row["low"] == pytest.approx(5e-3 - 1.96 * TIMING * 2e-3)
-    assert row["high"] == pytest.approx(5e-3 + 1.96 * TIMING * 2e-3)
+    assert row["low"] == pytest.approx(5e-3 - 1.96 * INTERVALS.input_timing * 2e-3)
+    assert row["high"] == pytest.approx(5e-3 + 1.96 * INTERVALS.input_timing * 2e-3)
     order = verdict._chosen_size(study, EffectParameter("order", 1.0, fixed=True), 6.0)
     assert order == {"value": 6.0, "low": 6.0, "high": 6.0, "unit": "1"}
 
@@ -108,12 +108,12 @@ def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain, told):
 
 def test_the_halves_of_a_recording_are_all_of_it_once(fitter):
     whole = fitter.recordings[0]
-    fitted, judged = halves(whole)
+    fitted, judged = whole.split(EXCHANGE.part)
     assert (fitted.role, judged.role) == ("train", "hold_out")
     a, b, y = (r.measurements[0].values for r in (fitted, judged, whole))
     assert np.all(np.isfinite(a) != np.isfinite(b))
     np.testing.assert_array_equal(np.where(np.isfinite(a), a, b), y)
-    assert np.isfinite(a[np.asarray(whole.time) < PART]).all()
+    assert np.isfinite(a[np.asarray(whole.time) < EXCHANGE.part]).all()
     assert fitted.drive == judged.drive == whole.drive
 
 
@@ -151,7 +151,7 @@ def test_counts_without_a_revolution_are_refused(tmp_path):
     text = path.read_text().replace("{column: speed, unit: rad/s}", "{column: speed, unit: count}")
     path.write_text(text)
     scenario = load(path)
-    with pytest.raises(FlexarmError, match="how many make a revolution is not said") as caught:
+    with pytest.raises(FlexarmError, match="the counts per revolution are not given") as caught:
         gather(scenario, [], [])
     assert "counts_per_rev: 4096" in caught.value.remedy
     assert caught.value.where.line > 0

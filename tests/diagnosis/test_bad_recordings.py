@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from diagnosis.api import diagnose
-from diagnosis.compare import find_recording
-from diagnosis.problems import MOST_SAMPLES, problem
+from diagnosis.binding import find_recording
+from diagnosis.problems import problem
 from diagnosis.recordings.columns import LONG_TEXT, read_columns
-from diagnosis.verdict.recording_checks import screen, warnings
+from diagnosis.thresholds import FITTING
+from diagnosis.verdict.recording_checks import screen
 from engine.errors import FlexarmError
 from scenarios.load import load
 from tests.diagnosis.plants import case
@@ -62,7 +63,7 @@ def shifted(samples: int):
 
 
 def test_sound_recordings_give_no_remark(bench: Path) -> None:
-    assert warnings(prepared(bench)) == []
+    assert screen(prepared(bench)) == []
 
 
 def test_concealed_physics_is_no_fault_of_the_recording(tmp_path: Path) -> None:
@@ -85,7 +86,7 @@ def test_concealed_physics_is_no_fault_of_the_recording(tmp_path: Path) -> None:
     ],
 )
 def test_what_no_physics_explains_is_remarked(change, piece: str, bench: Path) -> None:
-    found = warnings(prepared(spoil(bench, change)))
+    found = [remark.text for remark in screen(prepared(spoil(bench, change)))]
     assert any(piece in text for text in found), found
 
 
@@ -197,7 +198,7 @@ def test_ten_million_samples_are_refused_in_bounded_memory(bench: Path) -> None:
 
 
 def test_more_samples_than_a_fit_takes(bench: Path) -> None:
-    count = MOST_SAMPLES + 1
+    count = FITTING.most_samples + 1
     time = np.arange(count) * 1e-3
     from scipy.io import savemat
 

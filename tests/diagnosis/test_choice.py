@@ -3,39 +3,34 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit
-from diagnosis.estimation.problem import Experiment, FreeParameter
-from diagnosis.recordings.mapping import Channel, Recording
+from diagnosis.estimation.parameters import FreeParameter
+from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import TimeExperiment
+from diagnosis.recordings.types import Channel, Recording
 from diagnosis.search import preference as choice
 from diagnosis.search import search as select
-from diagnosis.search.scored_model import CHANCE, STRAIN, ScoredModel, by_chance, gain_band, outside_tolerances
+from diagnosis.search.scored_model import ScoredModel, by_chance, gain_band, outside_tolerances
+from diagnosis.thresholds import NOISE, PREFERENCE
 
 N = 20_000
 """Rows of a long residual: its mean square is known to about one per cent."""
 
 
 @dataclass(frozen=True)
-class Still:
+class Still(Problem):
     """A problem whose residuals are given, whatever the parameters."""
 
-    rows: dict[str, np.ndarray]
-    experiments: tuple[Experiment, ...]
-    free: tuple[FreeParameter, ...] = ()
-
-    def chosen(self, *roles):
-        return [e for e in self.experiments if e.role in roles]
+    rows: dict[str, np.ndarray] = field(default_factory=dict)
 
     def residual(self, x, e):
         return self.rows[e.name]
-
-    def values(self, x):
-        return {f.name: f.value(v) for f, v in zip(self.free, x, strict=True)}, {}
 
 
 def still(free: int = 0, **rows) -> Still:
@@ -47,9 +42,21 @@ def still(free: int = 0, **rows) -> Still:
         role = "train" if name.startswith("train") else "hold_out"
         sigma = np.ones(r.shape[1])
         time = 1e-3 * np.arange(len(r))
-        experiments.append(Experiment(name, role, time, 1e-3, 1, None, r, sigma, (False,) * r.shape[1]))
+        experiments.append(
+            TimeExperiment(
+                name=name,
+                role=role,
+                time=time,
+                step=1e-3,
+                every=1,
+                drive=None,
+                measured=r,
+                sigma=sigma,
+                from_first=(False,) * r.shape[1],
+            )
+        )
     names = tuple(FreeParameter(f"p{k}", 1.0, 0.1, True) for k in range(free))
-    return Still(made, tuple(experiments), names)
+    return Still(None, None, tuple(experiments), names, rows=made)
 
 
 def effect(name: str, place: str = "a.shaft", parameters: int = 1) -> Candidate:
@@ -168,35 +175,38 @@ def test_noise_alone_exceeds_chance_once_in_twenty_times(samples):
     draws = np.random.default_rng(samples).chisquare(samples, 40_000) / samples
     over = np.mean(draws > 1 + by_chance(trial(1.0, samples=samples)))
     assert 0.04 < over < 0.075
-    assert by_chance(trial(1.0, samples=0)) == pytest.approx(CHANCE * math.sqrt(2))
+    assert by_chance(trial(1.0, samples=0)) == pytest.approx(NOISE.chance * math.sqrt(2))
 
 
 def test_parameters_far_outside_their_tolerances_are_told():
-    assert outside_tolerances(trial(1.0, x=(STRAIN + 0.1, 0.3, -STRAIN - 0.1))) == ["p0", "p2"]
+    assert outside_tolerances(trial(1.0, x=(PREFERENCE.believed + 0.1, 0.3, -PREFERENCE.believed - 0.1))) == [
+        "p0",
+        "p2",
+    ]
 
 
 # -- whether something is left, and whether it is worth it
 
 
 def test_what_lies_near_the_floor_needs_no_explanation(silent):
-    assert not choice.unexplained(trial(1 + 0.9 * choice.LEAST), 1.0)
-    assert choice.unexplained(trial(1 + 1.1 * choice.LEAST), 1.0)
+    assert not choice.unexplained(trial(1 + 0.9 * PREFERENCE.least), 1.0)
+    assert choice.unexplained(trial(1 + 1.1 * PREFERENCE.least), 1.0)
     assert not choice.unexplained(trial(3.0), 3.0)
     assert choice.unexplained(trial(3.0), 1.5)
 
 
 def test_few_rows_need_more_to_be_unexplained(silent):
-    few = trial(1 + 1.1 * choice.LEAST, samples=20)
-    assert by_chance(few) > 1.1 * choice.LEAST
+    few = trial(1 + 1.1 * PREFERENCE.least, samples=20)
+    assert by_chance(few) > 1.1 * PREFERENCE.least
     assert not choice.unexplained(few, 1.0)
 
 
 def test_where_the_fitted_data_are_at_the_floor_nothing_is_unexplained(silent):
-    assert not choice.unexplained(trial(2.0, fitted=1 + 0.9 * choice.FITTED), 1.0)
-    assert choice.unexplained(trial(2.0, fitted=1 + 1.1 * choice.FITTED), 1.0)
+    assert not choice.unexplained(trial(2.0, fitted=1 + 0.9 * PREFERENCE.fitted), 1.0)
+    assert choice.unexplained(trial(2.0, fitted=1 + 1.1 * PREFERENCE.fitted), 1.0)
 
 
-@pytest.mark.parametrize(("count", "share"), [(1, choice.PAYS), (2, choice.PAYS_AGAIN)])
+@pytest.mark.parametrize(("count", "share"), [(1, PREFERENCE.pays), (2, PREFERENCE.pays_again)])
 def test_an_effect_must_take_its_share_of_the_excess(silent, count, share):
     effects = [effect(f"e{k}") for k in range(count)]
     worse = trial(11.0, *effects[1:])
@@ -226,14 +236,14 @@ def test_the_share_explained_is_that_of_the_excess(silent):
 
 def test_a_right_law_reaches_the_floor(silent):
     refit = trial(101.0)
-    small = 1 + 0.9 * choice.REACHED
+    small = 1 + 0.9 * PREFERENCE.reached
     assert choice.reached(refit, trial(small, effect("e")))
-    assert choice.reached(refit, trial(1 + 90 * choice.LEFT_OVER, effect("e")))
-    assert not choice.reached(refit, trial(1 + 110 * choice.LEFT_OVER, effect("e")))
+    assert choice.reached(refit, trial(1 + 90 * PREFERENCE.left_over, effect("e")))
+    assert not choice.reached(refit, trial(1 + 110 * PREFERENCE.left_over, effect("e")))
     # Or the fitted data are there, and no more is left of the others than the parameters may be uncertain by.
-    at_floor, less = 1 + 0.5 * choice.FITTED, trial(11.0)
-    assert choice.reached(less, trial(1 + 9.9 * choice.UNCERTAIN, effect("e"), fitted=at_floor))
-    assert not choice.reached(less, trial(1 + 10.1 * choice.UNCERTAIN, effect("e"), fitted=at_floor))
+    at_floor, less = 1 + 0.5 * PREFERENCE.fitted, trial(11.0)
+    assert choice.reached(less, trial(1 + 9.9 * PREFERENCE.uncertain, effect("e"), fitted=at_floor))
+    assert not choice.reached(less, trial(1 + 10.1 * PREFERENCE.uncertain, effect("e"), fitted=at_floor))
 
 
 def test_a_law_that_misses_what_it_was_fitted_to_is_not_right(silent):
@@ -244,11 +254,11 @@ def test_a_law_that_misses_what_it_was_fitted_to_is_not_right(silent):
 
 def test_a_share_of_a_huge_mismatch_is_not_little(silent):
     """Thousands of floors are far from the noise, however small a part they are of what was there before."""
-    refit, at_floor = trial(1e6), 1 + 0.5 * choice.FITTED
-    assert choice.reached(refit, trial(1 + 0.9 * choice.AT_MOST, effect("e")))
-    assert not choice.reached(refit, trial(1 + 1.1 * choice.AT_MOST, effect("e")))
-    assert choice.reached(refit, trial(1 + 0.9 * choice.AT_MOST_THEN, effect("e"), fitted=at_floor))
-    assert not choice.reached(refit, trial(1 + 1.1 * choice.AT_MOST_THEN, effect("e"), fitted=at_floor))
+    refit, at_floor = trial(1e6), 1 + 0.5 * PREFERENCE.fitted
+    assert choice.reached(refit, trial(1 + 0.9 * PREFERENCE.left_at_most, effect("e")))
+    assert not choice.reached(refit, trial(1 + 1.1 * PREFERENCE.left_at_most, effect("e")))
+    assert choice.reached(refit, trial(1 + 0.9 * PREFERENCE.uncertain_at_most, effect("e"), fitted=at_floor))
+    assert not choice.reached(refit, trial(1 + 1.1 * PREFERENCE.uncertain_at_most, effect("e"), fitted=at_floor))
 
 
 def test_a_name_must_reach_the_floor_where_the_noise_was_stated(silent):
@@ -257,9 +267,9 @@ def test_a_name_must_reach_the_floor_where_the_noise_was_stated(silent):
     unstated = replace(stated, measurements=(Channel("y", "rad", values),))
     refit, halfway = trial(101.0), trial(21.0, effect("e"))
     assert choice.explained(refit, halfway) == pytest.approx(0.8)
-    assert choice.EXPLAINS < 0.8
+    assert PREFERENCE.explains < 0.8
     assert not choice.accounted([stated], refit, halfway)
-    assert not choice.accounted([stated, unstated], refit, trial(1 + 99 * choice.EXPLAINS, effect("e")))
+    assert not choice.accounted([stated, unstated], refit, trial(1 + 99 * PREFERENCE.explains, effect("e")))
     assert choice.accounted([unstated], refit, halfway)
     assert choice.accounted([stated, unstated], refit, halfway)
     assert choice.accounted([stated], refit, trial(1.1, effect("e")))
@@ -278,8 +288,8 @@ def test_the_price_counts_parameters_and_strain():
 
 def test_models_that_do_equally_well_are_near(silent):
     parent, best = trial(50.0), trial(1.0, effect("best"))
-    close = trial(1.0 + 0.9 * choice.NEAR, effect("close"))
-    far = trial(1.0 + 1.1 * choice.NEAR, effect("far"))
+    close = trial(1.0 + 0.9 * PREFERENCE.near, effect("close"))
+    far = trial(1.0 + 1.1 * PREFERENCE.near, effect("far"))
     noisy = replace(far, errors=far.errors + 3000 * np.where(np.arange(50) % 2, 1.0, -1.0))
     assert choice.near(best, [best, close, far, noisy], parent) == [best, close, noisy]
     few = [replace(t, samples=40) for t in (best, far)]
@@ -290,7 +300,7 @@ def test_models_that_do_equally_well_are_near(silent):
 def test_what_the_best_leaves_over_may_favour_one_law_or_another(silent, left, apart):
     """Models are as near as that, no nearer than a twentieth and no farther than a quarter of the floor."""
     parent, best = trial(500.0), trial(1 + left, effect("best"))
-    reach = max(apart, choice.NEAR * (1 + left))
+    reach = max(apart, PREFERENCE.near * (1 + left))
     close, far = (trial(1 + left + share * reach, effect("e")) for share in (0.95, 1.05))
     assert choice.near(best, [best, close, far], parent) == [best, close]
 
@@ -301,7 +311,7 @@ def test_a_model_that_misses_the_fitted_recordings_is_not_near():
     blind, almost = trial(1.04, effect("blind"), fitted=15.0), trial(1.04, effect("almost"), fitted=1.2)
     assert choice.near(best, [best, blind, almost], parent) == [best, almost]
     huge = trial(500.0, fitted=600.0)
-    told = trial(1.04, effect("told"), fitted=1.0 + 0.9 * choice.LEFT_OVER * 599)
+    told = trial(1.04, effect("told"), fitted=1.0 + 0.9 * PREFERENCE.left_over * 599)
     assert choice.near(best, [best, told], huge) == [best, told]
 
 
@@ -327,27 +337,27 @@ def test_nothing_is_chosen_where_nothing_pays(silent):
 
 
 def test_a_parameter_is_freed_where_the_refit_had_to_bend_it(silent):
-    bent = trial(1.0, x=(STRAIN + 2.0,), cost=500.0)
+    bent = trial(1.0, x=(PREFERENCE.believed + 2.0,), cost=500.0)
     payload, wrong = (trial(1.0, effect(n), cost=480.0) for n in ("payload", "wrong_parameter"))
     assert choice.choose(bent, [payload, wrong]) is wrong
-    assert choice.choose(bent, [trial(1.0, effect("e"), cost=500.0 - 0.5 * choice.DECISIVE)]) is bent
+    assert choice.choose(bent, [trial(1.0, effect("e"), cost=500.0 - 0.5 * PREFERENCE.decisive)]) is bent
     assert choice.choose(bent, [trial(1.5, effect("e"), cost=100.0)]) is bent
 
 
 def test_a_strained_model_is_relieved_by_a_wrong_parameter_beside_it(silent):
     """If the fit gains decisively, of what is there beside the same effect, and held-out data do as well."""
     law, wrong = effect("law"), effect("wrong_parameter", "a.inertia", 0)
-    bent = trial(1.0, law, x=(STRAIN + 2.0,), cost=500.0)
+    bent = trial(1.0, law, x=(PREFERENCE.believed + 2.0,), cost=500.0)
     eased = trial(1.05, law, wrong, cost=480.0)
     assert choice.relieved(bent, [eased]) is eased
     assert choice.relieved(bent, []) is bent
     for other in (
-        trial(1.05, law, wrong, cost=500.0 - 0.5 * choice.DECISIVE),
+        trial(1.05, law, wrong, cost=500.0 - 0.5 * PREFERENCE.decisive),
         trial(1.2, law, wrong, cost=480.0),
         trial(1.05, effect("other"), wrong, cost=480.0),
     ):
         assert choice.relieved(bent, [other]) is bent
-    straight = trial(1.0, law, x=(STRAIN - 0.5,), cost=500.0)
+    straight = trial(1.0, law, x=(PREFERENCE.believed - 0.5,), cost=500.0)
     assert choice.relieved(straight, [eased]) is straight
 
 
@@ -358,14 +368,14 @@ def test_equals_elsewhere_are_rivals_and_others_are_not(silent):
     refit, chosen = trial(50.0), trial(1.0, effect("chosen"))
     equal, worse = trial(1.01, effect("equal", "b.shaft")), trial(3.0, effect("worse"))
     costly = trial(1.0, effect("costly", parameters=9))
-    assert choice.price(costly) - choice.price(chosen) > 3 * choice.DECISIVE
+    assert choice.price(costly) - choice.price(chosen) > 3 * PREFERENCE.decisive
     assert choice.rivals(chosen, refit, [chosen, equal, worse, costly]) == (equal,)
 
 
 def test_a_richer_law_is_a_rival_only_if_it_does_better(silent):
     refit, chosen = trial(50.0), trial(2.0, effect("coulomb_friction"))
-    same = trial(2.0 * (1 - 0.5 * choice.RICHER), effect("stribeck_friction", parameters=3))
-    better = trial(2.0 * (1 - 1.5 * choice.RICHER), effect("stribeck_friction", parameters=3))
+    same = trial(2.0 * (1 - 0.5 * PREFERENCE.richer), effect("stribeck_friction", parameters=3))
+    better = trial(2.0 * (1 - 1.5 * PREFERENCE.richer), effect("stribeck_friction", parameters=3))
     assert choice.rivals(chosen, refit, [same]) == ()
     assert choice.rivals(chosen, refit, [better]) == (better,)
     elsewhere = replace(same, effects=(effect("stribeck_friction", "b.shaft"),))
@@ -385,7 +395,7 @@ def test_a_rival_that_only_contains_another_rival_is_none(silent):
     richer = trial(1.99, effect("delay", "u -> a"), effect("stribeck_friction", parameters=3))
     assert choice.rivals(chosen, refit, [delay, richer]) == (delay,)
     better = trial(
-        2.0 * (1 - 1.5 * choice.RICHER), effect("delay", "u -> a"), effect("stribeck_friction", parameters=3)
+        2.0 * (1 - 1.5 * PREFERENCE.richer), effect("delay", "u -> a"), effect("stribeck_friction", parameters=3)
     )
     assert choice.rivals(chosen, refit, [delay, better]) == (better, delay)
 
@@ -429,22 +439,24 @@ def test_a_size_that_went_as_far_as_it_may_is_another_effect(silent):
 
 def test_where_little_is_left_over_that_no_effect_accounts_for_nothing_is_missing(silent, monkeypatch):
     """Otherwise a curve is looked for."""
-    monkeypatch.setattr(select, "floor", lambda t: 1.0)
+    monkeypatch.setattr(select, "noise_floor", lambda t: 1.0)
     monkeypatch.setattr(select, "laws", lambda study: 1 / 0)
     half = trial(1.2, effect("e"))
-    refit = trial(1 + 0.9 * choice.UNKNOWN)
+    refit = trial(1 + 0.9 * PREFERENCE.unknown)
     study = select.Study(None, (), (9.0, 9.0), refit, (half,), half, None, ())
     assert not choice.missing(refit)
     assert select._unnamed(None, study, None).chosen is refit
-    much = trial(1 + 1.1 * choice.UNKNOWN)
+    much = trial(1 + 1.1 * PREFERENCE.unknown)
     assert choice.missing(much)
     with pytest.raises(ZeroDivisionError):
         select._unnamed(None, replace(study, refit=much), None)
 
 
 def test_what_needs_a_parameter_far_from_what_was_given_has_no_name(silent):
-    refit = trial(50.0, x=(1.0, -choice.BENT - 1))
-    bent, straight = (trial(1.0, effect("e"), x=(x, -choice.BENT - 1)) for x in (choice.BENT + 1, choice.BENT - 1))
+    refit = trial(50.0, x=(1.0, -PREFERENCE.bent - 1))
+    bent, straight = (
+        trial(1.0, effect("e"), x=(x, -PREFERENCE.bent - 1)) for x in (PREFERENCE.bent + 1, PREFERENCE.bent - 1)
+    )
     assert choice.beyond(refit, bent) == ["p0"]
     assert not choice.accounted([], refit, bent)
     assert choice.beyond(refit, straight) == []
@@ -454,14 +466,14 @@ def test_what_needs_a_parameter_far_from_what_was_given_has_no_name(silent):
 def test_what_takes_most_of_the_strain_away_accounts_for_it(silent):
     """A parameter that relieves is told by the same share as one that is named."""
     refit = trial(1.0, x=(9.0,))
-    eased = trial(1.0, effect("wrong_parameter", "a.mass"), x=(9.0 * math.sqrt(choice.RELIEVES) - 0.1,))
-    kept = trial(1.0, effect("wrong_parameter", "a.mass"), x=(9.0 * math.sqrt(choice.RELIEVES) + 0.1,))
+    eased = trial(1.0, effect("wrong_parameter", "a.mass"), x=(9.0 * math.sqrt(PREFERENCE.relieves) - 0.1,))
+    kept = trial(1.0, effect("wrong_parameter", "a.mass"), x=(9.0 * math.sqrt(PREFERENCE.relieves) + 0.1,))
     assert choice.accounted([], refit, eased)
     assert not choice.accounted([], refit, kept)
 
 
 def test_where_only_tolerances_are_strained_rivals_cost_as_little(silent):
     refit, chosen = trial(1.0, x=(9.0,)), trial(1.0, effect("wrong_parameter", "a.inertia"), cost=100.0)
-    close = trial(1.0, effect("payload"), cost=100.0 + 0.5 * choice.DECISIVE)
-    dear = trial(1.0, effect("spring"), cost=100.0 + 1.5 * choice.DECISIVE)
+    close = trial(1.0, effect("payload"), cost=100.0 + 0.5 * PREFERENCE.decisive)
+    dear = trial(1.0, effect("spring"), cost=100.0 + 1.5 * PREFERENCE.decisive)
     assert choice.rivals(chosen, refit, [close, dear]) == (close,)

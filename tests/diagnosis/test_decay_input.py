@@ -101,11 +101,11 @@ def test_a_record_too_short_for_windows_still_has_a_decrement():
     ("time", "values", "words"),
     [
         ([0.0, 1.0], [1.0, 2.0], "2 samples"),
-        (np.zeros(20), np.arange(20.0), "does not rise"),
+        (np.zeros(20), np.arange(20.0), "does not increase"),
         (np.arange(20.0), np.ones(20), "constant"),
         (np.arange(20.0), np.full(20, np.nan), "not finite"),
         (np.arange(20.0), np.arange(19.0), "shape"),
-        (np.arange(20.0), np.arange(20.0) * 1e200, "fitting unit"),
+        (np.arange(20.0), np.arange(20.0) * 1e200, "choose another unit"),
     ],
 )
 def test_arrays_that_are_no_record(time, values, words):

@@ -11,8 +11,9 @@ import pytest
 from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.force_recovery import BINS, KNOT, place_of, recover
+from diagnosis.search.force_recovery import place_of, recover
 from diagnosis.search.search import study
+from diagnosis.thresholds import RECOVERY
 from scenarios.load import load
 from tests.diagnosis.plants import INERTIA, RESISTANCE, case
 
@@ -65,7 +66,7 @@ def test_friction_shows_as_a_torque_against_the_motion(torque):
     assert (found.place, found.unit) == ("motor.shaft", "N.m")
     curve = against(found, "motor.shaft.speed")
     assert (curve.x_unit, curve.y_unit) == ("rad/s", "N.m")
-    assert len(curve.x) == BINS
+    assert len(curve.x) == RECOVERY.bins
     fast = np.abs(curve.x) > 60
     assert np.sum(fast & (curve.x < 0)) >= 3
     assert np.sum(fast & (curve.x > 0)) >= 3
@@ -86,7 +87,7 @@ def test_the_force_over_time_reverses_with_the_motion(sticky, torque):
     """Of one held-out recording: the plant's own friction torque, at the knots of which no neighbour reverses."""
     found = torque
     assert found.recording in ("ramp", "slow")
-    np.testing.assert_allclose(np.diff(found.time), KNOT)
+    np.testing.assert_allclose(np.diff(found.time), RECOVERY.knot)
     path = sticky.scenario.path.parent / f"{found.recording}.csv"
     t, _, speed = np.loadtxt(path, delimiter=",", skiprows=1).T
     v = np.interp(found.time, t, speed)
@@ -142,7 +143,7 @@ def test_the_numbers_are_plain(torque):
     numbers = torque.numbers()
     assert json.loads(json.dumps(numbers)) == numbers
     assert numbers["curves"][0]["against"] == "motor.shaft.speed"
-    assert {len(numbers["curves"][0][key]) for key in ("x", "force", "low", "high")} == {BINS}
+    assert {len(numbers["curves"][0][key]) for key in ("x", "force", "low", "high")} == {RECOVERY.bins}
 
 
 def test_a_place_of_no_force_gives_no_evidence(sticky):

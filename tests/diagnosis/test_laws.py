@@ -7,7 +7,7 @@ import pytest
 
 import flexarm
 from diagnosis.api import diagnose
-from diagnosis.search.nonparametric import POINTS
+from diagnosis.thresholds import RECOVERY
 from diagnosis.verdict.write import amended_text
 from scenarios.load import load
 from tests.diagnosis import plants
@@ -74,7 +74,7 @@ def test_a_law_without_a_name_is_measured_and_put_in(concealed, request):
     amended = put_in(found)
     law = amended.system.blocks["found_law"]
     assert type(law).__name__ in ("TorqueCurve", "Curve")
-    assert len(law.values["heights"]) == POINTS
+    assert len(law.values["heights"]) == RECOVERY.heights
     assert np.isfinite(flexarm.simulate(amended)["motor.shaft.speed"]).all()
     for name in ("ramp", "slow"):
         before, after = (flexarm.compare(s, name).signals["motor.shaft.speed"].rmse for s in (refitted(found), amended))
@@ -86,11 +86,13 @@ def test_a_law_without_a_name_is_measured_and_put_in(concealed, request):
 def curve(found):
     """Abscissas and heights of the curve that was put in."""
     rows = found.findings[0]["parameters"]
-    heights = [rows[f"heights[{k + 1}]"] for k in range(POINTS)]
+    heights = [rows[f"heights[{k + 1}]"] for k in range(RECOVERY.heights)]
     assert all(row["unit"] == "N.m" and row["low"] <= row["value"] <= row["high"] for row in heights)
     law = put_in(found).system.blocks["found_law"]
     assert law.values["of"] == "speed"
-    return np.linspace(law.values["lower"], law.values["upper"], POINTS), np.array([row["value"] for row in heights])
+    return np.linspace(law.values["lower"], law.values["upper"], RECOVERY.heights), np.array(
+        [row["value"] for row in heights]
+    )
 
 
 def in_its_scale(found):
@@ -101,7 +103,7 @@ def in_its_scale(found):
 def test_the_curve_of_dry_friction_is_a_step_against_the_motion(sticky):
     speed, torque = curve(sticky)
     beyond = (np.abs(speed) > 20) & (np.abs(speed) < 140)
-    assert beyond.sum() >= POINTS // 2
+    assert beyond.sum() >= RECOVERY.heights // 2
     law = -LEVEL * np.sign(speed[beyond]) * in_its_scale(sticky)
     np.testing.assert_allclose(torque[beyond], law, rtol=0, atol=0.25 * LEVEL)
 

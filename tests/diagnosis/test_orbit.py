@@ -10,9 +10,9 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, fsolve
 
 from diagnosis.api import gather
-from diagnosis.frequency_response.period import extremes, quiet_row
-from diagnosis.frequency_response.table_experiment import STEP
+from diagnosis.frequency_response.extremes import extremes, quiet_row
 from diagnosis.problems import problem
+from diagnosis.thresholds import TABLES
 from scenarios.load import load
 
 PUSHING = ["contact.law=push_only", "contact.half_gap=0.03", "friction.coulomb_friction=0"]
@@ -23,7 +23,7 @@ the corners where the contact closes."""
 def table(name, overrides, role="train"):
     scenario = load(name, overrides)
     made = problem(scenario, gather(scenario, (), ()))
-    return made, made.chosen(role)[0]
+    return made, next(e for e in made.experiments if e.role == role)
 
 
 class TwoMassesWithPlay:
@@ -112,7 +112,7 @@ def test_answers_and_derivatives_with_a_contact_are_those_of_exact_propagation(w
     assert TwoMassesWithPlay(values, w, amplitude).amplitude(0.8 * start) == pytest.approx(exact, rel=1e-9)
     assert abs(decibels(base[0].amplitudes[0] / exact)) < 3e-4
     for name in names:
-        for h in (STEP, -STEP):
+        for h in (TABLES.difference, -TABLES.difference):
             moved = {name: free[name].value(h)}
             there = TwoMassesWithPlay(values | moved, w, amplitude).amplitude(start)
             slope = decibels(there / exact) / h
@@ -154,7 +154,12 @@ def test_neighbours_to_first_order_are_those_that_are_solved_for(name, overrides
     """
     made, e = table(name, overrides, role)
     base = e.answers.solve({}, e.frequency, e.amplitude, {})
-    moves = [{f.name: f.value(h)} for f in made.free for h in (STEP, -STEP) if f.value(h) != f.value(0.0)]
+    moves = [
+        {f.name: f.value(h)}
+        for f in made.free
+        for h in (TABLES.difference, -TABLES.difference)
+        if f.value(h) != f.value(0.0)
+    ]
     found = e.answers.near(moves, base, e.frequency, e.amplitude)
     solved = [e.answers.solve(move, e.frequency, e.amplitude, dict(enumerate(base))) for move in moves]
     exact = np.array([[o.amplitudes for o in row] for row in solved])

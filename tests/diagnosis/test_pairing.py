@@ -14,10 +14,11 @@ from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.scales import operating_scales
-from diagnosis.estimation.problem import ALIKE, prior
+from diagnosis.estimation.parameters import prior
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.promising_pairs import FACTOR, _gains, promising
+from diagnosis.search.promising_pairs import _gains, promising
 from diagnosis.search.scored_model import at_end
+from diagnosis.thresholds import FITTING, PAIRS
 from scenarios.load import load
 from tests.diagnosis import plants
 from tests.diagnosis.plants import case
@@ -36,7 +37,7 @@ def test_the_gain_of_every_pair_is_that_of_least_squares():
     some = 0
     for i, j in itertools.combinations(range(9), 2):
         factors, left, *_ = np.linalg.lstsq(table[:, [i, j]], -r, rcond=None)
-        able = bool(((factors > 1 / FACTOR) & (factors < FACTOR)).all())
+        able = bool(((factors > 1 / PAIRS.factor) & (factors < PAIRS.factor)).all())
         assert gains[i, j] == pytest.approx(float(r @ r - left[0]) if able else 0.0)
         assert far[i, j] == pytest.approx(float(np.abs(np.log(factors)).sum()) if able else 0.0)
         some += able
@@ -103,10 +104,10 @@ def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(t
     made = fitter.build((limits,), ({"lower": -0.5, "upper": 1.5},))
     x = np.random.default_rng(2).normal(size=len(made.free))
     values = made.values(x)[0]
-    r, J = prior(made, x)
+    r, J = prior(made.free, x)
     ratio = values["found_saturation.upper"] / -values["found_saturation.lower"]
-    assert r[-1] == pytest.approx(math.log(ratio) / ALIKE)
-    steps = [(prior(made, x + h)[0] - prior(made, x - h)[0]) / 2e-6 for h in 1e-6 * np.eye(len(x))]
+    assert r[-1] == pytest.approx(math.log(ratio) / FITTING.alike)
+    steps = [(prior(made.free, x + h)[0] - prior(made.free, x - h)[0]) / 2e-6 for h in 1e-6 * np.eye(len(x))]
     np.testing.assert_allclose(np.column_stack(steps), J, atol=1e-8)
 
 

@@ -10,7 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from diagnosis.api import fit
-from diagnosis.compare import compare, find_recording
+from diagnosis.binding import find_recording
+from diagnosis.compare import compare
 from diagnosis.effects.scales import operating_scales
 from diagnosis.problems import problem
 from diagnosis.recordings.feedback import plant_inputs
@@ -178,7 +179,7 @@ def test_windows_and_resampling(tmp_path: Path) -> None:
     (f,) = problem(scenario, [replace(recording, resample=0.025)]).experiments
     np.testing.assert_allclose(f.time, 0.025 * np.arange(61), atol=1e-12)
     assert f.measured[1, 0] == pytest.approx((recording.measurements[0].values[2:4]).mean(), rel=1e-12)
-    for key, piece in (("window: [1 s, 2 s]", "it holds 5 s to 8 s"), ("window: [2 s]", "more entries")):
+    for key, piece in (("window: [1 s, 2 s]", "the recording holds 5 s to 8 s"), ("window: [2 s]", "more entries")):
         with pytest.raises(FlexarmError) as caught:
             find_recording(load(tmp_path / "s.yaml", text=text.replace("    time:", f"    {key}\n    time:")), "one")
         assert piece in f"{caught.value.message} {caught.value.remedy}"
@@ -322,7 +323,7 @@ def test_a_loop_that_is_none(loop: Path) -> None:
     torque = "motor.torque: {column: u, unit: N.m}"
     loop.write_text(LOOP.replace("LOOP", "reference").replace("DRIVE", torque))
     scenario = load(loop)
-    with pytest.raises(FlexarmError, match="'loop: reference', but nothing in the scenario"):
+    with pytest.raises(FlexarmError, match=r"'loop: reference', but motor\.torque drives no feedback loop"):
         problem(scenario, [find_recording(scenario, "run")])
     loop.write_text(LOOP.replace("LOOP", "closed").replace("    drive: {DRIVE}\n", ""))
     scenario = load(loop)
@@ -340,7 +341,7 @@ def test_files_outside_the_repository(swing: Path, monkeypatch: pytest.MonkeyPat
     assert "docs/real-recordings.md" in caught.value.remedy
     assert len(find_recording(scenario, "two").time) == 300
     monkeypatch.setenv("FLEXARM_RECORDINGS", str(swing.parent / "nowhere"))
-    with pytest.raises(FlexarmError, match="which is no folder"):
+    with pytest.raises(FlexarmError, match="which is not a folder"):
         find_recording(scenario, "one")
     monkeypatch.setenv("FLEXARM_RECORDINGS", str(swing.parent))
     assert len(find_recording(scenario, "one").time) == 300

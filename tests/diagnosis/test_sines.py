@@ -11,10 +11,11 @@ from scipy.integrate import solve_ivp
 from diagnosis.api import diagnose, fit, gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.scales import operating_scales
-from diagnosis.frequency_response.table_experiment import STEP, TableExperiment, quantum, scatter
+from diagnosis.frequency_response.table_experiment import TableExperiment, quantum, scatter
 from diagnosis.problems import problem
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.wrong_parameters import suspects
+from diagnosis.thresholds import TABLES
 from diagnosis.verdict.write import write
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -139,7 +140,7 @@ def test_the_simulated_answer_is_the_closed_form(tmp_path):
     w = np.array([0.1, 0.9, 7.0, 16.0, 120.0])
     made = problem(s := scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w)), gather(s, (), ()))
     answers = only(made).answers
-    answers.__dict__["_linear"] = None
+    answers.closed_form.__dict__["_state_space"] = None
     found = answers.solve({}, w, np.full(5, 2.0), {})
     assert all(o.settled and o.x is not None for o in found)
     decibel = 20 * np.log10([o.amplitudes[0] for o in found] / (2.0 * two_mass_gain(w)))
@@ -175,7 +176,7 @@ def test_derivatives_are_those_of_the_closed_form(tmp_path):
     e = only(made)
     _, J = made.linearised(np.zeros(len(made.free)), e)
     names = [f.name for f in made.free]
-    h, base = STEP, dict(LOAD)
+    h, base = TABLES.difference, dict(LOAD)
     try:
         LOAD["J"] = base["J"] * math.exp(0.1 * h)
         up = two_mass_gain(w)
@@ -208,7 +209,7 @@ def test_every_second_row_is_held_out_unless_a_table_is(tmp_path):
     w = np.geomspace(0.05, 300, 13)
     s = scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w))
     made = problem(s, gather(s, (), ()))
-    train, held = made.chosen("train"), made.chosen("hold_out")
+    train, held = made.training, made.held_out
     assert [len(e.time) for e in (*train, *held)] == [7, 6]
     assert np.allclose(np.sort(np.concatenate([train[0].frequency, held[0].frequency])), w)
     assert "held out" in train[0].note
@@ -277,7 +278,7 @@ KNOWN = [f"tolerances.motor.{p}=0" for p in ("resistance", "torque_constant", "b
 def rms(made, role=("train", "hold_out")):
     """Root mean square of what a problem's model leaves over (dB), as its parameters were given."""
     zero = np.zeros(len(made.free))
-    left = [made.residual(zero, e) * e.sigma * e.relative for e in made.chosen(*role)]
+    left = [made.residual(zero, e) * e.sigma * e.relative for e in made.experiments if e.role in role]
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
 
 

@@ -2,15 +2,17 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.estimation.covariance import SIZE, uncertainty
-from diagnosis.estimation.least_squares import Fit, Interval, descend, known, span
-from diagnosis.estimation.problem import FreeParameter
-from diagnosis.problems import problem
+from diagnosis.estimation.covariance import covariance
+from diagnosis.estimation.least_squares import Fit, Interval, descend, span, with_covariance
+from diagnosis.estimation.parameters import FreeParameter
+from diagnosis.problems import problem, variant
+from diagnosis.thresholds import INTERVALS
 from scenarios.load import load
 
 INERTIA, DAMPING, NOISE, STEP, COUNT = 2.0, 0.5, 0.01, 0.01, 400
@@ -56,7 +58,7 @@ def wheel(folder, noise=NOISE, seed=0, damping=DAMPING, gain=0.0):
 
 
 def slopes(made, x):
-    e = made.chosen("train")[0]
+    e = made.training[0]
     return made.linearised(x, e)
 
 
@@ -64,21 +66,20 @@ def test_an_input_that_may_be_three_per_cent_off_leaves_an_inertia_uncertain_by_
     """Without friction the speed is the torque over the inertia: an error of the one is an error of the other."""
     made = problem(*wheel(tmp_path, noise=1e-5, damping=1e-7))
     (free,) = made.free
-    covariance, _, flat = uncertainty(made, np.zeros(1))
-    assert free.scale * math.sqrt(covariance[0, 0]) == pytest.approx(SIZE, rel=0.2)
+    spread, _, flat = covariance(made, np.zeros(1))
+    assert free.scale * math.sqrt(spread[0, 0]) == pytest.approx(INTERVALS.input_size, rel=0.2)
     assert not flat
 
 
 def test_white_noise_alone_gives_the_textbook_interval(tmp_path, monkeypatch):
     """With the input exact and nothing left out: at least sigma^2 (J'J)^-1, and not much more."""
-    monkeypatch.setattr("diagnosis.estimation.covariance.SIZE", 0.0)
-    monkeypatch.setattr("diagnosis.estimation.covariance.TIMING", 0.0)
-    monkeypatch.setattr("diagnosis.estimation.covariance.LEAST", 0.0)
+    exact = replace(INTERVALS, input_size=0.0, input_timing=0.0, least_left=0.0)
+    monkeypatch.setattr("diagnosis.estimation.covariance.INTERVALS", exact)
     made = problem(*wheel(tmp_path, noise=0.05))
     _, J = slopes(made, np.zeros(1))
     textbook = 1 / (1 + float((J.T @ J)[0, 0]))
-    covariance, _, _ = uncertainty(made, np.zeros(1))
-    assert textbook * (1 - 1e-9) <= covariance[0, 0] < 3 * textbook
+    spread, _, _ = covariance(made, np.zeros(1))
+    assert textbook * (1 - 1e-9) <= spread[0, 0] < 3 * textbook
 
 
 def test_intervals_hold_the_inertia_through_gain_errors(tmp_path):
@@ -88,8 +89,8 @@ def test_intervals_hold_the_inertia_through_gain_errors(tmp_path):
         gain = np.random.default_rng(100 + seed).uniform(-0.05, 0.05)
         made = problem(*wheel(tmp_path / str(seed), seed=seed, gain=gain))
         with ThreadPoolExecutor(1) as pool:
-            x, cost, converged = descend(made, np.zeros(1), made.chosen("train"), pool)
-        found = known(Fit(made, x, cost, 1.0, converged, np.zeros((1, 1))), 0.0)
+            x, cost, converged = descend(made, np.zeros(1), made.training, pool)
+        found = with_covariance(Fit(made, x, cost, 1.0, converged, np.zeros((1, 1))), 0.0)
         (interval,) = found.intervals()
         inside += interval.low <= INERTIA <= interval.high
     assert inside >= 0.88 * 30
@@ -102,11 +103,11 @@ def test_a_limit_that_is_never_reached_is_bounded_on_one_side_alone(tmp_path):
         FreeParameter(f"limit.{end}", value, 0.3, True, *sorted((0.0, 1e6 * value)), prior=False)
         for end, value in (("lower", -1.7), ("upper", 1.4))
     ]
-    made = problem(scenario, recorded, limits)
-    covariance, weak, flat = uncertainty(made, np.zeros(3))
+    made = variant(problem(scenario, recorded), (), limits)
+    spread, weak, flat = covariance(made, np.zeros(3))
     names = [f.name for f in made.free]
     assert {names[i] for i, *_ in flat} == {"limit.lower", "limit.upper"}
-    found = Fit(made, np.zeros(3), 0.0, 1.0, True, covariance, weak, flat).intervals()
+    found = Fit(made, np.zeros(3), 0.0, 1.0, True, spread, weak, flat).intervals()
     lower, upper = (next(i for i in found if i.name == f"limit.{end}") for end in ("lower", "upper"))
     assert (lower.low, upper.high) == (-math.inf, math.inf)
     assert -1.0 < lower.high < -0.95

@@ -5,8 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
-from diagnosis.decay.evolving_spectra import evolving_spectra, find_lines
+from diagnosis.decay.evolving_spectra import evolving_spectra
 from diagnosis.decay.record import DampingWarning
+from diagnosis.decay.spectrum import find_lines
 from diagnosis.recordings.columns import RecordingError
 from engine.errors import ParameterError
 from tests.diagnosis.decays import HEAVY, LIGHT, MODES, coulomb, two_modes, viscous

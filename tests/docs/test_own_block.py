@@ -1,4 +1,4 @@
-"""The package of the page "Write your own block": built, installed, used by the command line, and its own tests run."""
+"""The package of "Write your own block" and "Register an effect": built, installed, used, and its own tests run."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from tools import console
+
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "examples" / "flexarm-own-block"
 PAGE = ROOT / "docs" / "how-to" / "write-your-own-block.md"
+EFFECT_PAGE = ROOT / "docs" / "how-to" / "register-an-effect.md"
 
 
 @pytest.fixture(scope="module")
@@ -54,14 +57,36 @@ def test_its_own_tests_pass(installed):
     copy, environment = installed
     done = call(["pytest", "-q", "-p", "no:cacheprovider", "tests"], copy, environment)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "4 passed" in done.stdout
+    assert "8 passed" in done.stdout
+
+
+def follow(installed, monkeypatch, fast):
+    """Run the commands of the page on effects; what they print differs from what it shows in these lines."""
+    copy, environment = installed
+    monkeypatch.setenv("PYTHONPATH", environment["PYTHONPATH"])
+    commands = [s for s in console.steps(EFFECT_PAGE.read_text(encoding="utf-8")) if isinstance(s, console.Command)]
+    chosen = [c for c in commands if c.fails or not (fast and "diagnose" in c.line)]
+    assert len(chosen) == (2 if fast else 3)
+    # Where the bar of a long command was, an empty line stays.
+    printed = [[line for line in console.run(c, copy) if line] for c in chosen]
+    return [line for c, lines in zip(chosen, printed, strict=True) for line in console.differences(c, lines, 0.1)]
+
+
+def test_the_page_on_effects_prints_what_it_shows(installed, monkeypatch):
+    assert not follow(installed, monkeypatch, fast=True)
+
+
+@pytest.mark.slow
+def test_the_diagnosis_on_the_page_names_the_registered_effect(installed, monkeypatch):
+    assert not follow(installed, monkeypatch, fast=False)
 
 
 def test_the_page_shows_the_files_as_they_are():
     """What stands indented under a file's name is in that file, line by line."""
-    text = PAGE.read_text(encoding="utf-8")
+    text = PAGE.read_text(encoding="utf-8") + EFFECT_PAGE.read_text(encoding="utf-8")
     blocks = re.findall(r'```\w+ title="([^"]+)"\n(.*?)```', text, re.DOTALL)
-    assert {name for name, _ in blocks} >= {"pyproject.toml", "src/flexarm_own_block/eddy_brake.py", "run-down.yaml"}
+    sources = {f"src/flexarm_own_block/{name}.py" for name in ("eddy_brake", "torque_motor", "effects")}
+    assert {name for name, _ in blocks} >= {"pyproject.toml", "run-down.yaml", "wheel.yaml", *sources}
     for name, shown in blocks:
         assert shown in (PACKAGE / name).read_text(encoding="utf-8"), name
 

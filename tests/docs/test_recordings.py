@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.compare import find_recording
-from diagnosis.recordings.mapping import RecordingError
+from diagnosis.binding import find_recording
+from diagnosis.recordings.columns import RecordingError
 from scenarios.load import load
 from tools import console
 

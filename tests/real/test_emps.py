@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import butter, filtfilt
 
 from diagnosis.api import diagnose
-from diagnosis.compare import find_recording
+from diagnosis.binding import find_recording
 from diagnosis.search.scored_model import ScoredModel, gain_band
 from scenarios.load import load
 from tests.real.bench import Bench, bench
@@ -39,7 +39,7 @@ def pair(axis: Bench) -> ScoredModel:
 def relative(trial: ScoredModel) -> float:
     """Root mean square of the held-out force residual relative to the force, both filtered, at every sample."""
     made = trial.fit
-    (e,) = made.problem.chosen("hold_out")
+    (e,) = made.problem.held_out
     simulated = made.problem.simulate(made.x, e)[:, 0]
     (channel,) = find_recording(load("emps"), "pulses").measurements
     b, a = butter(4, CORNER * 2 * e.step)

@@ -16,7 +16,7 @@ from tests.real.bench import Bench, bench
 def nrmse(trial: ScoredModel, role: str) -> float:
     """100 (1 - |e| / |y - mean y|) over the recordings of a role."""
     made, error, spread = trial.fit, 0.0, 0.0
-    for e in made.problem.chosen(role):
+    for e in [e for e in made.problem.experiments if e.role == role]:
         there = np.isfinite(e.measured)
         error += float(np.sum((made.problem.residual(made.x, e) * e.sigma)[there] ** 2))
         spread += float(np.sum((e.measured - np.nanmean(e.measured, axis=0))[there] ** 2))

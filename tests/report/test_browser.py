@@ -210,7 +210,7 @@ def test_recordings_are_chosen_and_curves_hidden(browser, diagnosed):
     browser.open(page)
     figure = browser.driver.find_element(By.CSS_SELECTOR, "[data-plot='before-after']")
     select = Select(figure.find_element(By.TAG_NAME, "select"))
-    held = [e.name for e in found.study.refit.fit.problem.chosen("hold_out")]
+    held = [e.name for e in found.study.refit.fit.problem.held_out]
     assert [o.text.split(" ")[0] for o in select.options] == held
     path = "return document.querySelector(\"[data-plot='before-after'] .trace.recording[d^=M]\").getAttribute('d')"
     script = path.replace("document.querySelector", "[...document.querySelectorAll").replace(

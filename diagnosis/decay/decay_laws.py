@@ -1,4 +1,4 @@
-"""Which law an amplitude follows as it decays.
+"""The law by which an amplitude decays, told from the envelope.
 
 | law | dissipation | amplitude over time |
 |---|---|---|
@@ -20,8 +20,10 @@ import numpy as np
 from diagnosis.recordings.columns import Vector
 
 LEAST_POINTS = 5
+"""Smallest number of amplitudes for a fit."""
+
 CLEAR = 6.0
-"""Difference of the Bayesian information criterion from which one law is preferred (odds of 20 to 1)."""
+"""Difference of the Bayesian information criterion above which one law is preferred (odds of 20 to 1)."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +56,12 @@ class Envelope:
 
 @dataclass(frozen=True)
 class Envelopes:
-    """The laws held against the same amplitudes.
+    """All laws, fitted to the same amplitudes.
 
     Attributes:
         fits: best first.
-        verdict: the law that fits, or ``undecided`` if the amplitudes cannot tell the best from the next.
-        loss_per_cycle: of amplitude, in the signal's unit: of the first and the last cycle seen.
+        verdict: the preferred law, or ``undecided`` if the best is not clearly better than the next.
+        loss_per_cycle: loss of amplitude in the first and the last cycle, in the signal's unit.
     """
 
     fits: tuple[Envelope, ...]
@@ -85,17 +87,17 @@ class Envelopes:
             return "amplitude falls hyperbolically: damping by the square of the speed, as of air"
         if self.verdict == "viscous and coulomb":
             return "amplitude falls exponentially and reaches zero: viscous damping with dry (Coulomb) friction"
-        return "the amplitudes cannot tell the laws of decay apart"
+        return "the amplitudes do not distinguish the laws of decay"
 
 
 def envelopes(time: Vector, amplitude: Vector, frequency: float, independent: float | None = None) -> Envelopes | None:
-    """Fit every law and say which fits.
+    """Fit every law and choose the preferred one.
 
     Args:
         time: s, shape (n,).
         amplitude: positive, shape (n,).
         frequency: of the oscillation (Hz), for the loss per cycle.
-        independent: number of amplitudes that are independent, if fewer than given (windows that overlap).
+        independent: number of independent amplitudes, if fewer than given (windows that overlap).
 
     Returns:
         None if there are fewer than five amplitudes.
@@ -116,7 +118,7 @@ def envelopes(time: Vector, amplitude: Vector, frequency: float, independent: fl
     clear = information(fits[1]) - information(fits[0]) > CLEAR
     best = fits[0]
     if not clear and "viscous and coulomb" in (best.law, fits[1].law):
-        # The mixed law contains two of the others: it is dropped unless it is clearly better than each of them.
+        # The mixed law contains two of the others: it is preferred only if clearly better than each of them.
         fits.sort(key=lambda fit: (fit.law == "viscous and coulomb", information(fit)))
         best = fits[0]
         clear = information(fits[1]) - information(best) > CLEAR
@@ -178,7 +180,7 @@ def _drag(time: Vector, amplitude: Vector) -> Envelope:
 
 
 def _both(time: Vector, amplitude: Vector) -> Envelope:
-    """A(t) = p exp(-r t) - q with q = c/r >= 0: linear in p and q, so only r is searched."""
+    """A(t) = p exp(-r t) - q with q = c/r >= 0: linear in p and q, so that only r is searched."""
     from scipy.optimize import minimize_scalar, nnls
 
     span = float(time[-1] - time[0])

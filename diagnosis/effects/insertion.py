@@ -1,0 +1,268 @@
+"""Candidates that put one block in: at a flange, into a joint, into a signal, behind a sensor.
+
+Units, flanges and translational twins are those that the block declares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from blocks.registry import find
+from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, Wave, with_unit
+from diagnosis.effects.places import Place
+from engine.block import Block
+from engine.errors import FlexarmError, ParameterError, nearest
+from scenarios.amend import AtFlange, Between, Edit, InSignal, OnSensor
+
+
+def at_flange(
+    place: Place,
+    effect: str,
+    type_name: str,
+    starts: Sequence[Sizes],
+    *parameters: EffectParameter,
+    tidy: Callable[[Sizes], Sizes] = dict,
+    wave: Wave | None = None,
+    bold: Sequence[Sizes] = (),
+    **given: Any,
+) -> Iterator[Candidate]:
+    """A block attached to a shaft or slide by its first flange.
+
+    Args:
+        place: a shaft. Along a slide the block's translational twin is attached, if it has one; else nothing is.
+        effect: machine name.
+        type_name: type of the block, for a shaft that turns.
+        starts: sizes to start from, the least effect first; see `Candidate`.
+        *parameters: those that are fitted.
+        tidy: makes sizes that a fit may reach into sizes that the block takes.
+        wave: for a torque that is a wave, what its amplitude and phase are solved from.
+        bold: starts that are fitted however bad they look.
+        **given: further parameters and options of the block, which are not fitted.
+
+    Raises:
+        FlexarmError: the block does not exist, or has no such parameter.
+    """
+    made = _inserted(place, effect, type_name, starts, given)
+    if made is None:
+        return
+    port = made.flanges(1)[0]
+
+    def edits(sizes: Sizes) -> list[Edit]:
+        return [AtFlange(made.name, made.type_name, place.target, port, made.texts(tidy(made.before(sizes))))]
+
+    yield made.candidate(place, effect, edits, parameters, starts, bold=bold, held=made.stays(), wave=wave)
+
+
+def in_joint(
+    place: Place,
+    effect: str,
+    type_name: str,
+    starts: Sequence[Sizes],
+    *parameters: EffectParameter,
+    bold: Sequence[Sizes] = (),
+    held: tuple[str, ...] = (),
+    **given: Any,
+) -> Iterator[Candidate]:
+    """A block between a drive and its load: its first flange joins the drive, its second the load.
+
+    Args:
+        place: a joint. Along a slide the block's translational twin is put in, if it has one; else nothing is.
+        effect: machine name.
+        type_name: type of the block, for a shaft that turns.
+        starts: sizes to start from, the least effect first; see `Candidate`.
+        *parameters: those that are fitted.
+        bold: starts that are fitted however bad they look.
+        held: parameters of the block that keep their defaults and are not fitted.
+        **given: further parameters and options of the block, which are not fitted.
+
+    Raises:
+        FlexarmError: the block does not exist, or has no such parameter, or only one flange.
+    """
+    made = _inserted(place, effect, type_name, starts, given)
+    if made is None:
+        return
+    inner, outer = made.flanges(2)
+
+    def edits(sizes: Sizes) -> list[Edit]:
+        return [Between(made.name, made.type_name, place.target, inner, outer, made.texts(made.before(sizes)))]
+
+    yield made.candidate(place, effect, edits, parameters, starts, bold=bold, held=(*held, *made.stays()))
+
+
+def in_signal(
+    place: Place,
+    effect: str,
+    type_name: str,
+    starts: Sequence[Sizes],
+    *parameters: EffectParameter,
+    held: bool = True,
+    **given: Any,
+) -> Iterator[Candidate]:
+    """A block with the ports ``in`` and ``out`` in front of a driven input.
+
+    Args:
+        place: an input. Parameters whose unit the block leaves open have the input's.
+        effect: machine name.
+        type_name: type of the block.
+        starts: sizes to start from, the least effect first; see `Candidate`.
+        *parameters: those that are fitted.
+        held: whether what is given stays as it is; else it may move within the tolerance that the block declares.
+        **given: further parameters and options of the block.
+
+    Raises:
+        FlexarmError: the block does not exist, or has no such parameter.
+    """
+    made = _Inserted(f"{NAME}_{effect}", type_name, find(type_name), (), given, place.unit)
+    made.check(effect, starts)
+
+    def edits(sizes: Sizes) -> list[Edit]:
+        return [InSignal(made.name, type_name, place.target, made.texts(sizes))]
+
+    yield made.candidate(place, effect, edits, parameters, starts, held=made.stays() if held else ())
+
+
+def behind_sensor(
+    place: Place,
+    effect: str,
+    type_name: str,
+    starts: Sequence[Sizes],
+    *parameters: EffectParameter,
+    unit: str | None = None,
+    **given: Any,
+) -> Iterator[Candidate]:
+    """A block with the ports ``in`` and ``out`` between a measured signal and what was recorded of it.
+
+    Args:
+        place: a sensor.
+        effect: machine name.
+        type_name: type of the block.
+        starts: sizes to start from, the least effect first; see `Candidate`.
+        *parameters: those that are fitted.
+        unit: of parameters whose unit the block leaves open; that of the signal if None.
+        **given: further parameters and options of the block, which are not fitted.
+
+    Raises:
+        FlexarmError: the block does not exist, or has no such parameter.
+    """
+    unit = place.unit if unit is None else unit
+    made = _Inserted(f"{NAME}_{effect}", type_name, find(type_name), (), given, unit)
+    made.check(effect, starts)
+
+    def edits(sizes: Sizes) -> list[Edit]:
+        return [OnSensor(made.name, type_name, place.target, made.texts(sizes))]
+
+    yield made.candidate(place, effect, edits, parameters, starts, held=made.stays())
+
+
+@dataclass(frozen=True)
+class _Inserted:
+    """A block that is put in.
+
+    Attributes:
+        name: its own.
+        type_name, type: the registered type.
+        names: parameters of the rotational block that its twin calls otherwise.
+        given: what is not fitted, by the names of the rotational block.
+        unit: of parameters whose unit the block leaves open.
+    """
+
+    name: str
+    type_name: str
+    type: type[Block]
+    names: tuple[tuple[str, str], ...]
+    given: dict[str, Any]
+    unit: str
+
+    def flanges(self, count: int) -> list[str]:
+        """The first flanges of the block.
+
+        Raises:
+            FlexarmError: it has not as many.
+        """
+        found = [port.name for port in self.type.ports.values() if port.role == "flange"]
+        if len(found) < count:
+            raise FlexarmError(
+                f"'{self.type_name}' cannot be put in: it has {len(found)} flanges, and {count} are needed"
+            )
+        return found[:count]
+
+    def there(self, name: str) -> str:
+        """What the block calls a parameter."""
+        return dict(self.names).get(name, name)
+
+    def before(self, sizes: Sizes) -> Sizes:
+        """Sizes by the names of the rotational block."""
+        back = {new: old for old, new in self.names}
+        return {back.get(key, key): value for key, value in sizes.items()}
+
+    def texts(self, sizes: Sizes) -> dict[str, Any]:
+        """What the scenario says of the block, from sizes by the names of the rotational block."""
+        row = {self.there(key): value for key, value in self.given.items()}
+        for key, value in sizes.items():
+            unit = self.type.parameters[self.there(key)].unit
+            row[self.there(key)] = with_unit(value, self.unit if unit == "*" else unit)
+        return {key: row[key] for key in (*self.type.options, *self.type.parameters) if key in row}
+
+    def stays(self) -> tuple[str, ...]:
+        """Parameters of the block that are given and not fitted."""
+        return tuple(self.there(key) for key in self.given if self.there(key) in self.type.parameters)
+
+    def check(self, effect: str, starts: Sequence[Sizes]) -> None:
+        """Check that the block has the parameters that are given and fitted.
+
+        Raises:
+            ParameterError: it has not.
+        """
+        known = [*self.type.parameters, *self.type.options]
+        for name in dict.fromkeys([*(key for start in starts for key in start), *self.given]):
+            if self.there(name) not in known:
+                raise ParameterError(
+                    f"effect '{effect}': '{self.type_name}' has no parameter '{self.there(name)}'",
+                    remedy=nearest(self.there(name), known),
+                )
+
+    def candidate(
+        self,
+        place: Place,
+        effect: str,
+        edits: Callable[[Sizes], list[Edit]],
+        parameters: Sequence[EffectParameter],
+        starts: Sequence[Sizes],
+        bold: Sequence[Sizes] = (),
+        held: tuple[str, ...] = (),
+        wave: Wave | None = None,
+    ) -> Candidate:
+        """The effect at the place."""
+
+        def renamed(rows: Sequence[Sizes]) -> tuple[Sizes, ...]:
+            return tuple({self.there(key): value for key, value in row.items()} for row in rows)
+
+        return Candidate(
+            effect,
+            place.name,
+            place.block,
+            self.name,
+            edits,
+            tuple(replace(p, name=self.there(p.name), like=self.there(p.like)) for p in parameters),
+            renamed(starts),
+            bold=renamed(bold),
+            held=held,
+            wave=wave,
+        )
+
+
+def _inserted(
+    place: Place, effect: str, type_name: str, starts: Sequence[Sizes], given: dict[str, Any]
+) -> _Inserted | None:
+    """The block for a shaft, or its twin for a slide; None if it has none."""
+    made, names = find(type_name), tuple[tuple[str, str], ...]()
+    if place.sliding:
+        if not made.slide_twin:
+            return None
+        type_name, names = made.slide_twin, made.slide_names
+        made = find(type_name)
+    found = _Inserted(f"{NAME}_{effect}", type_name, made, names, given, "")
+    found.check(effect, starts)
+    return found

@@ -1,0 +1,183 @@
+"""What a fit needs of a recording, whatever was recorded: the protocol of experiments.
+
+A residual is (measured - simulated) / sigma. `diagnosis.estimation.time_experiment` implements it for signals over
+time, `diagnosis.frequency_response.table_experiment` for frequency-response tables.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+
+from diagnosis.estimation.parameters import Array, FreeParameter
+from engine.model import Model
+
+if TYPE_CHECKING:
+    from scenarios.load import Scenario
+
+TRAINING = ("train", "repeat")
+"""Roles of recordings that are fitted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment(ABC):
+    """One recording, ready to be simulated and compared.
+
+    Attributes:
+        name, role: of the recording.
+        time: sample instants (s), or row numbers of a table, shape (samples,).
+        measured: shape (samples, signals), NaN where nothing was recorded.
+        sigma: standard deviation of each signal's noise, shape (signals,).
+        free: names of starting values that a fit may choose for this recording.
+        initial: starting values by name (SI), those that are free as they begin.
+    """
+
+    kind: ClassVar[str]
+    """``time_series`` or ``frequency_response``, for what draws or words it."""
+
+    sparse: ClassVar[bool]
+    """Whether it has few readings, each costly to simulate, rather than thousands of samples."""
+
+    name: str
+    role: str
+    time: Array
+    measured: Array
+    sigma: Array
+    free: tuple[str, ...] = ()
+    initial: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def longest_step(self) -> float | None:
+        """Integration step (s) that must not be exceeded; None where the experiment chooses its steps itself."""
+        return None
+
+    @property
+    def lowest_frequency(self) -> float | None:
+        """Lowest frequency (rad/s) of a table of sines; None for a recording over time."""
+        return None
+
+    @property
+    def highest_frequency(self) -> float | None:
+        """Highest frequency (rad/s) of a table of sines; None for a recording over time."""
+        return None
+
+    def lowest(self, share: float) -> Self:
+        """The rows of the lowest frequencies, as a share of all; a recording over time whole."""
+        return self
+
+    @property
+    @abstractmethod
+    def interval(self) -> float:
+        """Time (s) between samples, within which blocks of correlated residuals are counted; 1 for rows of a table."""
+
+    @property
+    @abstractmethod
+    def shortest(self) -> float:
+        """The shortest time (s) that the recording resolves."""
+
+    @property
+    def count(self) -> int:
+        """Number of recorded values."""
+        return int(np.isfinite(self.measured).sum())
+
+    @abstractmethod
+    def bound(
+        self, scenario: Scenario, inputs: Sequence[str], outputs: Sequence[str], others: Sequence[Experiment]
+    ) -> tuple[Model, list[Experiment]]:
+        """The model of a variant of the scenario, and this and other experiments of its kind as experiments on it.
+
+        What was recorded stays as it was prepared.
+
+        Args:
+            scenario: the variant.
+            inputs: what the recorded inputs are called there.
+            outputs: what the recorded signals are called there.
+            others: the experiments, this one among them.
+
+        Raises:
+            FlexarmError: the variant has no meaning.
+        """
+
+    @abstractmethod
+    def fingerprint(self) -> list[Array]:
+        """All numbers that a fit of this experiment depends on."""
+
+    @abstractmethod
+    def cut(self, share: float) -> Self:
+        """The first part of it, as a share of its length; the same where there is no horizon to grow."""
+
+    @abstractmethod
+    def outputs(
+        self, model: Model, parameters: dict[str, float], starts: dict[str, float], longest: float | None
+    ) -> Array:
+        """Simulated outputs, shape (rows, signals), at integration steps of at most ``longest`` (s).
+
+        Raises:
+            SimulationError: the run diverged.
+        """
+
+    @abstractmethod
+    def residual(self, simulated: Array) -> Array:
+        """(measured - simulated) / sigma, zero where nothing was recorded; shape (samples, signals)."""
+
+    def in_units(self, r: Array) -> Array:
+        """Residuals (samples, signals) in the unit of each signal rather than in standard deviations."""
+        return np.asarray(r * self.sigma)
+
+    @abstractmethod
+    def linearised(
+        self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None
+    ) -> tuple[Array, Array]:
+        """Residual, flat, and its Jacobian with respect to the search vector.
+
+        Raises:
+            SimulationError: the run diverged.
+        """
+
+    def squares(self, r: Array) -> Array:
+        """What residuals count when a model is judged on data it has not seen, shape as ``r``."""
+        return np.asarray(r**2)
+
+    @abstractmethod
+    def disturbed_inputs(self, size: float, delay: float) -> Sequence[Self]:
+        """Two copies: the input larger by the share ``size``, and later by ``delay`` times `shortest`.
+
+        Empty where no input was recorded.
+        """
+
+    @abstractmethod
+    def noise_levels(self, r: Array) -> list[float] | None:
+        """Variance of the white noise in residuals (samples, signals), by signal; None if too few samples tell."""
+
+    @abstractmethod
+    def largest_inputs(self, count: int) -> Array:
+        """Largest magnitude of each of the model's ``count`` inputs, shape (count,); empty if none was recorded."""
+
+    @abstractmethod
+    def spans(
+        self, scenario: Scenario, model: Model, names: Sequence[str], longest: float | None
+    ) -> dict[str, tuple[float, float]]:
+        """Peak to peak and root mean square of signals of the nominal model in this experiment, by name.
+
+        Args:
+            scenario: of the model.
+            model: with these signals as outputs.
+            names: signals.
+            longest: integration step at most (s).
+        """
+
+    def lines(self, r: Array, most: int) -> dict[float, float]:
+        """The frequencies (rad/s) of the ``most`` largest peaks of a residual's spectrum, with their power."""
+        return {}
+
+    @abstractmethod
+    def large_where(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
+        """When, and at which frequency, a residual (samples, signals) is large, in words."""
+
+    def unseen_effects(self) -> tuple[str, ...]:
+        """Effects that recordings of this kind do not show."""
+        return ()

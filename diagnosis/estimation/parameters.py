@@ -1,0 +1,99 @@
+"""The parameters that a fit may move, and what is known of them before: the prior.
+
+A parameter moves in units of its declared tolerance, on a logarithmic scale where its bounds keep it positive. It pays
+the square of that distance: the tolerance is prior knowledge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.thresholds import FITTING
+from engine.model import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """A parameter that a fit may move.
+
+    Attributes:
+        name: of the model's parameter, or of a starting value.
+        start: where it stands at first (SI).
+        scale: what one step of the search variable means: a share for ``logarithmic`` ones, else an SI difference.
+        logarithmic: value = start * exp(scale * x) rather than start + scale * x.
+        low, high: bounds (SI).
+        prior: whether distance from the start counts against the fit.
+        recording: for a starting value, the recording it belongs to.
+        like: another parameter, of either sign, that is about as large: the two ends of an amplifier's range.
+    """
+
+    name: str
+    start: float
+    scale: float
+    logarithmic: bool
+    low: float = -math.inf
+    high: float = math.inf
+    prior: bool = True
+    recording: str = ""
+    like: str = ""
+
+    def value(self, x: float) -> float:
+        """The parameter at search variable ``x``, kept within its bounds."""
+        raw = self.start * math.exp(min(self.scale * x, 50.0)) if self.logarithmic else self.start + self.scale * x
+        return min(max(raw, self.low), self.high)
+
+    def slope(self, x: float) -> float:
+        """D value / d x."""
+        value = self.value(x)
+        return self.scale * value if self.logarithmic else self.scale
+
+    def position(self, value: float) -> float:
+        """The search variable at which the parameter has ``value``."""
+        if self.logarithmic:
+            return math.log(max(value / self.start, 1e-300)) / self.scale
+        return (value - self.start) / self.scale
+
+
+def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[FreeParameter]:
+    """Every parameter with a tolerance, that of ``tolerances`` or the declared one, moved in units of it."""
+    rows = []
+    for parameter in model.parameters:
+        tolerance, (low, high) = parameter.declared.tolerance, parameter.declared.bounds
+        tolerance = tolerances.get(parameter.name, tolerance)
+        if not tolerance or parameter.value == 0.0:
+            continue
+        logarithmic = low >= 0 and parameter.value > 0
+        scale = tolerance if logarithmic else tolerance * abs(parameter.value)
+        rows.append(FreeParameter(parameter.name, parameter.value, scale, logarithmic, low, high))
+    return rows
+
+
+def prior(free: Sequence[FreeParameter], x: Array) -> tuple[Array, Array]:
+    """Residual and Jacobian of the prior: a row for each parameter, and for each two that are about as large.
+
+    Args:
+        free: the parameters, n of them.
+        x: search vector, shape (n,).
+
+    Returns:
+        Shapes (rows,) and (rows, n).
+    """
+    weights = np.array([1.0 if f.prior else 0.0 for f in free])
+    r, J = weights * x, np.diag(weights)
+    names = [f.name for f in free]
+    for i, f in enumerate(free):
+        if f.like in names:
+            j = names.index(f.like)
+            other = free[j]
+            row = np.zeros(len(x))
+            row[[i, j]] = f.scale / FITTING.alike, -other.scale / FITTING.alike
+            apart = math.log(abs(f.start / other.start)) / FITTING.alike + row @ x
+            r, J = np.append(r, apart), np.vstack([J, row])
+    return r, J

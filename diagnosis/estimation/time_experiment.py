@@ -1,0 +1,276 @@
+"""A recording over time as an experiment: the model is simulated with its input and compared at its samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array, FreeParameter
+from diagnosis.thresholds import FITTING, NOISE
+from engine.errors import FlexarmError, ParameterError, SimulationError
+from engine.model import Model
+from engine.simulate import Drive, simulate
+from engine.start import starting_names
+from engine.tangent import tangents
+
+if TYPE_CHECKING:
+    from scenarios.load import Scenario
+
+WINDOW = 0.2
+"""Length (s) of the pieces of time in which a residual is said to be large."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeExperiment(Experiment):
+    """Signals over time.
+
+    Attributes:
+        step: between simulated rows (s); ``every`` rows make one sample.
+        drive: inputs, in the model's order.
+        from_first: for each signal, whether it counts from the first sample.
+        uneven: whether ``time`` is not a multiple of the rows' interval: outputs are then interpolated between rows.
+    """
+
+    kind: ClassVar[str] = "time_series"
+    sparse: ClassVar[bool] = False
+
+    step: float
+    every: int
+    drive: Drive | None
+    from_first: tuple[bool, ...]
+    uneven: bool = False
+
+    @property
+    def stop(self) -> float:
+        """End of the simulation (s)."""
+        if self.uneven:
+            return float(self.step * (math.floor(self.time[-1] / self.step + 1e-6) + 1))
+        return float(self.step * self.every * (len(self.time) - 1))
+
+    @property
+    def longest_step(self) -> float:
+        """Time (s) between simulated rows, which no integration step exceeds."""
+        return self.step
+
+    @property
+    def interval(self) -> float:
+        """Time (s) between samples."""
+        return self.step * self.every
+
+    @property
+    def shortest(self) -> float:
+        """The shortest time (s) that it resolves: the interval between samples."""
+        return self.interval
+
+    def sampled(self, rows: Array) -> Array:
+        """Simulated rows at the recorded instants, shape (samples, ...)."""
+        if not self.uneven:
+            return rows[:: self.every][: len(self.time)]
+        place = self.time / self.step
+        below = np.minimum(np.floor(place + 1e-6).astype(int), len(rows) - 2)
+        share = np.maximum(place - below, 0.0).reshape(-1, *[1] * (rows.ndim - 1))
+        return np.asarray(rows[below] * (1 - share) + rows[below + 1] * share)
+
+    def cut(self, share: float) -> TimeExperiment:
+        """The first part of it, at least eight samples."""
+        if share >= 1:
+            return self
+        keep = max(8, int(np.searchsorted(self.time, share * float(self.time[-1]))))
+        return replace(self, time=self.time[:keep], measured=self.measured[:keep])
+
+    def outputs(
+        self, model: Model, parameters: dict[str, float], starts: dict[str, float], longest: float | None
+    ) -> Array:
+        """Simulated outputs, shape (rows, signals), at integration steps of at most ``longest`` (s).
+
+        Raises:
+            SimulationError: the run diverged.
+        """
+        run = simulate(
+            model,
+            self.stop,
+            self.step,
+            parameters=parameters,
+            drive=self.drive,
+            initial=starts,
+            internal_step=longest,
+            log_capacity=0,
+        )
+        return run.values
+
+    def linearised(
+        self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None
+    ) -> tuple[Array, Array]:
+        """Residual, flat, and its Jacobian with respect to the search vector, by tangents.
+
+        Raises:
+            SimulationError: the run diverged.
+        """
+        parameters = {f.name: f.value(v) for f, v in zip(free, x, strict=True) if not f.recording}
+        mine = [i for i, f in enumerate(free) if not f.recording or f.recording == self.name]
+        names = [free[i].name for i in mine]
+        try:
+            found = tangents(
+                model,
+                self.stop,
+                self.step,
+                wrt=names,
+                parameters=parameters,
+                drive=self.drive,
+                initial=starts,
+                internal_step=longest,
+            )
+        except ParameterError as error:
+            raise SimulationError(error.message) from error
+        r = np.clip(self.residual(found.result.values), -FITTING.huge, FITTING.huge).ravel()
+        slopes = self.slopes(found.values).reshape(len(r), len(names))
+        J = np.zeros((len(r), len(free)))
+        for column, i in enumerate(mine):
+            J[:, i] = slopes[:, column] * free[i].slope(x[i])
+        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > FITTING.huge**2:
+            raise SimulationError("the sensitivities grow without bound")
+        return r, J
+
+    def residual(self, simulated: Array) -> Array:
+        """(measured - simulated) / sigma, zero where nothing was recorded; shape (samples, signals)."""
+        rows = self.sampled(simulated)
+        rows = rows - np.where(self.from_first, rows[0], 0.0)
+        return np.nan_to_num((self.measured - rows) / self.sigma, nan=0.0)
+
+    def slopes(self, values: Array) -> Array:
+        """Derivative of the residual, shape (samples, signals, directions), from that of the outputs."""
+        rows = self.sampled(values)
+        rows = rows - np.where(np.asarray(self.from_first)[:, None], rows[0], 0.0)
+        made = -rows / self.sigma[None, :, None]
+        made[np.isnan(self.measured)] = 0.0
+        return np.asarray(made)
+
+    def bound(
+        self, scenario: Scenario, inputs: Sequence[str], outputs: Sequence[str], others: Sequence[Experiment]
+    ) -> tuple[Model, list[Experiment]]:
+        """The model, and the experiments as they are: inputs and samples do not depend on the model.
+
+        Raises:
+            FlexarmError: the variant has no meaning, or lost a state that recordings start from.
+        """
+        model = scenario.build(inputs, outputs)
+        lost = {name for e in others for name in e.free} - set(starting_names(model))
+        if lost:
+            raise FlexarmError(f"'{min(lost)}', which a recording starts from, is no state of the amended model")
+        return model, list(others)
+
+    def fingerprint(self) -> list[Array]:
+        """Instants, samples, noise, and the input if there is one."""
+        driven = [np.asarray(self.drive.values, dtype=float)] if self.drive is not None else []
+        return [self.time, self.measured, self.sigma, *driven]
+
+    def evenly(self, r: Array) -> tuple[Array, float]:
+        """Residuals at even instants, shape (samples, signals), and the interval (s): a spectrum needs both."""
+        if not self.uneven:
+            return r, float(self.time[1] - self.time[0])
+        even = np.linspace(self.time[0], self.time[-1], len(self.time))
+        columns = [np.interp(even, self.time, column) for column in r.T]
+        return np.column_stack(columns), float(even[1] - even[0])
+
+    def lines(self, r: Array, most: int) -> dict[float, float]:
+        """The frequencies (rad/s) of the ``most`` largest peaks of a residual's spectrum, with their power."""
+        if len(self.time) < NOISE.fewest:
+            return {}
+        r, _ = self.evenly(r)
+        power = np.sum(power_spectrum(r), axis=1)
+        rate = 2 * math.pi / float(self.time[-1] - self.time[0])
+        peaks = [k for k in range(2, len(power) - 1) if power[k] == power[k - 2 : k + 3].max()]
+        return {k * rate: float(power[k]) for k in sorted(peaks, key=lambda k: -power[k])[:most]}
+
+    def disturbed_inputs(self, size: float, delay: float) -> list[TimeExperiment]:
+        """The same with a larger and with a later input; nothing if no input was recorded."""
+        if self.drive is None:
+            return []
+        larger = replace(self.drive, values=np.asarray(self.drive.values, dtype=float) * (1 + size))
+        later = replace(self.drive, time=np.asarray(self.drive.time, dtype=float) + delay * self.shortest)
+        return [replace(self, drive=larger), replace(self, drive=later)]
+
+    def noise_levels(self, r: Array) -> list[float] | None:
+        """Variance of each signal's white noise, from second differences of its residual.
+
+        A model's errors are smooth at the rate of the samples, save where a friction or a contact that is not quite
+        right makes kinks. So the median of pieces counts. A signal that holds nothing gives no level.
+        """
+        if len(self.time) < NOISE.fewest:
+            return None
+        levels = []
+        for column, recorded in zip(r.T, self.measured.T, strict=True):
+            there = np.flatnonzero(np.isfinite(recorded))
+            bend = np.diff(column[there], 2)[np.diff(there, 2) == 0]
+            if len(bend):
+                pieces = min(round(float(self.time[-1] - self.time[0]) / NOISE.piece), len(bend) // NOISE.rows)
+                levels.append(_typical(bend**2, pieces) / 6)
+        return levels
+
+    def largest_inputs(self, count: int) -> Array:
+        """Largest magnitude of each input, shape (count,); empty if none was recorded."""
+        if self.drive is None:
+            return np.zeros(0)
+        values = np.asarray(self.drive.values, dtype=float).reshape(-1, count)
+        return np.asarray(np.abs(values).max(axis=0))
+
+    def spans(
+        self, scenario: Scenario, model: Model, names: Sequence[str], longest: float | None
+    ) -> dict[str, tuple[float, float]]:
+        """Peak to peak and root mean square of signals, simulated with the recorded input."""
+        run = simulate(model, self.stop, self.step, drive=self.drive, internal_step=longest)
+        return {name: (float(np.ptp(run[name])), float(np.sqrt(np.mean(run[name] ** 2)))) for name in names}
+
+    def large_where(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
+        """When half of the residual's energy occurs, and the frequency of its largest spectral line."""
+        r, dt = self.evenly(r)
+        energy = np.sum(r**2, axis=1)
+        length = max(1, round(WINDOW / dt))
+        edges = np.arange(0, len(energy), length)
+        blocks = np.add.reduceat(energy, edges)
+        order = np.argsort(-blocks)
+        count = int(np.searchsorted(np.cumsum(blocks[order]), 0.5 * blocks.sum())) + 1
+        starts = sorted(float(edges[i] * dt) for i in order[:count])
+        when = (
+            f"half of it within {count * length * dt:.2g} s of {len(energy) * dt:.2g} s, "
+            f"from {_merged(starts, length * dt)}"
+        )
+        k = int(np.argmax(np.sum(r**2, axis=0)))
+        peak = int(np.argmax(power_spectrum(r[:, [k]])[1:])) + 1
+        return when, f"strongest at {peak / (len(r) * dt):.3g} Hz, in {names[k]}"
+
+
+def power_spectrum(r: Array) -> Array:
+    """Squared magnitude of the Fourier transform of windowed columns without their mean, shape (lines, columns)."""
+    return np.asarray(np.abs(np.fft.rfft((r - r.mean(axis=0)) * np.hanning(len(r))[:, None], axis=0)) ** 2)
+
+
+def _typical(squares: Array, pieces: int) -> float:
+    """Mean of squared second differences of white noise, from the median of the means of ``pieces`` pieces."""
+    if pieces < 3:
+        return float(squares.mean())
+    middle = float(np.median([part.mean() for part in np.array_split(squares, pieces)]))
+    # Neighbours correlate by -2/3 and 1/6, so that a mean of n is a chi-square of 18/35 n freedoms (Wilson-Hilferty).
+    return middle / (1 - 2 / (9 * len(squares) / pieces * 18 / 35)) ** 3
+
+
+def _merged(starts: Sequence[float], width: float) -> str:
+    """Pieces of time that touch each other as spans, in words."""
+    merged: list[list[float]] = []
+    for begin in starts:
+        if merged and begin - merged[-1][1] < 1e-9 + 0.5 * width:
+            merged[-1][1] = begin + width
+        else:
+            merged.append([begin, begin + width])
+    shown = [f"{a:.2f}-{b:.2f} s" for a, b in merged[:4]]
+    return ", ".join(shown) + (", ..." if len(merged) > 4 else "")
+
+
+def over_time(experiments: Sequence[Experiment]) -> list[TimeExperiment]:
+    """Those of some experiments that are recordings over time."""
+    return [e for e in experiments if isinstance(e, TimeExperiment)]

@@ -1,0 +1,84 @@
+"""A file of columns read as the scenario describes it: numbers in SI units, and errors with their place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.recordings.columns import Columns, Vector
+from engine.errors import ParameterError, Where
+from engine.quantity import coherent, convert, split
+
+if TYPE_CHECKING:
+    from scenarios.load import Scenario
+
+
+@dataclass
+class Reader:
+    """A file, and the place of its description in the scenario.
+
+    Attributes:
+        columns: of the file.
+        scenario: describes the file; None if nothing does.
+        path: keys of the description in the scenario.
+        notes: sentences that say how the data were changed.
+    """
+
+    columns: Columns
+    scenario: Scenario | None = None
+    path: tuple[str, ...] = ()
+    notes: list[str] = field(default_factory=list)
+
+    def where(self, *keys: str) -> Where | None:
+        """The place of a key of the description; None without a scenario."""
+        return self.scenario.where(*self.path, *keys) if self.scenario is not None else None
+
+    def column(self, name: str, *keys: str) -> Vector:
+        """A column as numbers; ``keys`` lead to the part of the description that names it.
+
+        Raises:
+            RecordingError: no such column, or a cell that is no number.
+        """
+        return self.columns.number(name, self.where(*keys, "column"))
+
+    def factor(self, unit: str, scale: Any, *keys: str) -> tuple[float, str]:
+        """Factor to SI, and the SI unit, of a column in ``unit`` that is multiplied by ``scale``.
+
+        Raises:
+            ParameterError: an unknown unit.
+        """
+        try:
+            number, scale_unit = split(scale) if isinstance(scale, str) else (float(scale), "")
+            combined = f"({scale_unit})*({unit})" if scale_unit else unit
+            conversion, si_unit = coherent(combined) if combined else (1.0, "")
+        except ParameterError as error:
+            raise error.at(self._place(*keys)) from None
+        return number * conversion, si_unit
+
+    def convert(self, value: object, unit: str, *keys: str) -> float:
+        """A value of the description as a number in ``unit``.
+
+        Raises:
+            ParameterError: the value does not convert to ``unit``.
+        """
+        try:
+            return convert(value, unit)
+        except ParameterError as error:
+            raise error.at(self._place(*keys)) from None
+
+    def rows(self, marked: NDArray[np.bool_]) -> str:
+        """The numbers of the marked rows as text, the first eight at most."""
+        numbers = self.columns.rows[marked]
+        shown = ", ".join(str(number) for number in numbers[:8])
+        more = f" and {len(numbers) - 8} more" if len(numbers) > 8 else ""
+        return f"{self.columns.row}{'s' if len(numbers) > 1 else ''} {shown}{more}"
+
+    def first(self, marked: NDArray[np.bool_]) -> Where:
+        """The place of the first marked row."""
+        return Where(self.columns.file, int(self.columns.rows[marked][0]))
+
+    def _place(self, *keys: str) -> Where:
+        return self.where(*keys) or Where(self.columns.file)

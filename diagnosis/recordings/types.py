@@ -1,0 +1,131 @@
+"""What was recorded, in SI units: signals over time, or a frequency response."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.recordings.columns import Vector
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A recorded signal.
+
+    Attributes:
+        name: the signal or input of the model.
+        unit: coherent SI unit of the values; empty if the file states none.
+        values: shape (samples,); NaN where a measurement holds no number.
+        column: the file's column.
+        hold: for a drive, ``zero_order`` or ``linear``.
+        tap: for a drive, where it was logged.
+        from_first: subtract the first sample; for a measurement, from the simulated signal too.
+        noise: standard deviation in ``unit``; None if it is to be estimated.
+    """
+
+    name: str
+    unit: str
+    values: Vector
+    column: str = ""
+    hold: str = "zero_order"
+    tap: str = "after_limit"
+    from_first: bool = False
+    noise: float | None = None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Signals over time.
+
+    Attributes:
+        name: of the recording.
+        file: path of the file.
+        time: seconds from the first sample, shape (samples,), strictly increasing.
+        drive: inputs of the model.
+        measurements: signals to compare with the simulation.
+        free: states whose initial value a fit may estimate for this recording.
+        loop, role: as the scenario states them.
+        resample: interval (s) at which measurements are compared; None compares every sample.
+        notes: sentences that say how the data were changed.
+    """
+
+    name: str
+    file: str
+    time: Vector
+    drive: tuple[Channel, ...]
+    measurements: tuple[Channel, ...]
+    free: tuple[str, ...] = ()
+    loop: str = "open"
+    role: str = "train"
+    notes: tuple[str, ...] = ()
+    resample: float | None = None
+
+    @property
+    def noise_stated(self) -> bool:
+        """Whether the noise of every signal is stated rather than estimated."""
+        return all(channel.noise is not None for channel in self.measurements)
+
+    @property
+    def extent(self) -> tuple[int, float]:
+        """Number of samples, and duration (s)."""
+        return len(self.time), float(self.time[-1])
+
+    def split(self, length: float) -> tuple[Recording, Recording] | None:
+        """The recording with the measurements of every second stretch of ``length`` seconds, to fit, and with the rest.
+
+        The rest is held out.
+        """
+        fitted = np.floor(np.asarray(self.time) / length).astype(int) % 2 == 0
+
+        def only(keep: NDArray[np.bool_]) -> tuple[Channel, ...]:
+            return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in self.measurements)
+
+        return (
+            replace(self, name=f"{self.name} (fitted part)", role="train", measurements=only(fitted)),
+            replace(self, name=f"{self.name} (held-out part)", role="hold_out", measurements=only(~fitted)),
+        )
+
+
+@dataclass(frozen=True)
+class FrequencyTable:
+    """A frequency response: one row per sine.
+
+    Attributes:
+        name, file: as in `Recording`.
+        drive: the input that the sine drives.
+        frequency: rad/s, shape (rows,).
+        amplitude: of the sine, in ``amplitude_unit``, shape (rows,).
+        responses: measured amplitudes (half the peak to peak), each of shape (rows,).
+        largest_step: upper bound of the integration step (s), or None.
+    """
+
+    name: str
+    file: str
+    drive: str
+    frequency: Vector
+    amplitude: Vector
+    amplitude_unit: str
+    responses: tuple[Channel, ...]
+    largest_step: float | None = None
+    role: str = "train"
+    notes: tuple[str, ...] = ()
+
+    @property
+    def noise_stated(self) -> bool:
+        """False: the digits of a reading tell its noise better than a statement."""
+        return False
+
+    @property
+    def extent(self) -> tuple[int, float]:
+        """Number of rows, and no duration (NaN)."""
+        return len(self.frequency), math.nan
+
+    def split(self, length: float) -> None:
+        """None: rows of a table belong to no time."""
+
+
+Recorded = Recording | FrequencyTable
+"""Data for a fit or a comparison."""

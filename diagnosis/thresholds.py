@@ -1,0 +1,763 @@
+"""Every number that decides something in a diagnosis: value, unit, reason, and what set it.
+
+The page of rules in the documentation is made from here. Tolerances of numerical methods stand beside the method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+def number(value: Any, unit: str, reason: str, set_by: str) -> Any:
+    """A number of a rule.
+
+    Args:
+        value: it.
+        unit: of the value; ``1`` for a share.
+        reason: why there is such a number.
+        set_by: the decision record, or the cases on which the value was found, with the commit that set it.
+    """
+    return field(default=value, metadata={"unit": unit, "reason": reason, "set_by": set_by})
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What is noise, and what chance does."""
+
+    piece: float = number(
+        0.2,
+        "s",
+        "Pieces of a residual whose median tells its noise: kinks of a law that is not quite right fall "
+        "into few of them.",
+        "proof of 591 cases (8b7f4d1)",
+    )
+    rows: int = number(
+        32,
+        "samples",
+        "Least number of samples in a piece, so that its mean square is known to a fifth.",
+        "proof of 591 cases (8b7f4d1)",
+    )
+    fewest: int = number(
+        64,
+        "samples",
+        "With fewer samples second differences do not tell the noise, and the stated variance counts.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    block: float = number(
+        0.2,
+        "s",
+        "Blocks that the bootstrap draws: residuals are taken to be independent beyond it.",
+        "first cases of the truth generator (09d7d5d)",
+    )
+    chance: float = number(
+        1.645,
+        "standard deviations",
+        "chi2 that noise alone exceeds once in twenty times.",
+        "tables and recordings of others (59a88f6)",
+    )
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How a model is fitted to recordings."""
+
+    huge: float = number(
+        1000000.0,
+        "standard deviations",
+        "Bound on a residual: a simulation that runs away counts as this.",
+        "first cases of the truth generator (09d7d5d)",
+    )
+    settled: float = number(
+        0.0001,
+        "1",
+        "Where no step gains anything, a fit has converged if it promised less than this share of the cost.",
+        "first cases of the truth generator (09d7d5d)",
+    )
+    alike: float = number(
+        0.3,
+        "1",
+        "Standard deviation of the logarithm of the ratio of two sizes that are expected to be equal.",
+        "suite 'pairs' (15b161c)",
+    )
+    first_samples: int = number(
+        16,
+        "samples",
+        "A parabola through these gives the slope at the start of a recording.",
+        "tables and recordings of others (59a88f6)",
+    )
+    usual_start: float = number(
+        0.05,
+        "SI",
+        "Scale of a starting value that no measurement speaks of, such as the twist of a joint.",
+        "tables and recordings of others (59a88f6)",
+    )
+    most_samples: int = number(
+        1000000,
+        "samples",
+        "A fit simulates all of them some hundred times.",
+        "tables and recordings of others (59a88f6)",
+    )
+    finest: int = number(
+        8,
+        "steps per sample",
+        "What moves faster than this many integration steps can follow, the data cannot show.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    stable: float = number(
+        2.0,
+        "1",
+        "A mode is integrated stably while its rate times the step stays below this.",
+        "stability limit of RK4 on the real axis is 2.78",
+    )
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Frequency-response tables, whose few rows are costly to simulate."""
+
+    difference: float = number(
+        0.02,
+        "tolerances",
+        "Difference of the search variable for derivatives.",
+        "tables and recordings of others (59a88f6)",
+    )
+    kept: int = number(
+        2,
+        "steps",
+        "A Jacobian serves this many further steps.",
+        "tables and recordings of others (59a88f6)",
+    )
+    near: float = number(
+        0.6,
+        "tolerances",
+        "Length of a step after which a Jacobian is computed anew.",
+        "tables and recordings of others (59a88f6)",
+    )
+    credible: float = number(
+        3.0,
+        "standard deviations",
+        "Beyond it the cost of a held-out reading grows in proportion: one may be misread or misprinted.",
+        "tables and recordings of others (59a88f6)",
+    )
+    latest: int = number(
+        16,
+        "evaluations",
+        "Answers that are kept, for a fit asks for them twice.",
+        "tables and recordings of others (59a88f6)",
+    )
+    fewest: int = number(
+        4,
+        "rows",
+        "Rows that a table needs to be fitted to.",
+        "tables and recordings of others (59a88f6)",
+    )
+    factors: tuple[float, ...] = number(
+        (0.3, 0.5, 2.0, 3.0),
+        "1",
+        "Factors by which a parameter of a table's model may be wrong, to start from: a few rows leave a "
+        "fit in local optima.",
+        "suite 'wrong' and the tables of the SRV02 (b637a21)",
+    )
+    lowest_shares: tuple[float, ...] = number(
+        (0.5, 0.35),
+        "1",
+        "Shares of the rows, those of the lowest frequencies, that show inertia and friction alone; the "
+        "largest that can be met counts.",
+        "tables of the SRV02 (b637a21)",
+    )
+    suspects: int = number(
+        2,
+        "parameters",
+        "Parameters that may be wrong beside a missing effect.",
+        "tables of the SRV02 (686f37b)",
+    )
+    beside: int = number(
+        12,
+        "effects",
+        "Effects that are looked at beside each of them.",
+        "tables of the SRV02 (686f37b)",
+    )
+    tried: int = number(
+        3,
+        "effects",
+        "Effects that are fitted beside each of them.",
+        "tables of the SRV02 (686f37b)",
+    )
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """How uncertain a fitted parameter is."""
+
+    block: float = number(
+        0.25,
+        "s",
+        "Blocks within which residuals are taken to be correlated.",
+        "ADR 11",
+    )
+    input_size: float = number(
+        0.03,
+        "1",
+        "Standard deviation of the input's size: no amplifier is calibrated better.",
+        "ADR 11",
+    )
+    input_timing: float = number(
+        0.1,
+        "samples",
+        "Standard deviation of the input's instants.",
+        "ADR 11",
+    )
+    least_left: float = number(
+        0.02,
+        "noise power",
+        "What a model leaves out, at least.",
+        "ADR 11",
+    )
+    most_left: float = number(
+        1.0,
+        "noise power",
+        "What a model leaves out, at most.",
+        "ADR 11",
+    )
+    left_length: float = number(
+        0.5,
+        "s",
+        "How long what is left out keeps its sign.",
+        "ADR 11",
+    )
+    reach: float = number(
+        40.0,
+        "tolerances",
+        "A cost that is flat is followed this far.",
+        "ADR 11",
+    )
+    rise: float = number(
+        3.84,
+        "1",
+        "Rise of the cost at the end of a 95 % interval.",
+        "chi-square of one freedom at 95 %",
+    )
+    close: float = number(
+        0.01,
+        "1",
+        "Relative accuracy of such an end.",
+        "ADR 11",
+    )
+
+
+@dataclass(frozen=True)
+class Insertion:
+    """How an effect that is put in is fitted."""
+
+    starts: int = number(
+        3,
+        "starting sizes",
+        "Starting sizes of an effect that are fitted.",
+        "suite 'catalogue' (544f6d4)",
+    )
+    apart: float = number(
+        3.0,
+        "tolerances",
+        "Least distance between them: neighbours end in the same optimum.",
+        "suite 'catalogue' (544f6d4)",
+    )
+    structures: int = number(
+        10,
+        "models",
+        "Values of a size that is only chosen, such as the order of a ripple, that are fitted.",
+        "ripples of suite 'catalogue' (785e5d6)",
+    )
+    settles: int = number(
+        24,
+        "steps",
+        "Steps of those fits: which value is right shows late.",
+        "ripples of suite 'catalogue' (785e5d6)",
+    )
+    glance: float = number(
+        0.4,
+        "1",
+        "Share of the training recordings on which starting sizes are compared.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    first_steps: int = number(
+        6,
+        "steps",
+        "Steps from each of the best starts.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    most_steps: int = number(
+        25,
+        "steps",
+        "Steps from the best of all.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    polishing_steps: int = number(
+        150,
+        "steps",
+        "Steps of the chosen model's last fit.",
+        "resumed studies (75626be)",
+    )
+    finer: tuple[float, ...] = number(
+        (0.5, 0.25, 0.125, 0.0625, 0.03125),
+        "samples",
+        "Distances at which a size that is only chosen, a delay, is looked for next to the best.",
+        "delays of suite 'core' (ad31092)",
+    )
+    orders: int = number(
+        5,
+        "orders",
+        "Orders of a wave that are fitted from the linear solution.",
+        "ripple and gravity of suite 'catalogue' (137926e)",
+    )
+    orders_beside: int = number(
+        3,
+        "orders",
+        "The same beside another effect.",
+        "ripple and gravity of suite 'catalogue' (137926e)",
+    )
+    solution: float = number(
+        2.0,
+        "chi2",
+        "Up to this the linear solution is taken for the solution.",
+        "ripple and gravity of suite 'catalogue' (137926e)",
+    )
+    least_gain: float = number(
+        0.003,
+        "1",
+        "Stop when a step reduces the cost by less than this fraction.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    farthest: float = number(
+        3.0,
+        "tolerances",
+        "A parameter moves at most this far in the linear solution.",
+        "ripple and gravity of suite 'catalogue' (137926e)",
+    )
+    finished: int = number(
+        15,
+        "effects",
+        "Effects that are fitted to the end.",
+        "suite 'pairs' (7f79900)",
+    )
+    promising: float = number(
+        0.2,
+        "1",
+        "They gained at least this share of what the best gained.",
+        "suite 'pairs' (7f79900)",
+    )
+    lines: int = number(
+        3,
+        "frequencies",
+        "Frequencies of what is left over that are tried as a vibration from outside.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """How a second effect is sought."""
+
+    exchanged: int = number(
+        6,
+        "effects",
+        "Effects that are fitted in the place of one half of a pair.",
+        "suite 'pairs' (7f79900)",
+    )
+    seconds: int = number(
+        12,
+        "effects",
+        "Effects that are tried beside a leader other than the first.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    leaders: int = number(
+        2,
+        "effects",
+        "Effects beside which a second one is sought.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    seconds_at_tables: int = number(
+        3,
+        "effects",
+        "The same for tables, which are costly to simulate for the few numbers they give.",
+        "tables of the SRV02 (3808432)",
+    )
+    leaders_at_tables: int = number(
+        1,
+        "effects",
+        "The same for tables.",
+        "tables of the SRV02 (3808432)",
+    )
+    together: int = number(
+        20,
+        "pairs",
+        "Pairs that are fitted because they look best together.",
+        "suite 'pairs' (7f79900)",
+    )
+    rounds: int = number(
+        2,
+        "rounds",
+        "How often halves of a pair are exchanged.",
+        "suite 'pairs' (7f79900)",
+    )
+    swaps: float = number(
+        0.2,
+        "1",
+        "Share of the held-out excess that the best pair must take away for its halves to be exchanged.",
+        "suite 'pairs' (1945846)",
+    )
+    factor: float = number(
+        30.0,
+        "1",
+        "A size is taken to be within this factor of the one that was simulated.",
+        "suite 'pairs' (15b161c)",
+    )
+    sizes: int = number(
+        12,
+        "sizes",
+        "Sizes of an effect that are simulated.",
+        "suite 'pairs' (15b161c)",
+    )
+    samples: int = number(
+        4000,
+        "samples",
+        "Samples of the fitted recordings that are looked at.",
+        "long recordings (2f0e384)",
+    )
+    places: int = number(
+        2,
+        "places",
+        "Places at which the pair of two effects is tried.",
+        "suite 'pairs' (7f79900)",
+    )
+    kept: int = number(
+        2,
+        "pairs of sizes",
+        "Sizes from which a pair starts.",
+        "suite 'pairs' (7f79900)",
+    )
+    nearly: float = number(
+        0.8,
+        "1",
+        "They gain at least this share of the best gain.",
+        "suite 'pairs' (7f79900)",
+    )
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """When a held-out recording is fitted too, because it alone shows a mismatch."""
+
+    blind: float = number(
+        5.0,
+        "floors",
+        "Held-out excess that calls for another recording to be fitted, where one effect brings the "
+        "fitted ones to the floor.",
+        "suite 'pairs' (1945846)",
+    )
+    unseen: float = number(
+        0.5,
+        "floors",
+        "The same where the fitted recordings are at the floor.",
+        "saturation of suite 'core' (5656bef)",
+    )
+    part: float = number(
+        0.5,
+        "s",
+        "Parts into which a recording is cut that alone shows a mismatch.",
+        "pairs that hide each other (f8fedfc)",
+    )
+
+
+@dataclass(frozen=True)
+class Preference:
+    """When an effect pays, which of several is taken, and what is named."""
+
+    decisive: float = number(
+        10.0,
+        "cost",
+        "Twice the log likelihood ratio from which one change is preferred to another.",
+        "Kass and Raftery 1995: very strong evidence",
+    )
+    near: float = number(
+        0.05,
+        "1",
+        "Models whose held-out errors differ by less than this share do equally well.",
+        "first cases of the truth generator (09d7d5d)",
+    )
+    richer: float = number(
+        0.02,
+        "1",
+        "A richer law that does better by more than this share is a rival of the simpler one.",
+        "friction of suite 'core' (5656bef)",
+    )
+    least: float = number(
+        0.25,
+        "floors",
+        "Excess that is worth explaining.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    far: float = number(
+        1.5,
+        "floors",
+        "The same where the fitted data are at the floor.",
+        "pairs that hide each other (f8fedfc)",
+    )
+    fitted: float = number(
+        0.1,
+        "floors",
+        "The same for fitted data, which more samples and free parameters bring closer to the floor.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    reached: float = number(
+        0.5,
+        "floors",
+        "Where the noise is known, a right law brings the held-out error this close to it.",
+        "pairs that hide each other (f8fedfc)",
+    )
+    left_over: float = number(
+        0.015,
+        "1",
+        "Or it leaves this share of the excess.",
+        "pairs that hide each other (f8fedfc)",
+    )
+    left_at_most: float = number(
+        2.0,
+        "floors",
+        "But at most this.",
+        "pairs that hide each other (f8fedfc)",
+    )
+    uncertain: float = number(
+        0.25,
+        "1",
+        "Where the fitted data are at the floor, this share of the excess may be what the parameters are uncertain by.",
+        "pairs that hide each other (f8fedfc)",
+    )
+    uncertain_at_most: float = number(
+        5.0,
+        "floors",
+        "But at most this.",
+        "pairs that hide each other (f8fedfc)",
+    )
+    unknown: float = number(
+        1.0,
+        "floors",
+        "Held-out excess beyond which something is missing even if no effect accounts for it.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    explains: float = number(
+        0.6,
+        "1",
+        "Share of the held-out excess that a name must account for.",
+        "first cases of the truth generator (09d7d5d)",
+    )
+    pays: float = number(
+        0.3,
+        "1",
+        "Share of the held-out excess that a first effect must take away.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    pays_again: float = number(
+        0.5,
+        "1",
+        "The same for a second effect.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    bent: float = number(
+        5.0,
+        "tolerances",
+        "An effect that needs a parameter of the user's this far out, where the refit did not, is not named.",
+        "proof of 591 cases (8b7f4d1)",
+    )
+    relieves: float = number(
+        0.6,
+        "1",
+        "A single change relieves the tolerances if it leaves at most this share of the prior cost.",
+        "pairs that hide each other (f8fedfc)",
+    )
+    believed: float = number(
+        2.5,
+        "tolerances",
+        "Distance beyond which a fitted parameter is not believed.",
+        "first cases of the truth generator (09d7d5d)",
+    )
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """How a missing force is recovered without a name."""
+
+    knot: float = number(
+        0.024,
+        "s",
+        "Time between the knots of the recovered force.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    rows_per_knot: int = number(
+        4,
+        "samples",
+        "Samples of the residual that are kept for each knot.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    bins: int = number(
+        15,
+        "points",
+        "Points of a curve.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    loose: float = number(
+        1.5,
+        "tolerances",
+        "How far a parameter may have moved.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    heights: int = number(
+        21,
+        "points",
+        "Heights of a curve that is put in: enough that a jump, such as dry friction's, is not smeared "
+        "over the whole range.",
+        "suite 'withheld' (b637a21)",
+    )
+    places: int = number(
+        3,
+        "places",
+        "Places where a curve is tried.",
+        "suite 'withheld' (b68ec5a)",
+    )
+    curves: int = number(
+        2,
+        "curves",
+        "Quantities that it may depend on, at each place.",
+        "suite 'withheld' (b68ec5a)",
+    )
+
+
+@dataclass(frozen=True)
+class Wording:
+    """What a sentence mentions."""
+
+    left: float = number(
+        2.0,
+        "floors",
+        "Held-out error beyond which a sentence about a tie says what is left.",
+        "pairs that hide each other (f8fedfc)",
+    )
+
+
+@dataclass(frozen=True)
+class RecordingChecks:
+    """What is odd about a recording."""
+
+    alike: float = number(
+        0.8,
+        "1",
+        "Correlation of measured and simulated signal from which their ratio means something.",
+        "tables and recordings of others (59a88f6)",
+    )
+    near: float = number(
+        0.12,
+        "1",
+        "A ratio within this share of a unit's is taken for it.",
+        "tables and recordings of others (59a88f6)",
+    )
+    farthest: int = number(
+        5,
+        "samples",
+        "Shift of a column that is looked for.",
+        "tables and recordings of others (59a88f6)",
+    )
+    halved: float = number(
+        0.35,
+        "1",
+        "A shift is reported if it leaves this share of the residual, or less.",
+        "tables and recordings of others (59a88f6)",
+    )
+    run: int = number(
+        5,
+        "samples",
+        "Equal samples in a row, at the extreme of a signal, that may be clipping.",
+        "tables and recordings of others (59a88f6)",
+    )
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """Which experiment is proposed."""
+
+    duration: float = number(
+        6.0,
+        "s",
+        "Length of an input.",
+        "first cases of the truth generator (09d7d5d)",
+    )
+    step: float = number(
+        0.001,
+        "s",
+        "Time between its values.",
+        "suite 'ties' (0762a7f)",
+    )
+    quick: float = number(
+        0.005,
+        "s",
+        "Shortest bit of a random binary sequence; five samples where they are further apart than a millisecond.",
+        "suite 'ties' (0762a7f)",
+    )
+    independent: float = number(
+        0.1,
+        "1",
+        "Share of the samples that counts: noise is not white, and no law is exact.",
+        "suite 'ties' (0762a7f)",
+    )
+    amplitudes: tuple[float, ...] = number(
+        (0.25, 0.5, 0.75, 1.0),
+        "1",
+        "Amplitudes of a proposed sweep, as shares of the largest that was used.",
+        "tables and recordings of others (59a88f6)",
+    )
+    enough: float = number(
+        10.0,
+        "log Bayes factor",
+        "Two models count as separated for good.",
+        "tables and recordings of others (59a88f6)",
+    )
+    separated: float = number(
+        3.0,
+        "log Bayes factor",
+        "An experiment is said to separate two models.",
+        "tables and recordings of others (59a88f6)",
+    )
+    frequencies: int = number(
+        6,
+        "frequencies",
+        "Frequencies of a table at which an amplitude sweep is tried.",
+        "tables and recordings of others (59a88f6)",
+    )
+
+
+NOISE = Noise()
+FITTING = Fitting()
+TABLES = Tables()
+INTERVALS = Intervals()
+INSERTION = Insertion()
+PAIRS = Pairs()
+EXCHANGE = Exchange()
+PREFERENCE = Preference()
+RECOVERY = Recovery()
+WORDING = Wording()
+RECORDING_CHECKS = RecordingChecks()
+NEXT_EXPERIMENT = NextExperiment()
+
+GROUPS = (
+    NOISE,
+    FITTING,
+    TABLES,
+    INTERVALS,
+    INSERTION,
+    PAIRS,
+    EXCHANGE,
+    PREFERENCE,
+    RECOVERY,
+    WORDING,
+    RECORDING_CHECKS,
+    NEXT_EXPERIMENT,
+)

@@ -1,0 +1,65 @@
+"""Numbers that decide something stand in one module, each with its unit, its reason and what set it."""
+
+import ast
+from dataclasses import FrozenInstanceError, fields
+from pathlib import Path
+
+import pytest
+
+from diagnosis import thresholds
+
+ROOT = Path(__file__).resolve().parents[2]
+DECIDING = ("estimation", "search", "verdict")
+"""Rooms in which no module-level number may stand."""
+
+NO_RULES = {
+    ("verdict/figures.py", "DWARFS"),
+    ("verdict/figures.py", "FAINT"),
+    ("verdict/figures.py", "PLACES"),
+    ("verdict/write.py", "THINNED"),
+    ("estimation/time_experiment.py", "WINDOW"),
+    ("search/equivalent_effects.py", "GRAVITY"),
+    ("search/dask_fitter.py", "STUDIES"),
+}
+"""What is drawn, printed, kept, or a constant of nature."""
+
+
+def numbers_of(path: Path):
+    for statement in ast.parse(path.read_text(encoding="utf-8")).body:
+        if not isinstance(statement, ast.Assign):
+            continue
+        try:
+            value = ast.literal_eval(statement.value)
+        except ValueError:
+            continue
+        values = value if isinstance(value, tuple) else (value,)
+        if values and all(isinstance(v, int | float) for v in values):
+            yield from (node.id for node in ast.walk(statement.targets[0]) if isinstance(node, ast.Name))
+
+
+def test_no_number_that_decides_stands_elsewhere():
+    rooms = [p for room in DECIDING for p in (ROOT / "diagnosis" / room).rglob("*.py")]
+    found = {
+        (str(path.relative_to(ROOT / "diagnosis")), name)
+        for path in [*rooms, ROOT / "diagnosis" / "problems.py"]
+        for name in numbers_of(path)
+    }
+    assert found == NO_RULES
+
+
+@pytest.mark.parametrize("group", thresholds.GROUPS, ids=lambda group: type(group).__name__)
+def test_each_has_unit_reason_and_what_set_it(group):
+    for field in fields(group):
+        assert set(field.metadata) == {"unit", "reason", "set_by"}, field.name
+        assert all(field.metadata.values()), field.name
+        assert field.metadata["reason"].endswith("."), field.name
+    with pytest.raises(FrozenInstanceError):
+        setattr(group, fields(group)[0].name, 0)
+
+
+def test_every_number_is_used():
+    text = "\n".join(p.read_text(encoding="utf-8") for p in (ROOT / "diagnosis").rglob("*.py"))
+    constants = {id(value): name for name, value in vars(thresholds).items()}
+    for group in thresholds.GROUPS:
+        for field in fields(group):
+            assert f"{constants[id(group)]}.{field.name}" in text
