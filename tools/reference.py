@@ -291,7 +291,11 @@ def _signature(name: str, made: Callable[..., Any]) -> str:
 
 
 def _argument(parameter: inspect.Parameter) -> str:
-    return re.sub(r"'([^']*)'(?= =|$)", r"\1", str(parameter))
+    several = "*" if parameter.kind is parameter.VAR_POSITIONAL else ""
+    text = f"{'**' if parameter.kind is parameter.VAR_KEYWORD else several}{parameter.name}"
+    if parameter.annotation is not parameter.empty:
+        text += f": {parameter.annotation!s}"
+    return text if parameter.default is parameter.empty else f"{text} = {parameter.default!r}"
 
 
 def _members(cls: type) -> list[str]:

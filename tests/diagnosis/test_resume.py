@@ -29,7 +29,7 @@ LEFT_OUT = (
 )
 FITS = 3
 """Fits that are done when the command is stopped."""
-LONGEST = 90.0
+LONGEST = 900.0
 
 
 def started(folder, workers, output):
