@@ -178,7 +178,7 @@ class _Assembly:
     def _symbol(self, name: str, value: float, declared: Any, user: str) -> Expression:
         known = self.net.parameters.get(name)
         if known is None:
-            known = ModelParameter(name, ca.SX.sym(name), float(value), declared)
+            known = ModelParameter(name, ca.SX.sym(name), float(value), declared.signed(float(value)))
             self.net.parameters[name] = known
         elif known.value != value:
             raise ConnectionProblem(f"parameter '{name}' is {known.value} in {known.users[0]} but {value} in {user}")

@@ -99,9 +99,10 @@ def parameter(
     tolerance: float | None = None,
     size: str = "",
     structural: bool = False,
+    nonzero: bool = False,
 ) -> Any:
     """Declare a parameter; see `engine.quantity.Parameter` for the meaning of each argument."""
-    return _Declared(Parameter("", unit, default, doc, gt, ge, lt, le, tolerance, size, structural))
+    return _Declared(Parameter("", unit, default, doc, gt, ge, lt, le, tolerance, size, structural, nonzero))
 
 
 def option(

@@ -11,7 +11,7 @@ import functools
 import math
 import re
 from collections.abc import Container
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from engine.errors import ParameterError
@@ -242,6 +242,7 @@ class Parameter:
         default: value when none is given; ``...`` means it must be given; a `SameAs` means that of another parameter.
         doc: one sentence.
         gt, ge, lt, le: open and closed bounds.
+        nonzero: 0 is refused and either sign is allowed, as for the ratio of a gear; see `signed`.
         tolerance: relative uncertainty that fitting may use (0.1 is 10 %); None if it is not for fitting.
         size: name of the block's option that gives the length of a vector (by its sum, if it is a vector itself), or
             empty for a scalar.
@@ -259,6 +260,7 @@ class Parameter:
     tolerance: float | None = None
     size: str = ""
     structural: bool = False
+    nonzero: bool = False
 
     @property
     def required(self) -> bool:
@@ -276,7 +278,15 @@ class Parameter:
     def limits(self) -> str:
         """The bounds in words, empty when there are none."""
         signs = ((">", self.gt), (">=", self.ge), ("<", self.lt), ("<=", self.le))
-        return " and ".join(f"{sign} {bound:g}" for sign, bound in signs if bound is not None)
+        stated = [f"{sign} {bound:g}" for sign, bound in signs if bound is not None]
+        return " and ".join([*stated, "other than 0"] if self.nonzero else stated)
+
+    def signed(self, value: float) -> Parameter:
+        """The declaration within a model that was built with ``value``: a nonzero parameter keeps its sign."""
+        if not self.nonzero:
+            return self
+        side = {"gt": 0.0} if value > 0 else {"lt": 0.0}
+        return replace(self, nonzero=False, **side)
 
     def check(self, value: object) -> float:
         """The value in the declared unit.
@@ -290,6 +300,7 @@ class Parameter:
             or (self.ge is not None and number < self.ge)
             or (self.lt is not None and number >= self.lt)
             or (self.le is not None and number > self.le)
+            or (self.nonzero and number == 0)
         )
         if outside:
             unit = "" if self.unit in ("1", "*") else f" {self.unit}"

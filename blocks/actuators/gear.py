@@ -13,8 +13,9 @@ if TYPE_CHECKING:
 class Gear(Block):
     """Gear: input angle = ratio * output angle, torque out = efficiency * ratio * torque in, J on the output shaft.
 
-    ``ratio`` n > 0 is the reduction: the input turns n times while the output turns once. Of the power that enters at
-    the input the share ``efficiency`` eta arrives at the output, whichever way it flows; so an inertia Jm before the
+    ``ratio`` n is the reduction: the input turns n times while the output turns once, in the opposite sense if n < 0,
+    as in a pair of external gears. Of the power that enters at the input the share ``efficiency`` eta arrives at the
+    output, whichever way it flows; so an inertia Jm before the
     gear counts as eta n^2 Jm behind it (paper 000, Jeq = eta_g Kg^2 Jm + gears). The loss is counted in the energy
     balance. A constant eta gains power when the load drives the motor, a weakness of the law.
 
@@ -22,7 +23,7 @@ class Gear(Block):
     gear cannot lie in a closed loop of ties.
     """
 
-    ratio = parameter("1", ..., "reduction n, input speed / output speed", gt=0)
+    ratio = parameter("1", ..., "reduction n, input speed / output speed; negative if the gear reverses", nonzero=True)
     efficiency = parameter(
         "1", 1.0, "share eta of the power at the input that arrives at the output", gt=0, le=1, tolerance=0.1
     )

@@ -48,7 +48,7 @@ def test_it_fits_the_json_schema(name: str, validator: Any) -> None:
         {"schema": 2},
         {"blocks": {"a": {"type": "DCMotro"}}},
         {"blocks": {"a": {"type": "Gear"}}},
-        {"blocks": {"a": {"type": "Gear", "ratio": -1}}},
+        {"blocks": {"a": {"type": "Gear", "ratio": 0}}},
         {"blocks": {"a": {"type": "Gear", "ratio": "many"}}},
         {"blocks": {"a": {"type": "Gear", "ratio": 2, "ratoi": 2}}},
         {"blocks": {"a": {"type": "Backlash", "stiffness": 1, "half_gap": 0, "law": "pull"}}},
