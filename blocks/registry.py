@@ -95,8 +95,8 @@ _SHIPPED = {
 }
 
 _REPLACED = {
-    "FeedForward": "use RigidFeedForward (masses: 1), TwoMassFeedForward (masses: 2) or ThreeMassFeedForward (masses: 3) "
-    "without the key 'masses'; for masses: 0 give any of them active: false",
+    "FeedForward": "use RigidFeedForward (masses: 1), TwoMassFeedForward (masses: 2) or ThreeMassFeedForward "
+    "(masses: 3) without the key 'masses'; for masses: 0 give any of them active: false",
 }
 """Type names of earlier versions: what to write now."""
 

@@ -285,8 +285,9 @@ class Parameter:
         """The declaration within a model that was built with ``value``: a nonzero parameter keeps its sign."""
         if not self.nonzero:
             return self
-        side = {"gt": 0.0} if value > 0 else {"lt": 0.0}
-        return replace(self, nonzero=False, **side)
+        if value > 0:
+            return replace(self, nonzero=False, gt=0.0)
+        return replace(self, nonzero=False, lt=0.0)
 
     def check(self, value: object) -> float:
         """The value in the declared unit.

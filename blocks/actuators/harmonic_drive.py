@@ -15,10 +15,11 @@ class HarmonicDrive(Block):
     """Harmonic drive: tau = K e + D e', e = angle of the input / n - angle of the output.
 
     tau acts on the output and -tau / n on the input; n = ratio, K = stiffness and D = damping, on the output side. The
-    input is the wave generator, |n| times as fast as the output. n < 0 where the output turns in the opposite sense: the
-    circular spline is held and the flexspline drives the load. The block has no inertia: connect the rotor to the input
-    and the load to the output. As K grows, rotor Jr and load Jl approach (n^2 Jr + Jl) q'' = n (torque at the input):
-    what is left of the difference falls as 1 / K, and the frequency they swing at against each other grows as sqrt(K).
+    input is the wave generator, |n| times as fast as the output. n < 0 where the output turns in the opposite sense:
+    the circular spline is held and the flexspline drives the load. The block has no inertia: connect the rotor to the
+    input and the load to the output. As K grows, rotor Jr and load Jl approach
+    (n^2 Jr + Jl) q'' = n (torque at the input): the difference falls as 1 / K, and the frequency at which they swing
+    against each other grows as sqrt(K).
 
     With an ``efficiency`` eta below 1, ``loss: constant`` takes tau / (eta n) from the input, whichever way power
     flows, as `Gear` does; it gains power while the load drives. ``loss: directed`` takes tau / (eta n) while the input
