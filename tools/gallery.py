@@ -184,7 +184,7 @@ def bode_with_gap() -> bytes:
     measured = 20 * np.log10(error.measured / 2)
     missed = np.sqrt(np.mean((measured - [20 * np.log10(gain(rate)) for rate in error.axis]) ** 2))
     fine = np.geomspace(error.axis[0], error.axis[-1], 400)
-    axis.semilogx(error.axis, measured, "o", color=BLUE, ms=4, label="measured, Table A.2 of paper 002")
+    axis.semilogx(error.axis, measured, "o", color=BLUE, ms=4, label="measured, Gao's Table A.2")
     bode = 20 * np.log10([gain(rate) for rate in fine])
     axis.semilogx(fine, bode, color=GREY, lw=1.4, label=f"linear: {missed:.2f} dB rms")
     label = f"with dry friction and a half gap of 0.03 rad: {error.rms_db:.2f} dB rms"

@@ -97,7 +97,7 @@ class BearingFriction(_RotationalFriction):
     the others: static as sliding, backward as forward. Where a fit takes Fs below Fc, Fc counts. Several frictions on
     one shaft add up; a friction that closes a loop of frictions is refused. With every level 0 the block is a viscous
     damper that never sticks, and its levels cannot be tuned afterwards.
-    Armstrong, Dupont, Canudas de Wit, Automatica 30 (1994); referee's notes 2.4; design, section 4.
+    [Armstrong 1994]; switching without chatter: docs/explanation/switching.md.
     """
 
     shaft = flange("the shaft that turns in the bearing")

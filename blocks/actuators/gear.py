@@ -15,9 +15,9 @@ class Gear(Block):
 
     ``ratio`` n is the reduction: the input turns n times while the output turns once, in the opposite sense if n < 0,
     as in a pair of external gears. Of the power that enters at the input the share ``efficiency`` eta arrives at the
-    output, whichever way it flows; so an inertia Jm before the
-    gear counts as eta n^2 Jm behind it (paper 000, Jeq = eta_g Kg^2 Jm + gears). The loss is counted in the energy
-    balance. A constant eta gains power when the load drives the motor, a weakness of the law.
+    output, whichever way it flows; so an inertia Jm before the gear counts as eta n^2 Jm behind it (Jeq = eta_g Kg^2 Jm
+    + gears [Gao X. n.d., text below eq. 11]). The loss is counted in the energy balance. A constant eta gains power
+    when the load drives the motor, a weakness of the law.
 
     With efficiency = 1 the gear is lossless and eta is not in the equations, so it cannot be tuned afterwards. A lossy
     gear cannot lie in a closed loop of ties.

@@ -25,7 +25,7 @@ class HarmonicDrive(Block):
     flows, as `Gear` does; it gains power while the load drives. ``loss: directed`` takes tau / (eta n) while the input
     drives and eta tau / n while the load does: the difference from tau / n is a dry friction at the input whose level
     follows |tau|, and so it holds the input still, exactly, below that level. With efficiency = 1 neither is in the
-    equations. Paper 001 (1), (2); referee's notes 0.3, 2.1.
+    equations. [One-link n.d., eqs. 1, 2], with the reaction divided by n (docs/errata.md).
     """
 
     loss = option(str, "constant", "how the efficiency counts when the load drives", choices=("constant", "directed"))

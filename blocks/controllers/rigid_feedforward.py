@@ -23,6 +23,8 @@ class RigidFeedForward(InverseDynamics):
     used: the ports are here so that the block can be exchanged for `TwoMassFeedForward` without rewiring.
 
     Sign: positive V and positive motor torque turn the motor in its positive sense.
+
+    [Gao J. n.d., eq. 2.16] without a spring; its misprints are repaired (docs/errata.md).
     """
 
     load_inertia = inertia("the load Ja")

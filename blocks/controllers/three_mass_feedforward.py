@@ -27,6 +27,8 @@ class ThreeMassFeedForward(InverseDynamics):
 
     Sign: positive V and positive motor torque turn the motor in its positive sense; e > 0 turns the gear ahead of the
     load, q > 0 the load ahead of the link.
+
+    [Gao J. n.d., eq. 2.21]; its misprints are repaired (docs/errata.md).
     """
 
     load_inertia = inertia("the load Ja")

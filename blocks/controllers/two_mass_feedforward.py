@@ -25,6 +25,8 @@ class TwoMassFeedForward(InverseDynamics):
 
     Sign: positive V and positive motor torque turn the motor in its positive sense; e > 0 turns the gear ahead of the
     load.
+
+    [Gao J. n.d., eq. 2.16]; its misprints are repaired (docs/errata.md).
     """
 
     load_inertia = inertia("the load Ja")

@@ -29,7 +29,7 @@ class AssumedModesLink(Block):
     000 (11). Alone they are spin softening, and the arm diverges when theta' reaches the first clamped frequency.
     ``foreshortening`` adds that bending draws the arm in, -1/2 theta'^2 alpha' G alpha with
     G_ij = rho/2 int (L^2 - s^2) Q_i' Q_j' ds + mp L int Q_i' Q_j' ds; together they stiffen.
-    Referee's notes 0.1, 1.1, 4.2.
+    [Gao X. n.d., eq. 11], corrected (docs/errata.md); mode shapes [Blevins 1979, Table 8-1].
     """
 
     modes = option(int, 1, "number of assumed modes", ge=1, le=64)

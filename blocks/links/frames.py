@@ -7,7 +7,7 @@ the slope y_s of the tip in the link's axes, and on over a joint of angle q to t
     u_t = u - y w + X'                    u' =  cos(a) u_t + sin(a) v_t            a = y_s + q
     v_t = v + X w + y'                    v' = -sin(a) u_t + cos(a) v_t
 
-These are the propagation matrices A of the DeNOC form (paper 003, 2 to 4), one link at a time.
+These are the propagation matrices A of the DeNOC form [Mohan 2010, eqs. 2 to 4], one link at a time.
 """
 
 from __future__ import annotations

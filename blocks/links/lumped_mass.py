@@ -27,7 +27,7 @@ class LumpedMassLink(Block):
     In the horizontal plane, small bends. A positive torque at the hub turns it in the positive sense. Outputs
     ``strain1`` .. ``strainN`` are the bends q_i - q_(i-1) that gauges at the joints tell, positive where the arm bends
     that way, and ``element1.direction`` .. the q_i. With `joint_tuning.tune_joint_stiffness` the clamped arm gets given
-    frequencies; clamped poles are also the zeros of hub angle / torque. Paper 001 (3); referee's notes 2.1.
+    frequencies; clamped poles are also the zeros of hub angle / torque. [One-link n.d., eq. 3]
     """
 
     joints = option(int, 3, "number of fictitious joints n", ge=1, le=16)

@@ -27,7 +27,7 @@ class PRBS(Source):
     occurs once in a period. The sequence is +1 in 2^(n - 1) bits and -1 in one less; its periodic autocorrelation is 1
     at lag zero and -1 / (2^n - 1) at every other. ``seed`` is the register's first content, 1 to 2^n - 1, and shifts
     the sequence; the first value is the seed's lowest bit. Power is even up to about 0.44 / bit, in hertz. The register
-    is a part of the model's memory. The output has the unit of ``amplitude``. Golomb, Shift Register Sequences (1967).
+    is a part of the model's memory. The output has the unit of ``amplitude``. [Golomb 1967]
     """
 
     amount = "amplitude"

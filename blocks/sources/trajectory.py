@@ -25,7 +25,7 @@ class Trajectory(Block):
 
     The motion begins at ``start``; the integration meets every change of snap exactly. Before it and after it the
     velocity stays as it is at that end. The motion is planned when the model is built, so its parameters cannot be
-    tuned afterwards. All values have the unit of the positions, per s, s2, s3 and s4. Paper 002, sections 3.2 and 3.5.
+    tuned afterwards. All values have the unit of the positions, per s, s2, s3 and s4. [Gao J. n.d., secs. 3.2, 3.5]
     """
 
     profile = option(str, "trapezoidal", "shape of the pulses of jerk", choices=("trapezoidal", "triangular"))

@@ -5,8 +5,8 @@ end's. Every change begins and ends without acceleration and jerk (see `Ramp`) a
 (v + w) / 2 times its duration, v and w being the velocities at its ends. The cruising velocity is the one of the
 shortest motion; it lies at its limit when there is a cruise.
 
-This is the shortest motion that has no acceleration and no jerk whenever its velocity peaks. Lambrechts, Boerlage,
-Steinbuch, Control Engineering Practice 13 (2005); paper 002, section 3.2. A start or end with acceleration or jerk is
+This is the shortest motion that has no acceleration and no jerk whenever its velocity peaks. [Lambrechts 2005;
+Gao J. n.d., sec. 3.2] A start or end with acceleration or jerk is
 first brought to rest in both, which is possible but no longer the shortest.
 """
 

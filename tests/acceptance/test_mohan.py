@@ -1,4 +1,4 @@
-"""Paper 003: the shipped arms against the referee's acceptance numbers of sections 4.1 to 4.5."""
+"""[Mohan 2010]: the shipped arms against values computed independently from the corrected equations."""
 
 from __future__ import annotations
 

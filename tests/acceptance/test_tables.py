@@ -1,4 +1,4 @@
-"""Published tables of paper 002 against simulation and linear models: referee's notes 3.1 to 3.4."""
+"""[Gao J. n.d., Tables 2.2, A.1, A.2] against simulation and linear models, with independently computed errors."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_printed_gain_is_friction_compensated(table: str) -> None:
     ],
 )
 def test_ladder_of_table_a2(changes: list[str], expected: float, largest: float | None) -> None:
-    """3.4: what the flexible link's table needs beyond the linear two masses of Table B.3."""
+    """What the flexible link's table needs beyond the linear two masses of Table B.3."""
     rms, most = measure("srv02-2mass-b3", "table_a2", *changes)
     assert rms == pytest.approx(expected, abs=0.1)
     if largest is not None:

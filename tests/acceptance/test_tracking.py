@@ -1,4 +1,4 @@
-"""Paper 002, chapter 4: PI and inverse-dynamics feed-forward on the fourth-order trajectory; referee's 3.5 and 3.6."""
+"""[Gao J. n.d., ch. 4]: PI and inverse-dynamics feed-forward on the fourth-order trajectory."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_the_shipped_values_are_those_of_table_b1() -> None:
 
 
 def test_the_trajectory() -> None:
-    """3.5: D = 2.4 in 2.000 s, and the last mass arrives."""
+    """D = 2.4 in 2.000 s, and the last mass arrives."""
     run = simulate(load("srv02-tracking").build(), 2.0, 1e-3)
     assert run["trajectory.position"][-1] == pytest.approx(2.4, abs=1e-9)
     assert run["trajectory.velocity"].max() == pytest.approx(2.4, abs=1e-9)
@@ -85,8 +85,8 @@ def test_the_trajectory() -> None:
     assert run["load.shaft.angle"][-1] == pytest.approx(2.4, abs=1e-4)
 
 
-def test_table_of_the_referee() -> None:
-    """3.6: the values to 2 % where they do not depend on what happens at rest, and the bands where they do."""
+def test_table_of_independent_values() -> None:
+    """Independent values to 2 % where they do not depend on what happens at rest, and the bands where they do."""
     raw, raw_forward = errors(PI_ONLY, RAW), errors(RAW)
     assert raw.motor == pytest.approx(5.24, rel=0.02)
     assert raw.filtered == pytest.approx(4.55, rel=0.02)
@@ -112,7 +112,7 @@ def test_table_of_the_referee() -> None:
 
 
 def test_order_and_ratios() -> None:
-    """3.6: what a test should assert."""
+    """What holds whatever happens at rest."""
     pi, one_mass, exact = errors(PI_ONLY), errors(rigid()), errors()
     assert 3.5 < pi.motor < 6
     assert exact.motor < 0.01 * pi.motor
@@ -130,7 +130,7 @@ def test_order_and_ratios() -> None:
 
 
 def test_the_flexible_link() -> None:
-    """3.6: plant B.3, and the refit of Table A.2 with a gap of 0.03 rad of the motor."""
+    """Plant B.3, and the refit of Table A.2 with a gap of 0.03 rad of the motor."""
     both = [*plant(B3), *model(B3)]
     assert errors(PI_ONLY, *both).motor == pytest.approx(4.47, rel=0.02)
     assert errors(*plant(B3), rigid(B3)).motor < 0.3 * errors(PI_ONLY, *both).motor
@@ -142,7 +142,7 @@ def test_the_flexible_link() -> None:
 
 
 def test_errors_grow_with_the_speed_of_the_trajectory() -> None:
-    """3.6: with a ratio of 70 and no compensation 2.63 : 5.73 : 25.5 from T = 6, 4 to 2 s; compensation lowers each."""
+    """With a ratio of 70 and no compensation 2.63 : 5.73 : 25.5 from T = 6, 4 to 2 s; compensation lowers each."""
 
     def error(duration: float, *more: str) -> float:
         d, t = 2.4, duration

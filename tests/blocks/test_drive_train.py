@@ -41,7 +41,7 @@ def balance(result: Result) -> float:
 
 
 def test_bare_srv02_motor() -> None:
-    """Referee's notes 3.2: gain, corner and DC gain of the published single-mass model."""
+    """[Gao J. n.d., eq. 2.10]: gain, corner and DC gain."""
     found = linear({"motor": DCMotor(**SRV02)}, inputs=["motor.voltage"], outputs=["motor.shaft.speed"])
     gain = abs(complex(found.gain(1e-6)[0, 0]))
     assert gain == pytest.approx(120.508, abs=5e-4)
@@ -128,7 +128,7 @@ def geared(eta: float, inertia: float = 0.02, ratio: float = 14) -> Result:
 
 @pytest.mark.parametrize("eta", [1.0, 0.9, 0.5])
 def test_gear_reflects_the_rotor(eta: float) -> None:
-    """Referee's notes 1.3: Jeq = eta n^2 Jm + Jl, driven by eta n tau."""
+    """Jeq = eta n^2 Jm + Jl, driven by eta n tau."""
     result = geared(eta)
     rate = eta * 14 * 0.3 / (eta * 14**2 * 1e-4 + 0.025)
     np.testing.assert_allclose(result["load.shaft.speed"], rate * result.time, rtol=1e-12)
@@ -181,8 +181,8 @@ def test_a_ratio_is_not_zero_and_a_model_keeps_its_sign() -> None:
             made.parameter_vector({"gear.ratio": other})
 
 
-def test_motor_gear_and_link_of_paper_000() -> None:
-    """Referee's notes 1.4: the motor constant and the back-emf damping at the link."""
+def test_motor_gear_and_link_of_the_quanser_arm() -> None:
+    """[Gao X. n.d., text below eq. 11]: the motor constant and the back-emf damping at the link."""
     motor = {k: v for k, v in SRV02.items() if k not in ("rotor_inertia", "viscous_friction")}
     parts: dict[str, Block] = {
         "motor": DCMotor(**motor),
@@ -247,7 +247,7 @@ def test_translational_twin() -> None:
 
 
 def test_two_mass_antiresonance_and_resonance() -> None:
-    """Referee's notes 3.4, Table B.3: undamped 16.27 and 168.8 rad/s."""
+    """[Gao J. n.d., Table B.3]: undamped 16.27 and 168.8 rad/s."""
     parts: dict[str, Block] = {
         "torque": Torque(),
         "rotor": Inertia(inertia=4.606e-7),

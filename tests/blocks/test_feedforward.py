@@ -1,4 +1,4 @@
-"""Inverse dynamics against the plant it inverts, and against the corrected formulas (2.16) and (2.21) of paper 002."""
+"""Inverse dynamics against the plant it inverts, and against the corrected [Gao J. n.d., eqs. 2.16, 2.21]."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_dry_friction_is_compensated_while_the_reference_moves() -> None:
     assert np.abs(without["load.shaft.angle"] - without["move.position"]).max() > 0.1
 
 
-# Corrected (2.15)-(2.21), motor-referred; see the referee's 3.3.
+# [Gao J. n.d., eqs. 2.15 to 2.21] corrected (docs/errata.md), motor-referred.
 
 
 def impedances(s: complex, masses: int) -> tuple[complex, complex]:
@@ -172,7 +172,7 @@ def test_the_corrected_formulas(masses: int, w: float) -> None:
 
 
 def test_load_side_values_are_motor_side_values_times_the_ratio_squared() -> None:
-    """Referee's 0.3: (Ja, da, ka, Ba) / n^2 and a reference n times larger give the same voltage."""
+    """(Ja, da, ka, Ba) / n^2 and a reference n times larger give the same voltage."""
     near = {name: value / N**2 for name, value in (LOAD | SPRING).items()}
     gains = []
     for ratio, values in ((N, LOAD | SPRING), (1.0, near)):

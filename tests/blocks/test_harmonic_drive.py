@@ -1,4 +1,4 @@
-"""Harmonic drive: eq (1) of paper 001 written out, its rigid limit (2), losses and the energy balance."""
+"""Harmonic drive: [One-link n.d., eq. 1] written out, its rigid limit (eq. 2), losses and the energy balance."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_rigid_limit_over_time() -> None:
 
 
 def test_motor_referred_model_is_the_same() -> None:
-    """Referee's notes 0.3: (Ja, da, ka) / n^2 and n = 1."""
+    """(Ja, da, ka) / n^2 and n = 1."""
     geared = plant(stiffness=800.0, damping=0.3)
     alone: dict[str, Block] = {
         "torque": Torque(),
