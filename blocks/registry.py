@@ -1,4 +1,4 @@
-"""Every block by its type name: the house's own, and those other packages register.
+"""Every block by its type name: those of flexarm, and those that other packages register.
 
 A package adds blocks by the entry point group ``flexarm.blocks``; the name is the type name in scenario files::
 

@@ -1,1 +1,1 @@
-"""Ground floor: how equations become numbers. Knows no particular block."""
+"""The engine: it turns equations into numbers and knows no particular block."""

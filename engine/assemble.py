@@ -38,9 +38,9 @@ def build(
     Args:
         system: blocks and connections.
         inputs: signal inputs to drive from outside; each replaces the connection that fed it.
-        outputs: signals to give out; all of them if None.
-        energy: add states and outputs that keep the books: ``energy.stored``, ``energy.supplied``,
-            ``energy.dissipated`` and ``energy.residual`` (J), which is zero but for integration error.
+        outputs: signals to output; all of them if None.
+        energy: add states and outputs of the energy balance: ``energy.stored``, ``energy.supplied``,
+            ``energy.dissipated`` and ``energy.residual`` (J). The residual is zero except for the integration error.
 
     Raises:
         FlexarmError: a wrong connection, an algebraic loop, a massless motion, a closed loop of ties or frictions.
@@ -156,7 +156,7 @@ class _Assembly:
                 place = self.system.place(name)
                 raise (error.at(place) if place else error) from None
             except ArithmeticError as error:
-                said = f"the values of '{name}' are out of all proportion: {error.args[-1]}"
+                said = f"the values of '{name}' are too large or too small to compute with: {error.args[-1]}"
                 raise StructureError(said, self.system.place(name), "check their units") from error
 
     def _parameter(self, block_name: str, name: str) -> Any:
@@ -272,7 +272,7 @@ class _Assembly:
         return tuple(made)
 
     def _used(self, equations: Equations) -> tuple[Equations, list[ModelParameter]]:
-        """The equations with only those parameters that some equation reads; the rest could be tuned in vain."""
+        """The equations without the parameters that no equation uses: tuning those would have no effect."""
         skip = ("t", "x", "u", "d", "m", "p", "fire")
         rows = [getattr(equations, f.name) for f in fields(equations) if f.name not in skip]
         read = {hash_symbol(symbol) for symbol in ca.symvar(ca.vertcat(*[ca.vec(ca.SX(row)) for row in rows]))}
@@ -280,7 +280,7 @@ class _Assembly:
         return replace(equations, p=self._stack([entry.symbol for entry in kept])), kept
 
     def _books(self, accounts: list[Expression]) -> list[tuple[Variable, Expression]]:
-        """Outputs that show where the energy went."""
+        """Outputs of the energy balance."""
         stored = self._final(self.net.stored) + self.mechanics.kinetic_energy
         supplied, dissipated = accounts
         rows = (

@@ -56,7 +56,7 @@ def _short(text: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """Half characters (surrogates), which no stream can write, as escapes."""
+    """The text with surrogate characters escaped: no stream can write them."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 

@@ -73,7 +73,7 @@ def _unknown(text: str) -> ParameterError:
 
 @functools.cache
 def factor(source: str, target: str) -> float:
-    """What a number in ``source`` units is multiplied by to be in ``target`` units.
+    """Factor that converts a number from ``source`` units to ``target`` units.
 
     Raises:
         ParameterError: the two measure different things, or are offset or logarithmic scales (degC, dB).
@@ -233,7 +233,7 @@ class SameAs:
 
 @dataclass(frozen=True)
 class Parameter:
-    """What a block says of one parameter; it feeds validation, schema, documentation, FMU variables and fitting.
+    """Declaration of one parameter. It feeds validation, schema, documentation, FMU variables and fitting.
 
     Attributes:
         name: attribute name in the block.

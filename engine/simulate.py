@@ -102,7 +102,7 @@ class Result:
 
 
 def rational(value: float) -> Fraction:
-    """A time as the fraction that was meant, so that 0.1 is a tenth."""
+    """A time as an exact fraction: 0.1 becomes 1/10."""
     return Fraction(value).limit_denominator(10**9)
 
 
@@ -350,7 +350,7 @@ def _execute(model: Model, job: Job, backend: str) -> tuple[str, Outcome]:
 
 
 def fault(model: Model, job: Job, outcome: Outcome) -> str:
-    """Why a run gives no usable values, in a sentence; empty if it does."""
+    """Why the values of a run cannot be used, in a sentence; empty if they can."""
     if outcome.status:
         return explain(model, outcome)
     if not np.isfinite(outcome.y).all():

@@ -1,4 +1,4 @@
-"""How fine the internal steps must be: from the fastest mode, contacts closed; and whether they were fine enough."""
+"""Choose the internal step from the fastest mode, with contacts closed."""
 
 from __future__ import annotations
 

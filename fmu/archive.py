@@ -1,4 +1,4 @@
-"""Archives from elsewhere, FMU and SSP: what they may hold is checked before anything of them is unpacked or parsed."""
+"""FMU and SSP archives from elsewhere: their entries are checked before anything is unpacked or parsed."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def unpack(path: Path, folder: Path) -> None:
 
 
 def xml(path: Path, name: str) -> bytes:
-    """An XML file of an archive that needs nothing beyond itself: no document type, so no entities.
+    """An XML file of an archive. A document type is refused, so entities are too.
 
     Raises:
         FlexarmError: there is none, it is too large or too deep, is no XML, or declares a document type.

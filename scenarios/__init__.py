@@ -1,1 +1,1 @@
-"""What a user writes: scenario files, their schema, and the scenarios that come with flexarm."""
+"""Scenario files, their schema, and the scenarios that come with flexarm."""

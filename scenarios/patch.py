@@ -1,4 +1,4 @@
-"""Changing single values of a scenario by path: ``--set gear.ratio=14`` and the overrides of a sub-assembly."""
+"""Change single values of a scenario by path: ``--set gear.ratio=14`` and the overrides of a sub-assembly."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 A citation stands in square brackets: the first author's name and the year, then the place: ``[Mohan 2010, eq. 7c]``.
 Works without a date have ``n.d.``, several are parted by semicolons: ``[Bouc 1967; Wen 1976]``. The label without
-spaces and dots is the key in ``docs/references.bib``. ``python -m tools.bibliography`` checks every file that git
-knows and prints what is wrong.
+spaces, dots and hyphens is the key in ``docs/references.bib``. ``python -m tools.bibliography`` checks every file that
+git knows and prints what is wrong.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ ROOT = Path(__file__).resolve().parent.parent
 BIB = ROOT / "docs" / "references.bib"
 PAGE = "reference/bibliography.md"
 
-_LABEL = r"[A-Z][\w-]+(?: [A-Z]\.)? (?:n\.d\.|(?:18|19|20)\d\d)"
+_LABEL = r"[A-Z][\w-]+(?:\s+[A-Z]\.)?\s+(?:n\.d\.|(?:18|19|20)\d\d)"
 _PLACE = r"(?:,\s+[^\[\];]+)?"
 CITATION = re.compile(rf"(?<![\w\]])\[({_LABEL}{_PLACE}(?:;\s+(?:# )?{_LABEL}{_PLACE})*)\](?!\()")
-"""A citation in text; group 1 is what the brackets hold. Labels do not break over lines."""
+"""A citation in text; group 1 is what the brackets hold."""
 
 _ONE = re.compile(rf"({_LABEL})({_PLACE})")
-_BANNED = re.compile(r"referee|\bpapers? 00\d|\(checks? \d+", re.IGNORECASE)
+_BANNED = re.compile(r"referee|\bpapers?\s+00\d|\(checks? \d+", re.IGNORECASE)
 _OTHER = re.compile(
     r"\[[A-Z][\w-]+(?: [A-Z]\.)?,? ?(?:n\.d|(?:18|19|20)\d\d\b)|"
     r"\([A-Z][\w-]+(?:, [A-Z][\w-]+)*(?:,? and [A-Z][\w-]+| et al\.)?,? (?:18|19|20)\d\d\)"
@@ -102,7 +102,7 @@ def works(path: Path = BIB) -> dict[str, Work]:
 
 def key(label: str) -> str:
     """The key of a label: ``Gao X. n.d.`` is ``GaoXnd``."""
-    return re.sub(r"[ .-]", "", label)
+    return re.sub(r"[\s.-]", "", label)
 
 
 def cited(text: str) -> Iterator[tuple[int, str]]:
@@ -123,9 +123,9 @@ def problems(name: str, text: str, known: dict[str, Work]) -> Iterator[str]:
         if match.start() not in proper:
             line = text.count("\n", 0, match.start()) + 1
             yield f"{name}:{line}: write '{match[0]}...' as a citation, such as [Mohan 2010, eq. 7c]"
-    for number, content in enumerate(text.splitlines(), 1):
-        if _BANNED.search(content):
-            yield f"{name}:{number}: cite author and equation: {content.strip()[:100]}"
+    for match in _BANNED.finditer(text):
+        number = text.count("\n", 0, match.start()) + 1
+        yield f"{name}:{number}: cite author and equation: {text.splitlines()[number - 1].strip()[:100]}"
 
 
 def files() -> Iterator[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""A band in which nothing comes through."""
+"""A dead zone of a signal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the feed-forward blocks share: the geared DC motor, turned from a load's motion and torque into a voltage."""
+"""Base of the feed-forward blocks: the voltage of a geared DC motor from the motion and torque of its load."""
 
 from __future__ import annotations
 

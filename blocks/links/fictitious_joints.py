@@ -1,4 +1,4 @@
-"""Where the fictitious joints of a lumped arm sit, and what its elements weigh.
+"""Places of the fictitious joints of a lumped arm, and the masses of its elements.
 
 The rule of [One-link n.d., sec. 3.2] made explicit: begin with the undivided arm; each further
 joint puts one joint into the middle of every rigid element and discards the joints before. So n joints give n + 1

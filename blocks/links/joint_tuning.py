@@ -1,4 +1,4 @@
-"""How stiff the fictitious joints of a lumped arm must be for given frequencies."""
+"""Stiffnesses of the fictitious joints of a lumped arm for given frequencies."""
 
 from __future__ import annotations
 

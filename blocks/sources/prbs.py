@@ -47,7 +47,7 @@ class PRBS(Source):
 
     def stamp(self, net: Net) -> None:
         ticks, n = net.clock(self.bit), self.order
-        # Stage n is given out and leaves; stage 1 takes the sum of the taps in.
+        # Stage n is the output and is dropped; stage 1 takes the sum of the taps.
         content = [(self.seed >> (n - k)) & 1 for k in range(1, n + 1)]
         stages = [net.memory(f"stage{k + 1}", "1", ticks, start=float(bit)) for k, bit in enumerate(content)]
         fed: Expression = 0.0

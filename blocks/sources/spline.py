@@ -1,4 +1,4 @@
-"""A recorded signal through a spline that keeps its shape."""
+"""A recorded signal, interpolated by a shape-preserving spline."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Spline(Block):
     out = signal_out("*", "the recorded signal")
 
     def check(self) -> None:
-        """Read the file, so that what is wrong with it is said where the block is declared."""
+        """Read the file, so that an error in it is reported where the block is declared."""
         times, self.samples = read_columns(self.file, self.time, self.column)
         self.times = [self.time_unit * t for t in times]
 

@@ -243,5 +243,5 @@ def test_recordings_out_of_proportion(unit: str, rows: list[str], message: str, 
 
 
 def test_a_block_whose_values_overflow_is_named() -> None:
-    with pytest.raises(ParameterError, match=r"blocks\.trajectory: the values of Trajectory are out of all proportion"):
+    with pytest.raises(ParameterError, match=r"blocks\.trajectory: values of Trajectory are too large or too small"):
         load("srv02-tracking", ["trajectory.jerk_limit=1e201 rad/s3"])
