@@ -290,7 +290,7 @@ class _Assembly:
             (
                 "residual",
                 stored + dissipated - supplied,
-                "what the books do not explain, plus the stored energy at start",
+                "what the energy balance leaves over, plus the stored energy at start",
             ),
         )
         return [(Variable(f"energy.{name}", "J", doc), expression) for name, expression, doc in rows]

@@ -306,7 +306,7 @@ class Net:
     ) -> list[Expression]:
         """A Python function called at the instants of ``clock``; its answers are held until the next instant.
 
-        There is no derivative of it and no C form, so tangents and exports refuse a model that has one.
+        It has no derivative and no C form, so tangents and exports refuse a model that has one.
 
         Args:
             name: local name, for messages.

@@ -91,7 +91,9 @@ def factor(source: str, target: str) -> float:
     except Exception as error:
         raise ParameterError(f"unit '{source}' cannot be converted to '{target}'") from error
     if not 0 < abs(value) < math.inf or abs(twice - 2 * value) > 1e-9 * abs(value):
-        raise ParameterError(f"unit '{source}' is no multiple of '{target}'", remedy="give the number in another unit")
+        raise ParameterError(
+            f"unit '{source}' is not a multiple of '{target}'", remedy="give the number in another unit"
+        )
     cycles = _hertz(a) - _hertz(b)
     if cycles and (_angle(b) - _angle(a)) * cycles > 0:
         value *= (2 * math.pi) ** cycles

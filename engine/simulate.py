@@ -369,7 +369,7 @@ def explain(model: Model, outcome: Any) -> str:
     if outcome.status == native.NOT_FINITE:
         name = model.states[outcome.culprit].name
         if np.isfinite(outcome.x1[outcome.culprit]):
-            hint = ": its inertia may be zero, or a value out of all proportion" if outcome.t1 == 0 else ""
+            hint = ": its inertia may be zero, or a value too large or too small" if outcome.t1 == 0 else ""
             return f"the simulation diverged {at}: the rate of state '{name}' is not finite{hint}"
         return f"the simulation diverged {at}: state '{name}' is not finite"
     if outcome.status == native.CANCELLED:

@@ -40,7 +40,7 @@ def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
             continue
         try:
             values, vectors = np.linalg.eig(matrix)
-        except np.linalg.LinAlgError:  # numbers out of all proportion; the run itself says where they lead
+        except np.linalg.LinAlgError:  # numbers too large or too small; the run itself reports what fails
             continue
         k = int(np.argmax(np.abs(values)))
         if np.abs(values[k]) > found.rate:

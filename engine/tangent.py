@@ -149,7 +149,7 @@ def _seeds(
 def reordered(one: Result, other: Result) -> str:
     """How the order of events differs between two runs; empty if it does not.
 
-    Time shifts alone are no difference. Where the order differs, no gradient connects the two runs.
+    A shift in time is not a difference. Where the order differs, no gradient connects the two runs.
     """
     for i, (a, b) in enumerate(zip(one.events, other.events, strict=False)):
         if a[1:] != b[1:]:

@@ -108,7 +108,7 @@ def _candidates(text: str, parse: Callable[[str], Any]) -> Iterator[str]:
 def _spelled(word: str, parse: Callable[[str], Any], keep: bool) -> str:
     """One word as it should be written; ``keep`` leaves those that are units alone."""
     if keep and word not in _HOMONYMS:
-        with contextlib.suppress(Exception):  # it is no unit
+        with contextlib.suppress(Exception):  # it is not a unit
             parse(word)
             return word
     if word.lower() in _MEANT:

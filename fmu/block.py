@@ -59,7 +59,7 @@ class FMU(Block):
         """Start values asked for by name.
 
         Raises:
-            ParameterError: the FMU has no such parameter, or the value is no number.
+            ParameterError: the FMU has no such parameter, or the value is not a number.
         """
         known = [v.name for v in self._description.modelVariables if v.causality in ("parameter", "input")]
         found = {}

@@ -151,7 +151,7 @@ def host(path: str | Path, name: str = "instance") -> Iterator[Host]:
     """An instance of a Co-Simulation FMU, not yet started.
 
     Raises:
-        FlexarmError: the file is no FMU, has no Co-Simulation, or has no binary for this machine.
+        FlexarmError: the file is not an FMU, has no Co-Simulation, or has no binary for this machine.
     """
     description = archive.description(path)
     if description.coSimulation is None or description.fmiVersion.startswith("1"):

@@ -156,7 +156,7 @@ class Scenario:
             place = Where(node.file, node.line, f"initial.{name}")
             if self.system_observable(name) is None:
                 if name not in units:
-                    raise ScenarioError(f"'{name}' is no state of the model", place, nearest(name, units))
+                    raise ScenarioError(f"'{name}' is not a state of the model", place, nearest(name, units))
                 _number(node.value, units[name], place)
 
     def system_observable(self, name: str) -> tuple[str, str, int] | None:
@@ -302,7 +302,7 @@ def si(value: object, units: dict[str, str], name: str, where: Where | None = No
         ParameterError: wrong unit.
     """
     if name not in units:
-        raise ScenarioError(f"'{name}' is no state or input of the model", where, nearest(name, units))
+        raise ScenarioError(f"'{name}' is not a state or input of the model", where, nearest(name, units))
     try:
         return convert(value, units[name])
     except ParameterError as error:

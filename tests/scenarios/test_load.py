@@ -113,7 +113,7 @@ def test_set_reaches_into_a_sub_assembly(whole: Path) -> None:
 
 
 def test_set_replaces_a_whole_block() -> None:
-    """Its wires stay; a block of an unknown type is refused, and so is a mapping that is no block."""
+    """Its wires stay; a block of an unknown type is refused, and so is a mapping without a type."""
     blocks = load("srv02-bare", ["motor={type: DCMotor, resistance: 3 ohm, torque_constant: 0.01}"]).system.blocks
     assert blocks["motor"].values["resistance"] == 3
     assert blocks["motor"].values["efficiency"] == 1
