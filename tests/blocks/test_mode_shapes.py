@@ -97,7 +97,7 @@ def test_moments_by_scipy(mode: int) -> None:
 def test_published_integrals() -> None:
     """Computed independently, tolerance 1e-6."""
     assert mode_shapes.first_moment(1) == pytest.approx(0.5688257, rel=1e-6)
-    assert mode_shapes.first_moment(2) == pytest.approx(0.0907668, rel=1e-6)  # the notes print 0.0907666, 2e-6 low
+    assert mode_shapes.first_moment(2) == pytest.approx(0.0907668, rel=1e-6)  # 2 / beta^2
     assert mode_shapes.area(1) == pytest.approx(0.7829918, rel=1e-6)
     assert mode_shapes.area(2) == pytest.approx(0.4339362, rel=1e-6)
     assert mode_shapes.root(1) ** 4 == pytest.approx(12.3623634, rel=1e-6)
