@@ -36,6 +36,11 @@ _ENTRY = re.compile(r"@(\w+)\{(\w+),\n(.*?)\n\}", re.DOTALL)
 _FIELD = re.compile(r"  (\w+) = \{(.*)\},")
 _ACCENTS = {r"{\'e}": "é", r"{\AA}": "Å", r"{\"o}": "ö", r"{\"a}": "ä"}
 
+PENDING = ("diagnosis/", "flexarm/", "tests/diagnosis/")
+"""Packages whose citations do not have this form yet; delete an entry when its package is done."""
+ABOUT = ("tools/bibliography.py", "tests/docs/test_bibliography.py")
+"""Files that are about citations and hold wrong ones."""
+
 _TEXT = {".py", ".md", ".yaml", ".c", ".h", ".csv", ".ipynb", ".toml", ".cff", ""}
 
 
@@ -137,6 +142,13 @@ def files() -> Iterator[tuple[str, str]]:
             yield name, path.read_text(encoding="utf-8")
 
 
+def faults() -> list[str]:
+    """What is wrong in every file that git knows, without `PENDING` and `ABOUT`."""
+    known = works()
+    checked = ((name, text) for name, text in files() if not name.startswith(PENDING) and name not in ABOUT)
+    return [line for name, text in checked for line in problems(name, text, known)]
+
+
 def page() -> str:
     """The bibliography as Markdown."""
     lines = ["# Bibliography", "", "Works that the library cites, from `docs/references.bib`.", ""]
@@ -173,9 +185,8 @@ def linked(markdown: str, up: str) -> str:
 
 def main() -> int:
     """Print what is wrong; the exit code is 1 if anything is."""
-    known = works()
-    found = [line for name, text in files() for line in problems(name, text, known)]
-    print("\n".join(found) or f"{len(known)} works; every citation is among them")
+    found = faults()
+    print("\n".join(found) or f"{len(works())} works; every citation is among them")
     return int(bool(found))
 
 
