@@ -1,4 +1,4 @@
-"""A Co-Simulation FMU in this process, FMI 2 or FMI 3, by FMPy: the same few calls for both."""
+"""A Co-Simulation FMU (FMI 2 or 3) in this process, through FMPy, with the same calls for both versions."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Host:
         """A variable of the description.
 
         Raises:
-            FlexarmError: there is none of that name that holds a number.
+            FlexarmError: no variable of that name holds a number.
         """
         found = self._variables.get(name)
         if found is None:
@@ -67,7 +67,7 @@ class Host:
         return found
 
     def set(self, names: Sequence[str], values: Sequence[float], slopes: Sequence[float] = ()) -> None:
-        """Set variables; with slopes (FMI 2 alone), inputs that go on rising until the next step's end."""
+        """Set variables. With slopes (FMI 2 only) the inputs change linearly until the end of the next step."""
         reals: list[tuple[int, float]] = []
         for name, value in zip(names, values, strict=True):
             variable = self.variable(name)
@@ -96,12 +96,12 @@ class Host:
 
     @property
     def gives_rates(self) -> bool:
-        """Whether rates of change of outputs are known."""
+        """Whether the FMU gives output derivatives."""
         return not self._version3 and (self.description.coSimulation.maxOutputDerivativeOrder or 0) > 0
 
     @property
     def takes_rates(self) -> bool:
-        """Whether inputs may go on with a slope over the next step."""
+        """Whether the FMU takes input derivatives."""
         return not self._version3 and bool(self.description.coSimulation.canInterpolateInputs)
 
     def rate(self, name: str) -> float:
@@ -120,7 +120,7 @@ class Host:
         self._call("exitInitializationMode")
 
     def step(self, begin: float, length: float) -> None:
-        """Go on from ``begin`` by ``length`` (s).
+        """Do a step of ``length`` (s) from ``begin`` (s).
 
         Raises:
             SimulationError: the FMU refuses, ends the run or stops early.

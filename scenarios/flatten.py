@@ -149,7 +149,7 @@ class _Flattener:
             raise ScenarioError(f"there is no file '{target}'", where, nearest(given, siblings))
         if target.resolve() in above:
             chain = " -> ".join(p.name for p in (*above, target.resolve()))
-            raise ScenarioError(f"a sub-assembly takes itself in: {chain}", where, "name another file")
+            raise ScenarioError(f"a sub-assembly includes itself: {chain}", where, "name another file")
         inner = self.read.get(target)
         if inner is None:
             inner = self.read[target] = read(target, os.path.normpath(target))

@@ -1,4 +1,4 @@
-"""What mkdocs calls while it builds: adds the reference, the gallery's figures and the executed notebooks.
+"""Hooks of the mkdocs build: add the reference, the gallery's figures and the executed notebooks.
 
 Nothing of it is kept in the repository. Figures and notebooks take some seconds, and so they are kept in
 ``.docs-cache`` until a file that they depend on changes.

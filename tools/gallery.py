@@ -164,7 +164,7 @@ def mode_shapes() -> bytes:
 
 
 def _bending(modes: int) -> Any:
-    """Rates of the pole pairs (rad/s) of the single-link arm in low gear with so many modes, slowest first."""
+    """Rates of the pole pairs (rad/s) of the single-link arm in low gear, slowest first."""
     light = ["gear.ratio=5", "gear.inertia=5e-6 kg.m2", "bearing.viscous_friction=0"]
     poles = linearise(load("quanser-single-link-no-dead-zone", [*light, f"link.modes={modes}"])).poles()
     return np.sort(poles.imag[poles.imag > 1])

@@ -122,7 +122,7 @@ HOSTILE = {
     "two documents": ("schema: 1\n---\nschema: 1\n", "bad.yaml:2"),
     "empty": ("", "'schema' is missing"),
     "a word": ("hello\n", "mapping"),
-    "itself": ("schema: 1\nname: s\nblocks:\n  a: {type: ./bad.yaml}\n", "takes itself in"),
+    "itself": ("schema: 1\nname: s\nblocks:\n  a: {type: ./bad.yaml}\n", "includes itself"),
 }
 
 
