@@ -1,4 +1,4 @@
-"""The block library: one physical thing per file, with its equation and sign convention on top."""
+"""The block library: one physical thing per file, with its equation and sign on top. Part of flexarm."""
 
 from blocks.registry import find, registry
 

@@ -1,1 +1,1 @@
-"""The engine: it turns equations into numbers and knows no particular block."""
+"""The engine: it turns equations into numbers and knows no particular block. Part of flexarm."""

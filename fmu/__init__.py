@@ -1,4 +1,4 @@
-"""FMU export, and checks of the FMU with FMPy.
+"""FMU export, and checks of the FMU with FMPy. Part of flexarm.
 
     import fmu
 

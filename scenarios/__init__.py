@@ -1,1 +1,1 @@
-"""Scenario files, their schema, and the scenarios that come with flexarm."""
+"""Scenario files, their schema, and the shipped scenarios. Part of flexarm."""

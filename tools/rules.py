@@ -22,7 +22,7 @@ RULES = {
 
 
 def page() -> str:
-    """The constants of the diagnosis' rules, with their present values and docstrings."""
+    """The constants of the diagnosis' rules, with their values of today and their own sentences."""
     parts = [
         "# Numbers in the rules of the diagnosis",
         "",
