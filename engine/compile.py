@@ -128,7 +128,7 @@ def _sweep(folder: Path) -> None:
 
 
 def _scratch(folder: Path) -> dict[str, str]:
-    """The folder of zig's own files: its usual cache if that is writable, else a temporary one."""
+    """Where zig keeps its own files: its usual cache if that can be written, else a temporary one."""
     own = Path(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or _user_cache() / "zig")
     try:
         own.mkdir(parents=True, exist_ok=True)

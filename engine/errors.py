@@ -56,7 +56,7 @@ def _short(text: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """The text with surrogate characters escaped: no stream can write them."""
+    """Half characters (surrogates), which no stream can write, as escapes."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 

@@ -18,9 +18,7 @@ def check_suffix(path: Path, allowed: Sequence[str]) -> None:
         FlexarmError: the name is refused; nothing has been computed yet.
     """
     if path.suffix.lower() not in allowed:
-        raise FlexarmError(
-            f"'{path}' cannot be written: its ending names no known format", remedy=f"end it in {', '.join(allowed)}"
-        )
+        raise FlexarmError(f"'{path}' is of no kind that can be written here", remedy=f"end it in {', '.join(allowed)}")
     if not path.parent.is_dir():
         raise FlexarmError(f"there is no folder '{path.parent}'", remedy="make it first, or write somewhere else")
     if path.is_dir():

@@ -104,7 +104,7 @@ class Wiring:
             raise error.at(connection.where) from None
 
     def unit(self, name: str, depth: int = 0) -> str:
-        """Unit of a signal. A signal of any unit takes the unit of the signal that feeds its block."""
+        """Unit of a signal; one that fits any takes the unit of what feeds the same block."""
         if name in self.net.outputs:
             unit = self.net.outputs[name].unit
             if unit != "*" or depth > 50:

@@ -31,10 +31,10 @@ class FMU(Block):
     directly is therefore not delayed; one that is computed inside a step is delayed by one step. Outputs are 0 before
     the first instant.
 
-    Inputs that nothing feeds keep the FMU's start value. Units are converted where the FMU names one that is known. The
-    FMU's binary runs with all the rights of this program: a warning names it when it is loaded, which happens only
-    where a scenario names it. It has no derivative and no C form, so fits by gradients refuse the model, and only the
-    python backend exports it.
+    Inputs that nothing feeds keep the FMU's start value. Units are converted where the FMU names one that is known.
+    The FMU's binary runs with all the rights of this program: a warning names it when it is loaded, which happens only
+    where a scenario names it. There is no derivative of it and no C form: fits by gradients refuse the model, and it
+    exports by the python backend alone.
     """
 
     files: ClassVar[tuple[str, ...]] = ("file",)

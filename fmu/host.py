@@ -1,4 +1,4 @@
-"""A Co-Simulation FMU (FMI 2 or 3) in this process, through FMPy, with the same calls for both versions."""
+"""A Co-Simulation FMU in this process, FMI 2 or FMI 3, by FMPy: the same few calls for both."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Host:
         """A variable of the description.
 
         Raises:
-            FlexarmError: no variable of that name holds a number.
+            FlexarmError: there is none of that name that holds a number.
         """
         found = self._variables.get(name)
         if found is None:
@@ -67,7 +67,7 @@ class Host:
         return found
 
     def set(self, names: Sequence[str], values: Sequence[float], slopes: Sequence[float] = ()) -> None:
-        """Set variables. With slopes (FMI 2 only) the inputs change linearly until the end of the next step."""
+        """Set variables; with slopes (FMI 2 alone), inputs that go on rising until the next step's end."""
         reals: list[tuple[int, float]] = []
         for name, value in zip(names, values, strict=True):
             variable = self.variable(name)
@@ -96,12 +96,12 @@ class Host:
 
     @property
     def gives_rates(self) -> bool:
-        """Whether the FMU gives output derivatives."""
+        """Whether rates of change of outputs are known."""
         return not self._version3 and (self.description.coSimulation.maxOutputDerivativeOrder or 0) > 0
 
     @property
     def takes_rates(self) -> bool:
-        """Whether the FMU takes input derivatives."""
+        """Whether inputs may go on with a slope over the next step."""
         return not self._version3 and bool(self.description.coSimulation.canInterpolateInputs)
 
     def rate(self, name: str) -> float:
@@ -120,7 +120,7 @@ class Host:
         self._call("exitInitializationMode")
 
     def step(self, begin: float, length: float) -> None:
-        """Do a step of ``length`` (s) from ``begin`` (s).
+        """Go on from ``begin`` by ``length`` (s).
 
         Raises:
             SimulationError: the FMU refuses, ends the run or stops early.
@@ -151,7 +151,7 @@ def host(path: str | Path, name: str = "instance") -> Iterator[Host]:
     """An instance of a Co-Simulation FMU, not yet started.
 
     Raises:
-        FlexarmError: the file is not an FMU, has no Co-Simulation, or has no binary for this machine.
+        FlexarmError: the file is no FMU, has no Co-Simulation, or has no binary for this machine.
     """
     description = archive.description(path)
     if description.coSimulation is None or description.fmiVersion.startswith("1"):

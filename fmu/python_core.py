@@ -1,8 +1,7 @@
 """The instants of a run in Python, as ``heads/common.c`` has them in C: for models with Python functions.
 
 At a communication point inputs set there, tuned parameters and clocks that are due wait until a value is asked for or
-the next step begins; a value that is set after one was read undoes the evaluation of the instant, which is then
-evaluated again.
+the next step begins; a value set after one was read takes the instant back and it is evaluated afresh.
 """
 
 from __future__ import annotations
@@ -43,12 +42,12 @@ _ARRAYS = (
 
 @dataclass
 class Standing:
-    """State of a run besides that of the simulation.
+    """Where a run stands, apart from the simulation itself.
 
     Attributes:
         p, u: parameters and inputs as the importer set them.
         start, tick: start time (s), and the last instant passed, in ticks from it.
-        pending: what is pending at this instant, some of ``starting``, ``tuned``, ``driven`` and ``clocked``.
+        pending: what waits at this instant: of ``starting``, ``tuned``, ``driven`` and ``clocked``.
         simulation: fields of the simulation, or nothing before the start.
         functions: attributes of each Python function that is an object.
     """
@@ -309,5 +308,5 @@ class _Outcome:
 
 
 def _attributes(function: Any) -> dict[str, Any]:
-    """Attributes of an object; empty for a plain function."""
+    """What an object remembers; nothing for a plain function."""
     return {} if callable(function) and hasattr(function, "__code__") else dict(getattr(function, "__dict__", {}))

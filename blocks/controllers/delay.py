@@ -20,8 +20,8 @@ class Delay(SignalBlock):
     """Transport delay: out(t) = in(t - delay), sampled: in is read at each instant and given out ``delay`` later.
 
     A delay line of delay / period memories; what is left of the delay beyond whole periods shifts the instants at which
-    out changes. out holds in between and is ``start`` until the line is full. A continuous delay would need a state of
-    infinite size, so the delay is sampled. Give a period short against the signal; holding the samples adds
+    out changes. out holds in between and is ``start`` until the line is full. There is no delay of a continuous signal
+    as such: it would not be a state of finite size. Give a period short against the signal; holding the samples adds
     half a period to the delay on average. A delay of 0 is a sample and hold. The output has the input's unit.
     """
 

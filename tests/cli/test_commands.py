@@ -82,7 +82,7 @@ def test_blocks(command: Callable) -> None:
 def test_a_picture_of_another_kind_is_refused_by_name(base: Path, command: Callable) -> None:
     answer = command("run", base.name, "--plot", "step.jpg")
     assert answer.code == 1
-    assert "'step.jpg' cannot be written: its ending names no known format\n  end it in .png, .pdf, .svg" in answer.err
+    assert "'step.jpg' is of no kind that can be written here\n  end it in .png, .pdf, .svg" in answer.err
     assert [path.name for path in base.parent.iterdir()] == ["base.yaml"]
 
 
