@@ -99,6 +99,7 @@ __all__ = [
     "Clock",
     "Comparison",
     "Connection",
+    "DiagnosisOptions",
     "Drive",
     "ExportOptions",
     "FlexarmError",
