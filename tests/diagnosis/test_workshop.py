@@ -58,3 +58,18 @@ def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path):
         "yield_twist",
         "residual_share",
     }
+
+
+def test_candidates_are_built_without_reading_anything_again(fitter, listed, monkeypatch):
+    """Recordings are prepared once a study, and a candidate edits the system in memory."""
+
+    def refuse(*given, **more):
+        raise AssertionError("read again")
+
+    for name in ("diagnosis.problems.experiment", "diagnosis.problems.bind", "scenarios.load.load"):
+        monkeypatch.setattr(name, refuse)
+    monkeypatch.setattr("scenarios.document.parse", refuse)
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    made = fitter.build((zone,), (zone.starts[0],))
+    assert made.model.inputs[0].name == f"{zone.name}.in"
+    assert made.experiments == fitter.base.experiments
