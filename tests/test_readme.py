@@ -13,7 +13,7 @@ import flexarm
 README = Path(__file__).parent.parent / "README.md"
 
 
-def test_the_scenario_in_the_readme_runs(tmp_path):
+def test_the_scenario_in_the_readme_runs(tmp_path: Path) -> None:
     text = README.read_text(encoding="utf-8")
     indented = re.search(r"(?m)^    schema: 1\n(?:    .*\n)+", text)
     assert indented is not None
@@ -29,7 +29,7 @@ def test_the_scenario_in_the_readme_runs(tmp_path):
     assert abs(slope / speed - 1) < 0.2
 
 
-def test_every_command_of_the_readme_exists():
+def test_every_command_of_the_readme_exists() -> None:
     from typer.main import get_command
 
     from flexarm.cli import app

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -197,7 +198,7 @@ def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: p
     assert "    the mismatch: half of it within 1 s of 6 s, from 0.20-1.20 s; strongest at 0.7 Hz, in tip\n" in text
 
 
-def test_a_figure_leaves_the_backend_of_a_notebook_alone(tmp_path) -> None:
+def test_a_figure_leaves_the_backend_of_a_notebook_alone(tmp_path: Path) -> None:
     """A backend that nothing here would choose is the same after every kind of figure that a model gives."""
     import matplotlib as mpl
 
@@ -216,7 +217,7 @@ def test_a_figure_leaves_the_backend_of_a_notebook_alone(tmp_path) -> None:
     assert {p.name for p in tmp_path.iterdir()} == {"run.png", "bode.png"}
 
 
-def test_check_names_flanges_that_nothing_is_connected_to(tmp_path, command) -> None:
+def test_check_names_flanges_that_nothing_is_connected_to(tmp_path: Path, command: Any) -> None:
     """A gear whose input was forgotten can be built and turns freely: that is worth a word."""
     (tmp_path / "loose.yaml").write_text(
         "schema: 1\nname: loose\nblocks:\n  gear: {type: Gear, ratio: 5, inertia: 1 g.m2}\n"

@@ -6,7 +6,9 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,7 +49,7 @@ def test_tasks_are_taken_as_they_are_needed() -> None:
     """Of an endless generator, only the bounded number ahead of the reader is taken."""
     taken = 0
 
-    def tasks():
+    def tasks() -> Iterator[Any]:
         nonlocal taken
         while True:
             taken += 1
