@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,4 +37,5 @@ def test_every_command_of_the_readme_exists() -> None:
 
     named = set(re.findall(r"`flexarm (\w+)", README.read_text(encoding="utf-8")))
     assert named >= {"run", "check", "linearise", "export", "compare"}
-    assert named <= set(get_command(app).commands)
+    group: Any = get_command(app)
+    assert named <= set(group.commands)

@@ -27,7 +27,7 @@ def rates(x: Any, voltage: Any) -> list[Any]:
     return [w, *v, acceleration, *((force[i] - COUPLING[i] * acceleration) / M for i in range(3))]
 
 
-class Arm8(Fmi2Slave):
+class Arm8(Fmi2Slave):  # type: ignore[misc]
     """Voltage in; angle of the hub and deflection of the tip out."""
 
     def __init__(self, **kwargs: Any) -> None:

@@ -229,7 +229,7 @@ simulate: {stop: 10 ms, step: 1 ms, record: [law.out]}
 """
 
 
-def test_a_characteristic_has_the_units_of_its_signal(tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_characteristic_has_the_units_of_its_signal(tmp_path: Path) -> None:
     path = tmp_path / "amplifier.yaml"
     path.write_text(AMPLIFIER.replace("HEIGHT", "mV"))
     scenario = load(path)

@@ -56,7 +56,7 @@ def test_a_table_tells_what_it_holds(base: Path, command: Any) -> None:
     assert shown["load.shaft.angle"][:2] == ["rad", "0"]
     assert float(shown["load.shaft.angle"][2]) == pytest.approx(found["load.shaft.angle"].max(), rel=1e-5)
     with pytest.raises(FlexarmError, match="has no column '0'"):
-        _ = found[0]
+        _ = found[0]  # type: ignore[index]
 
 
 def test_a_table_of_texts_and_gaps_can_be_printed() -> None:

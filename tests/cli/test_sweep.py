@@ -186,7 +186,7 @@ def test_the_same_bytes_whatever_does_the_work(spin: Path, cluster: str, command
     """One process, two processes, a cluster, other threads and hash seeds: files equal byte for byte."""
     asked = ["sweep", "spin.yaml", "-v", "wheel.inertia=1:2:3", "-v", "simulate.step=5 ms,10 ms", "-v", "push~10%"]
     asked += ["-n", "40", "--keep", "50 ms"]
-    for name, extra in {"one": ["--workers", 1], "two": ["--workers", 2], "dask": ["--scheduler", cluster]}.items():
+    for name, extra in {"one": ("--workers", "1"), "two": ("--workers", "2"), "dask": ("--scheduler", cluster)}.items():
         answer = command(*asked, "-o", name, *extra)
         assert answer.code == 0, answer.err
     for k, seed in enumerate(("1", "2")):

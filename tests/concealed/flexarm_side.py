@@ -11,6 +11,7 @@ from benchmarks.concealed.scenario import text, write
 from benchmarks.concealed.truth import MAXWELL_BAND, Nuisance, fine
 from diagnosis.binding import bind, grid
 from diagnosis.recordings.mapping import from_scenario
+from diagnosis.recordings.types import Recording
 from engine.simulate import simulate
 from scenarios.amend import AtFlange, Between, InSignal, OnSensor, Replace, Set, amended
 from scenarios.load import load
@@ -115,6 +116,7 @@ def simulated(case: Any, folder: Any, concealed: Any = (), internal_step: Any = 
     out = []
     for recorded in case.recordings:
         recording = from_scenario(scenario, recorded.name)
+        assert isinstance(recording, Recording)
         made = bind(scenario, recording)
         step, every = grid(recording.time, 1e-3)
         stop = step * every * (len(recording.time) - 1)

@@ -30,7 +30,7 @@ def test_nothing_concealed_and_true_parameters_leave_the_noise_alone(plant: Any,
     write(replace(case, nominal=dict(case.truth.parameters)), tmp_path / "noisy", tmp_path / "answers")
     scenario = load(str(tmp_path / "noisy" / "scenario.yaml"))
     sigma = {s.signal: s.sigma for s in case.sensors}
-    left = {signal: [] for signal in sigma}
+    left: dict[str, list[Any]] = {signal: [] for signal in sigma}
     for recorded in case.recordings:
         for signal, error in compare(scenario, recorded.name).signals.items():
             left[signal].append(error.rmse / sigma[signal])

@@ -23,7 +23,7 @@ from benchmarks.concealed.truth import MAXWELL_BAND, MAXWELL_PER_DECADE, Truth, 
 DT, STEP = 1e-3, 2e-5
 
 
-def body(inertia: float = 1.0, substeps: float = 50, **chains: Any) -> tuple[Any, Any, Callable[..., Any]]:
+def body(inertia: float = 1.0, substeps: int = 50, **chains: Any) -> tuple[Any, Any, Callable[..., Any]]:
     """An inertia under the commanded torque; elements are added by the caller before it is discretised."""
     m = Mechanism()
     shaft = m.coordinate("body")
@@ -114,6 +114,7 @@ def test_runs_agree_with_scipy(name: Any) -> None:
 
     x = np.zeros(len(made.A))
     for k in range(len(command) - 1):
+        assert run.states is not None
         assert run.states[k] == pytest.approx(x, rel=1e-6, abs=1e-7)
         x = solve_ivp(slope, (k * DT, (k + 1) * DT - 1e-12), x, rtol=1e-10, atol=1e-13).y[:, -1]
 
@@ -140,14 +141,15 @@ def test_whirling_arm_keeps_energy_and_angular_momentum() -> None:
     hub, inertia = m.coordinate("hub"), made.inertia + 0.01
     m.inertia(hub, inertia)
     modes = [m.coordinate("a1"), m.coordinate("a2")]
-    for i, a in enumerate(modes):
-        m.inertia(a, 1.0)
-        m.couple(hub, a, float(made.coupling[i]))
-        m.spring(a, float(made.frequency[i] ** 2))
+    for i, mode in enumerate(modes):
+        m.inertia(mode, 1.0)
+        m.couple(hub, mode, float(made.coupling[i]))
+        m.spring(mode, float(made.frequency[i] ** 2))
     H = made.softening - made.stiffening
     m.whirl = Whirl(hub, modes, H)
     start = np.array([0.0, 0.02, 0.0, 8.0, 0.0, 0.1])
     x = Simulator(m, [Readout(hub.sense)], DT, 50).run(np.zeros(2000), initial=start, states=True).states
+    assert x is not None
     a, w, v = x[:, 1:3], x[:, 3], x[:, 4:6]
     added = np.einsum("ti,ij,tj->t", a, H, a)
     momentum = (inertia + added) * w + v @ made.coupling
@@ -328,6 +330,7 @@ def test_discretisation_is_the_matrix_exponential() -> None:
         Truth(plant, plant.nominal(), (Concealed("inductance", "motor", {"inductance": 1e-3}),)), ["tacho.out"], DT
     )
     states = made.run(np.full(200, 2.0), states=True).states
+    assert states is not None
     steady = np.linalg.lstsq(A, -2.0 * B[:, 0], rcond=None)[0]
     assert len(states[0]) == len(steady) == 5
     block = np.zeros((6, 6))

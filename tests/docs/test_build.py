@@ -24,7 +24,7 @@ def build(folder: Any) -> None:
     assert "WARNING" not in done.stdout + done.stderr
 
 
-def page(site: Any, name: Any) -> str:
+def page(site: Path, name: str) -> str:
     return (site / name / "index.html").read_text(encoding="utf-8")
 
 
@@ -62,6 +62,7 @@ def every_command_and_public_name_is_in_the_reference(site: Any) -> None:
 
     commands, names = page(site, "reference/cli"), page(site, "reference/api")
     for command in app.registered_commands:
+        assert command.callback is not None
         called = command.name or command.callback.__name__
         assert f'id="{called}"' in commands
     assert "--hold-out" in commands
@@ -108,6 +109,6 @@ def test_notebooks_are_kept_without_outputs() -> None:
     found = sorted(notebooks.FOLDER.glob("*.ipynb"))
     assert [path.name for path in found] == ["diagnosis.ipynb", "first-arm.ipynb"]
     for path in found:
-        for cell in nbformat.read(path, as_version=4).cells:
+        for cell in nbformat.read(path, as_version=4).cells:  # type: ignore[no-untyped-call]
             assert not cell.get("outputs")
             assert cell.get("execution_count") is None

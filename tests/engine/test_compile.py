@@ -97,6 +97,7 @@ def test_a_killed_compilation_leaves_nothing_that_is_used(cache: Any) -> None:
     process = subprocess.Popen(
         [sys.executable, "-c", program], stdin=subprocess.PIPE, text=True, start_new_session=True, cwd=Path.cwd()
     )
+    assert process.stdin is not None
     process.stdin.write(source)
     process.stdin.close()
     deadline = time.time() + 600

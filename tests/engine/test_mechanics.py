@@ -101,7 +101,8 @@ def test_a_stuck_joint_does_not_move_at_all_and_breaks_away_at_its_static_level(
     )
     result = simulate(build(plant), 0.6, 1e-3)
     away = np.arcsin(0.8) / 2.0
-    assert result.events[0][:2] == (pytest.approx(away, abs=1e-12), "f")
+    assert result.events[0][0] == pytest.approx(away, abs=1e-12)
+    assert result.events[0][1] == "f"
     before = result.time < away
     assert (result["m.shaft.angle"][before] == 0.0).all()
 
@@ -174,9 +175,9 @@ def test_stick_slip_agrees_with_an_event_driven_scipy_solution() -> None:
     grid = result.time
     while t < 10.0 - 1e-12:
         if mode == 0:
-            events = [lambda t, y: abs(force(t, y)) - static]
+            events: list[Any] = [lambda t, y: abs(force(t, y)) - static]
             events[0].direction = 1
-            f = lambda t, y: [0.0, 0.0]  # noqa: E731
+            f: Any = lambda t, y: [0.0, 0.0]  # noqa: E731
         else:
             events = [lambda t, y, m=mode: m * y[1]]
             events[0].direction = -1

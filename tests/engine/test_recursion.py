@@ -45,12 +45,14 @@ class Arm(Block):
         if not self.recursive:
             q, v = ca.vertcat(*[j.angle for j in joints]), ca.vertcat(*[j.speed for j in joints])
             energy = 0
-            for m, hub, (x, y, turn) in zip(masses, hubs, above, strict=True):
-                rate = ca.jtimes(ca.vertcat(x, y, turn), q, v)
+            for m, hub, (x, y, angle) in zip(masses, hubs, above, strict=True):
+                rate = ca.jtimes(ca.vertcat(x, y, angle), q, v)
                 energy += m * (rate[0] ** 2 + rate[1] ** 2) / 2 + hub * rate[2] ** 2 / 2
             net.kinetic(joints, energy)
             return
-        turn, along, across = self.j1, None, None
+        turn: Any = self.j1
+        along: Any = None
+        across: Any = None
         for i, (joint, length) in enumerate(zip(joints, LENGTHS, strict=True)):
             if i:
                 c, s = ca.cos(joint.angle), ca.sin(joint.angle)

@@ -19,7 +19,7 @@ from tests.physics.papers import table
 BETA = tuple(brentq(lambda b: np.cos(b) * np.cosh(b) + 1, *span) for span in ((1.5, 2.5), (4.0, 5.5), (7.0, 8.5)))
 
 
-def shape(b: Any, v: Any, x: Any, derivative: float = 0) -> Any:
+def shape(b: Any, v: Any, x: Any, derivative: int = 0) -> Any:
     """Cosh - cos + v (sinh - sin) of b x, or a derivative by x; x is the share of the length."""
     flip = (-1, 1, 1, -1)[derivative]
     even = (np.cosh, np.sinh)[derivative % 2](b * x) + flip * (np.cos, np.sin)[derivative % 2](b * x)
@@ -32,7 +32,7 @@ def sigma(b: Any) -> Any:
     return (np.cosh(b) + np.cos(b)) / (np.sinh(b) + np.sin(b))
 
 
-def cantilever(mode: Any, x: Any, derivative: float = 0) -> Any:
+def cantilever(mode: Any, x: Any, derivative: int = 0) -> Any:
     return shape(BETA[mode], -sigma(BETA[mode]), x, derivative)
 
 

@@ -37,7 +37,7 @@ def put(
     failure: str = "",
     errors: Any = (100.0, 10.0, 1.0),
     suite: str = "core",
-    seed: float = 1,
+    seed: int = 1,
     ties: Any = None,
     answered: bool = True,
     **more: Any,

@@ -64,7 +64,7 @@ def test_answers_lie_elsewhere_and_time_is_noted(spied: tuple[Any, Path, Any]) -
 
 def test_a_second_run_goes_on_where_the_first_was_stopped(spied: tuple[Any, Path, Any]) -> None:
     spec, folder, _ = spied
-    lines = []
+    lines: list[str] = []
     runner.run([spec], folder, 1, lines.append)
     assert lines[0].endswith("done before")
 

@@ -74,7 +74,9 @@ def test_the_command_shows_and_writes(folder: Any, tmp_path: Path, capsys: pytes
 
 def test_a_score_goes_on_with_earlier_cases_of_the_same_commit_alone(folder: Any, tmp_path: Path) -> None:
     """Of two scores with one case in common, the later result counts; other commits' cases do not."""
-    commit = frozen.frozen().commit
+    found = frozen.frozen()
+    assert found is not None
+    commit = found.commit
     proof = data.gather(folder)
     both, old, other = (replace(r, frozen=c) for r, c in zip(proof.rows, (commit, commit, "another"), strict=False))
     now = replace(both, outcome="wrong")

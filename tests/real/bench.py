@@ -28,7 +28,7 @@ class Bench:
 
     def put_in(self, *effects: Candidate) -> ScoredModel:
         """The model with effects in it, fitted from the refit."""
-        return self.fitter.polish(self.fitter.finish(self.fitter.draft(effects, self.refit.fit)))
+        return self.fitter.polish(self.fitter.finish(self.fitter.partial_fit(effects, self.refit.fit)))
 
 
 def bench(name: str, *overrides: str) -> Bench:

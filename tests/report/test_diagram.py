@@ -115,13 +115,19 @@ def test_random_wirings_are_laid_out_cleanly(seed: Any) -> None:
     _check(items, links, arrange(items, links))
 
 
+def _number(node: ET.Element, key: str) -> float:
+    text = node.get(key)
+    assert text is not None
+    return float(text)
+
+
 def _texts(svg: Any) -> Iterator[tuple[Any, tuple[Any, Any, Any, Any]]]:
     """Place of every text of an SVG by a generous measure of its own, as (text, left, top, right, bottom)."""
     for node in ET.fromstring(svg).iter(f"{SVG}text"):
-        size, text = float(node.get("font-size")), node.text or ""
+        size, text = _number(node, "font-size"), node.text or ""
         width = 0.5 * size * len(text)
-        x, y = float(node.get("x")), float(node.get("y"))
-        left = x - {"middle": width / 2, "end": width}.get(node.get("text-anchor"), 0.0)
+        x, y = _number(node, "x"), _number(node, "y")
+        left = x - {"middle": width / 2, "end": width}.get(node.get("text-anchor", ""), 0.0)
         yield text, (left, y - 0.7 * size, left + width, y + 0.2 * size)
 
 
@@ -135,7 +141,7 @@ def test_every_scenario_is_drawn_without_overlaps(tmp_path: Path) -> None:
     for scenario in _scenarios(tmp_path):
         svg = diagram(scenario).svg()
         root = ET.fromstring(svg)
-        width, height = float(root.get("width")), float(root.get("height"))
+        width, height = _number(root, "width"), _number(root, "height")
         boxes = []
         for rect in root.iter(f"{SVG}rect"):
             x, y, w, h = (float(rect.get(k, 0)) for k in ("x", "y", "width", "height"))
@@ -211,13 +217,15 @@ def test_names_from_files_stay_text(tmp_path: Path) -> None:
     svg = diagram(load(axes(tmp_path, 1))).svg()
     root = ET.fromstring(svg)
     assert not list(root.iter(f"{SVG}script"))
-    assert HOSTILE in root.find(f"{SVG}title").text
+    title = root.find(f"{SVG}title")
+    assert title is not None
+    assert HOSTILE in (title.text or "")
     assert "http" not in svg.replace("http://www.w3.org/2000/svg", "")
 
 
 def test_frames_hold_their_blocks(tmp_path: Path) -> None:
     root = ET.fromstring(diagram(load(axes(tmp_path, 2))).svg())
-    rects = {}
+    rects: dict[str | None, list[tuple[float, ...]]] = {}
     for rect in root.iter(f"{SVG}rect"):
         x, y, w, h = (float(rect.get(k, 0)) for k in ("x", "y", "width", "height"))
         rects.setdefault(rect.get("class"), []).append((x, y, x + w, y + h))
@@ -238,7 +246,7 @@ def test_frames_within_frames_lie_in_front(tmp_path: Path) -> None:
     outer.write_text("schema: 1\nname: outer\nblocks:\n  cell: {type: ./cell.yaml}\n")
     root = ET.fromstring(diagram(load(outer)).svg())
     frames = [r for r in root.iter(f"{SVG}rect") if r.get("class") == "fx-frame"]
-    areas = [float(r.get("width")) * float(r.get("height")) for r in frames]
+    areas = [_number(r, "width") * _number(r, "height") for r in frames]
     assert len(areas) == 3
     assert areas[0] == max(areas)
 

@@ -18,6 +18,7 @@ from diagnosis.api import gather
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.problems import problem
 from diagnosis.recordings.mapping import from_scenario
+from diagnosis.recordings.types import FrequencyTable
 from diagnosis.search.force_recovery import Curve
 from engine.errors import FlexarmError
 from flexarm.report.evidence import evidence_charts
@@ -97,7 +98,11 @@ class _Outline(HTMLParser):
 
     def __init__(self, text: Any) -> None:
         super().__init__()
-        self.headings, self.ids, self.named, self.fetched, self.tags = [], [], [], [], []
+        self.headings: list[Any] = []
+        self.ids: list[Any] = []
+        self.named: list[Any] = []
+        self.fetched: list[Any] = []
+        self.tags: list[Any] = []
         self.feed(text)
 
     def handle_starttag(self, tag: Any, attrs: Any) -> None:
@@ -139,10 +144,16 @@ def test_a_run_is_reported_with_what_repeats_it(tmp_path: Path) -> None:
     assert "axis0.friction" in text
 
 
+def _data(text: str) -> Any:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text)
+    assert found
+    return json.loads(found[1])
+
+
 def test_the_energy_of_a_run_is_in_its_report() -> None:
     scenario = load("quanser-single-link")
     text = page(scenario, flexarm.simulate(scenario, stop=0.5))
-    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text).group(1))
+    data = _data(text)
     energy = next(c for c in data if c["key"] == "energy")["views"][0]["panels"]
     stored, supplied, dissipated = (np.array(t["y"]) for t in energy[0]["traces"])
     assert supplied[-1] > 0
@@ -153,7 +164,7 @@ def test_curves_in_the_page_are_those_of_the_run() -> None:
     scenario = load("quanser-single-link")
     result = flexarm.simulate(scenario, stop=0.3)
     text = page(scenario, result)
-    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text).group(1))
+    data = _data(text)
     traces = {t["name"]: t for p in data[0]["views"][0]["panels"] for t in p["traces"]}
     assert set(traces) == set(result.names)
     for name in result.names:
@@ -217,10 +228,11 @@ def test_a_table_is_drawn_over_its_frequencies() -> None:
     study = SimpleNamespace(
         refit=SimpleNamespace(fit=fit, hold_out=1.0), chosen=SimpleNamespace(fit=fit, effects=(1,)), nominal=(1.0, 1.0)
     )
-    chart = before_after(SimpleNamespace(study=study))
+    chart = before_after(SimpleNamespace(study=study))  # type: ignore[arg-type]
     assert (chart.log, chart.x_label, chart.x_unit) == (True, "frequency", "rad/s")
     ((_, (above, below)),) = chart.views
     table = from_scenario(scenario, "table_2_2")
+    assert isinstance(table, FrequencyTable)
     points = [t for t in above.traces if t.points]
     drawn = np.concatenate([np.column_stack([t.x, t.y]) for t in points])
     (response,) = table.responses
