@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import resource
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,18 +37,18 @@ def store(folder: Path, name: str, values: np.ndarray) -> None:
     np.savetxt(folder / f"{name}.csv", values, delimiter=",", header="t,u,speed", comments="")
 
 
-def spoil(path: Path, change) -> Path:
+def spoil(path: Path, change: Any) -> Path:
     for name in NAMES:
         store(path.parent, name, change(table(path.parent, name)))
     return path
 
 
-def prepared(path: Path):
+def prepared(path: Path) -> Any:
     scenario = load(path)
     return problem(scenario, [find_recording(scenario, name) for name in scenario.recordings])
 
 
-def scaled(factor: float):
+def scaled(factor: float) -> Callable[..., Any]:
     return lambda rows: rows * [1.0, 1.0, factor]
 
 
@@ -54,7 +56,7 @@ def clipped(rows: np.ndarray) -> np.ndarray:
     return np.column_stack([rows[:, :2], np.clip(rows[:, 2], -60.0, 60.0)])
 
 
-def shifted(samples: int):
+def shifted(samples: int) -> Any:
     def change(rows: np.ndarray) -> np.ndarray:
         kept = np.column_stack([rows[:, :2], np.roll(rows[:, 2], samples)])
         return kept[5:-5]
@@ -85,7 +87,7 @@ def test_concealed_physics_is_no_fault_of_the_recording(tmp_path: Path) -> None:
         (shifted(4), "there is a delay, or a column is shifted"),
     ],
 )
-def test_what_no_physics_explains_is_remarked(change, piece: str, bench: Path) -> None:
+def test_what_no_physics_explains_is_remarked(change: Any, piece: str, bench: Path) -> None:
     found = [remark.text for remark in screen(prepared(spoil(bench, change)))]
     assert any(piece in text for text in found), found
 

@@ -1,13 +1,18 @@
 """Whatever the record and the settings: a clear error or finite numbers; and the same decay from every kind of file."""
 
+from __future__ import annotations
+
 import json
 import math
 import warnings
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from diagnosis.decay.record import decay_record, read_decay
 from diagnosis.decay.report import analyse_decay
@@ -51,7 +56,9 @@ settings_of = st.fixed_dictionaries(
     st.sampled_from([0.0, 1.0, -1e6]),
     settings_of,
 )
-def test_a_clear_error_or_finite_numbers(kind, samples, frequency, rate, power, offset, asked):
+def test_a_clear_error_or_finite_numbers(
+    kind: Any, samples: Any, frequency: Any, rate: Any, power: Any, offset: Any, asked: Any
+) -> None:
     time = np.arange(samples) * 1e-3
     values = KINDS[kind](time, frequency, rate) * 10.0**power + offset
     try:
@@ -66,7 +73,7 @@ def test_a_clear_error_or_finite_numbers(kind, samples, frequency, rate, power, 
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mat", ".parquet"])
-def test_the_same_decay_from_every_kind_of_file(suffix, tmp_path):
+def test_the_same_decay_from_every_kind_of_file(suffix: str, tmp_path: Path) -> None:
     time, values = two_modes(1000, LIGHT)
     path = tmp_path / f"decay{suffix}"
     if suffix == ".csv":
@@ -87,7 +94,7 @@ def test_the_same_decay_from_every_kind_of_file(suffix, tmp_path):
     assert [mode.ratio for mode in found.waterfall.modes] == pytest.approx(LIGHT, rel=5e-3)
 
 
-def test_a_record_too_short_for_windows_still_has_a_decrement():
+def test_a_record_too_short_for_windows_still_has_a_decrement() -> None:
     time = np.arange(0, 2.2, 1e-3)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -108,6 +115,6 @@ def test_a_record_too_short_for_windows_still_has_a_decrement():
         (np.arange(20.0), np.arange(20.0) * 1e200, "choose another unit"),
     ],
 )
-def test_arrays_that_are_no_record(time, values, words):
+def test_arrays_that_are_no_record(time: NDArray[Any] | list[float], values: Any, words: str) -> None:
     with pytest.raises(RecordingError, match=words):
         decay_record(time, values)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from diagnosis.estimation.time_experiment import TimeExperiment
-
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +10,7 @@ from scipy.signal import butter, filtfilt
 
 from diagnosis.api import diagnose
 from diagnosis.binding import find_recording
+from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.recordings.types import Channel, Recording
 from diagnosis.search.scored_model import ScoredModel, gain_band
 from scenarios.load import load
