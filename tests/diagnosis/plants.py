@@ -64,7 +64,7 @@ def speed(
     dead: float = 0.0,
     resistance: Any = RESISTANCE,
     inertia: Any = INERTIA,
-    parts: float = 100,
+    parts: int = 100,
 ) -> NDArray[Any]:
     """Motor speed by exponential steps of 20 us; Coulomb friction holds the rotor where the motor cannot turn it."""
     constant = EFFICIENCY * TORQUE_CONSTANT / resistance
@@ -92,7 +92,7 @@ def case(
     given_resistance: float = 2.75,
     given_inertia: float = 4.3e-7,
     noise: float = 0.3,
-    seed: float = 0,
+    seed: int = 0,
     **truth: Any,
 ) -> Path:
     """A scenario with parameters a few per cent off, and recordings of a plant with ``truth`` in it."""

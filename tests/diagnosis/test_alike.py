@@ -85,7 +85,7 @@ def test_the_inductance_is_fitted_like_any_other_size(listed: Any) -> None:
 
 
 def test_a_delay_is_known_as_well_as_the_timing_and_an_order_exactly() -> None:
-    study = SimpleNamespace(scales=SimpleNamespace(sample=2e-3))
+    study: Any = SimpleNamespace(scales=SimpleNamespace(sample=2e-3))
     row = verdict._chosen_size(study, EffectParameter("delay", 1e-3, fixed=True, unit="s"), 5e-3)
     assert row["low"] == pytest.approx(5e-3 - 1.96 * INTERVALS.input_timing * 2e-3)
     assert row["high"] == pytest.approx(5e-3 + 1.96 * INTERVALS.input_timing * 2e-3)
@@ -102,14 +102,15 @@ def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain: float, 
         added=lambda: {"sensor_scale.gain": gain},
         effects=(Candidate("sensor_scale", "arm.shaft.angle", "arm", "found", lambda values: []),),
     )
-    rows = verdict._units(SimpleNamespace(chosen=trial, trials=(trial,)))
+    study: Any = SimpleNamespace(chosen=trial, trials=(trial,))
+    rows = verdict._units(study)
     assert rows == (
         [f"a scale of {gain:.4g} at arm.shaft.angle is near that between {told}: is its unit right?"] * bool(told)
     )
 
 
 def test_the_halves_of_a_recording_are_all_of_it_once(fitter: CandidateFitter) -> None:
-    whole = fitter.recordings[0]
+    whole: Any = fitter.recordings[0]
     fitted, judged = whole.split(EXCHANGE.part)
     assert (fitted.role, judged.role) == ("train", "hold_out")
     a, b, y = (r.measurements[0].values for r in (fitted, judged, whole))
@@ -138,7 +139,9 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
     scenario = load(case(tmp_path, seed=5))
     fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
-    moved, told = exchanged(fitter, fitter.refit())
+    exchange = exchanged(fitter, fitter.refit())
+    assert exchange is not None
+    moved, told = exchange
     roles = {r.name: r.role for r in moved}
     assert roles == {
         "steps": "train",
@@ -158,7 +161,9 @@ def test_counts_without_a_revolution_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FlexarmError, match="the counts per revolution are not given") as caught:
         gather(scenario, [], [])
     assert "counts_per_rev: 4096" in caught.value.remedy
-    assert caught.value.where.line > 0
+    where = caught.value.where
+    assert where is not None
+    assert where.line > 0
 
 
 @pytest.mark.parametrize(
@@ -180,4 +185,5 @@ def test_what_is_no_number_is_told_with_a_remedy_that_fits(tmp_path: Path, cell:
     with pytest.raises(FlexarmError, match=f"holds '{cell}'") as caught:
         gather(load(path), ["steps"], [])
     assert caught.value.remedy.startswith(remedy)
+    assert caught.value.where is not None
     assert math.isfinite(caught.value.where.line)

@@ -12,8 +12,10 @@ import pytest
 
 from diagnosis.api import diagnose
 from diagnosis.binding import find_recording
+from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.problems import problem
 from diagnosis.recordings.columns import LONG_TEXT, read_columns
+from diagnosis.recordings.types import Recording
 from diagnosis.thresholds import FITTING
 from diagnosis.verdict.recording_checks import screen
 from engine.errors import FlexarmError
@@ -145,6 +147,7 @@ def test_runs_of_nan_are_masked_and_told(bench: Path) -> None:
     rows[200:260, 2] = np.nan
     store(bench.parent, "steps", rows)
     recording = find_recording(load(bench), "steps")
+    assert isinstance(recording, Recording)
     assert len(recording.time) == len(rows)
     assert any("60 of 1001 rows" in note for note in recording.notes)
     made = prepared(bench)
@@ -164,9 +167,11 @@ def test_nan_in_a_drive_is_refused_unless_it_may_be_skipped(bench: Path) -> None
     assert "gaps: skip" in caught.value.remedy
     scenario = load(bench, ["recordings.steps.gaps=skip"])
     recording = find_recording(scenario, "steps")
+    assert isinstance(recording, Recording)
     assert len(recording.time) == len(rows) - 60
     assert any("gap in time" in note for note in recording.notes)
     experiment = problem(scenario, [recording]).experiments[0]
+    assert isinstance(experiment, TimeExperiment)
     assert experiment.uneven
     assert experiment.step == pytest.approx(2e-3)
     place = experiment.time / experiment.step

@@ -18,6 +18,7 @@ from diagnosis.recordings.types import Channel, Recording
 from diagnosis.search import preference as choice
 from diagnosis.search import search as select
 from diagnosis.search.scored_model import ScoredModel, by_chance, gain_band, outside_tolerances
+from diagnosis.search.study import Study
 from diagnosis.thresholds import NOISE, PREFERENCE
 
 N = 20_000
@@ -42,7 +43,7 @@ def still(free: int = 0, **rows: Any) -> Still:
         made[name] = np.nan_to_num(r)
         role = "train" if name.startswith("train") else "hold_out"
         sigma = np.ones(r.shape[1])
-        time = 1e-3 * np.arange(len(r))
+        time = 1e-3 * np.arange(len(r), dtype=float)
         experiments.append(
             TimeExperiment(
                 name=name,
@@ -57,7 +58,8 @@ def still(free: int = 0, **rows: Any) -> Still:
             )
         )
     names = tuple(FreeParameter(f"p{k}", 1.0, 0.1, True) for k in range(free))
-    return Still(None, None, tuple(experiments), names, rows=made)
+    nothing: Any = None
+    return Still(nothing, nothing, tuple(experiments), names, rows=made)
 
 
 def effect(name: str, place: str = "a.shaft", parameters: int = 1) -> Candidate:
@@ -120,7 +122,9 @@ def test_kinks_are_not_noise(white: Any) -> None:
 def test_the_floor_of_slow_rows_is_not_too_low(white: Any) -> None:
     """At 20 Hz a piece of 0.2 s has four rows, the median of whose squares is far below their mean."""
     made = still(held=2.0 * white[:4_000])
-    slow = replace(made.experiments[0], time=0.05 * np.arange(4_000), step=0.05)
+    first = made.experiments[0]
+    assert isinstance(first, TimeExperiment)
+    slow = replace(first, time=0.05 * np.arange(4_000, dtype=float), step=0.05)
     assert choice.noise_floor(trial(1.0, problem=replace(made, experiments=(slow,)))) == pytest.approx(4.0, rel=0.05)
 
 
@@ -446,13 +450,14 @@ def test_where_little_is_left_over_that_no_effect_accounts_for_nothing_is_missin
     monkeypatch.setattr(select, "laws", lambda study: 1 / 0)
     half = trial(1.2, effect("e"))
     refit = trial(1 + 0.9 * PREFERENCE.unknown)
-    study = select.Study(None, (), (9.0, 9.0), refit, (half,), half, None, ())
+    nothing: Any = None
+    study = Study(nothing, (), (9.0, 9.0), refit, (half,), half, nothing, ())
     assert not choice.missing(refit)
-    assert select._unnamed(None, study, None).chosen is refit
+    assert select._unnamed(nothing, study, None).chosen is refit
     much = trial(1 + 1.1 * PREFERENCE.unknown)
     assert choice.missing(much)
     with pytest.raises(ZeroDivisionError):
-        select._unnamed(None, replace(study, refit=much), None)
+        select._unnamed(nothing, replace(study, refit=much), None)
 
 
 def test_what_needs_a_parameter_far_from_what_was_given_has_no_name(silent: Any) -> None:

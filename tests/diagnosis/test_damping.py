@@ -104,18 +104,22 @@ def test_the_pendulum_of_the_paper_returns_its_ratio() -> None:
     assert found.ratio == pytest.approx(0.0142, abs=1e-4)
     assert found.frequency == pytest.approx(1.0598, rel=2e-3)
     assert found.peaks[1] / found.peaks[0] == pytest.approx(0.9145, rel=2e-3)
-    assert found.envelopes.verdict == "viscous"
+    envelopes = found.envelopes
+    assert envelopes is not None
+    assert envelopes.verdict == "viscous"
 
 
 def test_dry_friction_is_recognised_by_its_constant_loss() -> None:
     time = np.arange(0, 20, 1e-3)
     with pytest.warns(DampingWarning, match="Coulomb"):
         found = logarithmic_decrement(time, coulomb(time, FREQUENCY, 1.0, 0.01))
-    assert found.envelopes.verdict == "coulomb"
+    envelopes = found.envelopes
+    assert envelopes is not None
+    assert envelopes.verdict == "coulomb"
     # 4 F / k per cycle.
-    assert found.envelopes.loss_per_cycle == pytest.approx((0.04, 0.04), rel=1e-2)
-    assert found.envelopes.fit("coulomb").loss == pytest.approx(0.04 * FREQUENCY, rel=1e-2)
-    assert found.envelopes.fit("coulomb").rms < 0.05 * found.envelopes.fit("viscous").rms
+    assert envelopes.loss_per_cycle == pytest.approx((0.04, 0.04), rel=1e-2)
+    assert envelopes.fit("coulomb").loss == pytest.approx(0.04 * FREQUENCY, rel=1e-2)
+    assert envelopes.fit("coulomb").rms < 0.05 * envelopes.fit("viscous").rms
 
 
 def test_viscous_decay_is_not_mistaken_for_dry_friction() -> None:
@@ -124,9 +128,11 @@ def test_viscous_decay_is_not_mistaken_for_dry_friction() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = logarithmic_decrement(time, viscous(time, FREQUENCY, 0.0142) + noise)
-    assert found.envelopes.verdict == "viscous"
-    assert found.envelopes.fit("viscous").rate == pytest.approx(0.0142 * 2 * np.pi * FREQUENCY, rel=0.01)
-    assert "exponentially" in found.envelopes.sentence
+    envelopes = found.envelopes
+    assert envelopes is not None
+    assert envelopes.verdict == "viscous"
+    assert envelopes.fit("viscous").rate == pytest.approx(0.0142 * 2 * np.pi * FREQUENCY, rel=0.01)
+    assert "exponentially" in envelopes.sentence
 
 
 @pytest.mark.parametrize(("law", "force"), [("drag", (0.0, 1.0)), ("viscous and coulomb", (0.001, 0.0))])
@@ -148,12 +154,14 @@ def test_drag_and_mixed_friction_are_told_apart(law: str, force: tuple[float, fl
     ).y[0]
     with pytest.warns(DampingWarning):
         found = logarithmic_decrement(time, values)
-    assert found.envelopes.verdict == law
+    envelopes = found.envelopes
+    assert envelopes is not None
+    assert envelopes.verdict == law
     if law == "drag":
         # The energy lost per cycle, 8/3 c w^2 A^3, gives A' = -4/(3 pi) c w A^2 and so b = 4 c w A0 / (3 pi).
-        assert found.envelopes.fit("drag").rate == pytest.approx(4 * square * w * 0.12 / (3 * np.pi), rel=0.03)
+        assert envelopes.fit("drag").rate == pytest.approx(4 * square * w * 0.12 / (3 * np.pi), rel=0.03)
     else:
-        fit = found.envelopes.fit(law)
+        fit = envelopes.fit(law)
         assert fit.rate == pytest.approx(linear * w, rel=0.05)
         assert fit.loss == pytest.approx(4 * dry * FREQUENCY, rel=0.05)
 

@@ -126,6 +126,7 @@ def test_where_nothing_is_concealed_the_force_is_nothing(sound: Any) -> None:
     assert sound.chosen.effects == ()
     for place, unit, size in (("motor.shaft", "N.m", FRICTION), ("motor.voltage", "V", DEAD)):
         found = recover(sound, place, unit)
+        assert found is not None
         assert (found.deviation > 0).all()
         assert np.abs(found.force / found.deviation).max() < 3
         assert np.abs(found.force).max() < 0.02 * size
@@ -138,7 +139,10 @@ def test_where_nothing_is_concealed_the_force_is_nothing(sound: Any) -> None:
 def test_the_evidence_is_larger_where_something_is_missing(sticky: Any, sound: Any) -> None:
     """Also seen from the refit, whose parameters bent to make up for what is missing."""
     bent = replace(sticky, chosen=sticky.refit)
-    assert recover(bent, "motor.shaft").log_odds > 1000 > 0 > recover(sound, "motor.shaft").log_odds
+    missing, nothing = recover(bent, "motor.shaft"), recover(sound, "motor.shaft")
+    assert missing is not None
+    assert nothing is not None
+    assert missing.log_odds > 1000 > 0 > nothing.log_odds
 
 
 def test_the_numbers_are_plain(torque: Any) -> None:

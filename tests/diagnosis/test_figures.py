@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from diagnosis.api import diagnose
 from diagnosis.verdict import figures
+from diagnosis.verdict.verdict import place_odds
 from tests.diagnosis.plants import case
 from tests.diagnosis.test_resume import LEFT_OUT
 
@@ -54,7 +55,7 @@ def test_a_backend_that_was_chosen_stays(draw: Any, name: Any, monkeypatch: pyte
 @pytest.mark.parametrize("name", DRAWN)
 def test_no_legend_or_title_lies_over_anything(draw: Any, name: Any) -> None:
     figure = draw(name)
-    canvas = FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
     boxes = [legend.get_window_extent(renderer) for legend in figure.legends]
@@ -71,7 +72,7 @@ def _titles(axis: Any) -> tuple[Any, Any, Any]:
 
 def test_every_place_has_a_bar_and_its_odds(draw: Any, found: Any) -> None:
     axis = draw("odds").axes[0]
-    places = list(figures.place_odds(found.study))[: figures.PLACES]
+    places = list(place_odds(found.study))[: figures.PLACES]
     assert [label.get_text() for label in axis.get_yticklabels()] == places
     assert len(places) > 1
     left = axis.get_xlim()[0]

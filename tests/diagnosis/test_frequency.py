@@ -12,6 +12,7 @@ import pytest
 from diagnosis.api import gather
 from diagnosis.compare import compare
 from diagnosis.frequency_response.extremes import half_range
+from diagnosis.frequency_response.table_experiment import TableExperiment
 from diagnosis.problems import problem
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -49,6 +50,7 @@ def test_compare_and_the_problem_of_diagnose_simulate_one_table_alike(name: str,
     error = compare(bench, recording).signals[SPEED]
     count = 0
     for e in problem(bench, [recording]).experiments:
+        assert isinstance(e, TableExperiment)
         amplitudes = [s.amplitudes[0] for s in e.solved({}, {})]
         rows = np.searchsorted(error.axis, e.frequency)
         np.testing.assert_array_equal(error.simulated[rows], amplitudes)
@@ -57,7 +59,7 @@ def test_compare_and_the_problem_of_diagnose_simulate_one_table_alike(name: str,
 
 
 def test_progress_of_a_comparison_ends_at_one() -> None:
-    told = []
+    told: list[float] = []
     compare(load("srv02-bare"), "table_2_2", progress=told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0

@@ -20,7 +20,7 @@ LIKE_IT = (*FRICTION, "dead_zone", "saturation", "uneven_gain", "offset", "visco
 DRAG, LEVEL, NOISE = 4.0e-8, 4.0e-4, 0.3
 
 
-def dragged(t: Any, u: Any, parts: float = 10) -> NDArray[Any]:
+def dragged(t: Any, u: Any, parts: int = 10) -> NDArray[Any]:
     """Motor speed with drag DRAG v |v| beside the viscous friction, by Runge-Kutta steps of 0.2 ms."""
     constant = plants.EFFICIENCY * plants.TORQUE_CONSTANT / plants.RESISTANCE
     damping = plants.VISCOUS + constant * plants.TORQUE_CONSTANT

@@ -125,10 +125,11 @@ def test_a_size_that_went_as_far_as_it_may_is_noticed(size: float, ended: bool) 
         lambda v: [],
         (EffectParameter("inertia", 1.0, most=2.0), EffectParameter("k", 1.0)),
     )
-    trial = SimpleNamespace(effects=(body,), added=lambda: {"extra_mode.inertia": size, "extra_mode.k": 1e9})
+    trial: Any = SimpleNamespace(effects=(body,), added=lambda: {"extra_mode.inertia": size, "extra_mode.k": 1e9})
     assert at_end(trial) == (["extra_mode.inertia"] if ended else [])
     free = replace(body, parameters=(EffectParameter("inertia", 1.0),))
-    assert at_end(SimpleNamespace(effects=(free,), added=trial.added)) == []
+    open_ended: Any = SimpleNamespace(effects=(free,), added=trial.added)
+    assert at_end(open_ended) == []
 
 
 @pytest.mark.parametrize("start", [-0.5, 0.5])

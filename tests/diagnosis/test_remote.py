@@ -41,7 +41,8 @@ def test_on_this_machine_no_pool_is_opened(path: Any, monkeypatch: pytest.Monkey
     monkeypatch.setattr("diagnosis.api.Spread", None)
     monkeypatch.setattr("diagnosis.api.study", lambda fitter, **_: fitter.workers)
     monkeypatch.setattr("diagnosis.api.judge", lambda workers, seed: workers)
-    assert diagnose(path, workers=3) == 3
+    workers: Any = diagnose(path, workers=3)
+    assert workers == 3
     with pytest.raises(FlexarmError, match="0 workers"):
         diagnose(path, workers=0)
 

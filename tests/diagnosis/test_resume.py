@@ -24,7 +24,7 @@ from scenarios.load import load
 from tests.diagnosis.plants import case
 from tests.robustness.killed import ROOT, wait_for_group
 
-TRUTH = {"coulomb": 4.0e-4, "seed": 3}
+TRUTH: dict[str, Any] = {"coulomb": 4.0e-4, "seed": 3}
 LEFT_OUT = (
     *("inductance", "gravity", "torque_ripple", "extra_mode", "outside_vibration", "stray_spring", "payload"),
     *("sensor_scale", "sensor_lag", "sensor_bias", "rectified_sensor", "wrong_parameter", "delay"),
@@ -121,7 +121,7 @@ def test_one_thread_comes_to_the_same_bytes(bench: Any, calm: Any) -> None:
     assert compute_finish(bench, 1, "alone")[1] == calm
 
 
-class Counted(dict):
+class Counted(dict[str, Any]):
     """A store that counts what is put in, and stops the study when there is enough."""
 
     def __init__(self, given: Any = (), most: Any = None) -> None:
@@ -139,10 +139,13 @@ class Counted(dict):
 def quick(bench: Any) -> Any:
     """In this process, with two effects alone."""
     scenario = load(bench / "scenario.yaml")
-    few = (*LEFT_OUT, *("saturation", "uneven_gain", "offset", "lag", "quadratic_drag", "viscous_friction"))
+    few: tuple[str, ...] = (
+        *LEFT_OUT,
+        *("saturation", "uneven_gain", "offset", "lag", "quadratic_drag", "viscous_friction"),
+    )
     few = (*few, "stribeck_friction", "direction_dependent_friction")
 
-    def run(store: Any = None, seed: float = 0) -> Any:
+    def run(store: Any = None, seed: int = 0) -> Any:
         return study(CandidateFitter(scenario, gather(scenario, [], []), 1, seed, store), without=few)
 
     return run

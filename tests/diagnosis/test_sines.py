@@ -102,7 +102,7 @@ def sticking_motor(w: Any, amplitude: Any, cycles: float = 6) -> Any:
             if not len(over):
                 break
             t, sign = float(grid[over[0]]), math.copysign(1.0, drive(float(grid[over[0]])))
-        stop = lambda _, y: y[0]  # noqa: E731
+        stop: Any = lambda _, y: y[0]  # noqa: E731
         stop.terminal, stop.direction = True, -sign
         start = sign * 1e-12 if v == 0 else v
         found = solve_ivp(
@@ -164,7 +164,9 @@ def test_a_start_nearby_gives_the_same_answer(tmp_path: Path) -> None:
     w = np.array([0.2, 1.0, 9.0, 20.0, 90.0])
     s = load("srv02-backlash")
     made = problem(s, gather(s, (), ()))
-    answers = made.experiments[0].answers
+    first = made.experiments[0]
+    assert isinstance(first, TableExperiment)
+    answers = first.answers
     near = dict(enumerate(answers.solve({"contact.stiffness": 0.0125}, w, np.full(5, 2.0), {})))
     warm = answers.solve({}, w, np.full(5, 2.0), near)
     cold = answers.solve({}, w, np.full(5, 2.0), {})
@@ -213,8 +215,11 @@ def test_every_second_row_is_held_out_unless_a_table_is(tmp_path: Path) -> None:
     made = problem(s, gather(s, (), ()))
     train, held = made.training, made.held_out
     assert [len(e.time) for e in (*train, *held)] == [7, 6]
-    assert np.allclose(np.sort(np.concatenate([train[0].frequency, held[0].frequency])), w)
-    assert "held out" in train[0].note
+    one, other = train[0], held[0]
+    assert isinstance(one, TableExperiment)
+    assert isinstance(other, TableExperiment)
+    assert np.allclose(np.sort(np.concatenate([one.frequency, other.frequency])), w)
+    assert "held out" in one.note
 
 
 def test_tables_and_recordings_over_time_do_not_mix(tmp_path: Path) -> None:
@@ -325,6 +330,7 @@ def test_table_2_2_is_a_tie_that_holds_coulomb_friction(tmp_path: Path) -> None:
     told = {t.effects[0].effect: t for t in found.rivals if t.effects[0].place == "motor.shaft"}
     assert {"coulomb_friction", "viscous_friction"} <= {*told, finding["effect"]}
     assert told["coulomb_friction"].added()["coulomb_friction.coulomb_friction"] == pytest.approx(2.25e-4, abs=0.4e-4)
+    assert found.proposal is not None
     assert found.proposal.kind == "amplitude_sweep"
     assert any(label.startswith("coulomb_friction") for label in found.proposal.separates)
     assert any("one amplitude" in text for text in found.warnings)
@@ -385,6 +391,7 @@ def test_table_a_2_is_led_by_backlash_and_other_contacts_rival_it() -> None:
     assert "coulomb_friction at motor.shaft" not in rivals
     assert _left(chosen.fit) < 0.6
     assert _left(found.study.refit.fit) > 2.0
+    assert found.proposal is not None
     assert found.proposal.kind == "amplitude_sweep"
 
 

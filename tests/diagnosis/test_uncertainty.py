@@ -44,9 +44,7 @@ recordings:
 """
 
 
-def wheel(
-    folder: Any, noise: Any = NOISE, seed: float = 0, damping: Any = DAMPING, gain: float = 0.0
-) -> tuple[Any, Any]:
+def wheel(folder: Any, noise: Any = NOISE, seed: int = 0, damping: Any = DAMPING, gain: float = 0.0) -> tuple[Any, Any]:
     """A wheel with oil, by hand: w' = ((1 + gain) u - b w) / J with u constant over each sample."""
     t = STEP * np.arange(COUNT)
     u = np.sign(np.sin(2.5 * t + 0.3))
@@ -106,7 +104,7 @@ def test_a_limit_that_is_never_reached_is_bounded_on_one_side_alone(tmp_path: Pa
     """The recorded torque goes to 1 N.m: a limit below it would show, one above it changes nothing."""
     scenario, recorded = wheel(tmp_path)
     limits = [
-        FreeParameter(f"limit.{end}", value, 0.3, True, *sorted((0.0, 1e6 * value)), prior=False)
+        FreeParameter(f"limit.{end}", value, 0.3, True, min(0.0, 1e6 * value), max(0.0, 1e6 * value), prior=False)
         for end, value in (("lower", -1.7), ("upper", 1.4))
     ]
     made = variant(problem(scenario, recorded), (), limits)

@@ -20,9 +20,9 @@ from tests.diagnosis.decays import HEAVY, LIGHT, MODES, coulomb, two_modes, visc
 def estimate(
     time: Any,
     values: Any,
-    window: float = 0.4,
-    hop: float = 0.05,
-    windows: float = 6,
+    window: float | None = 0.4,
+    hop: float | None = 0.05,
+    windows: int | None = 6,
     taper: str = "hann",
     frequencies: Any = MODES,
 ) -> Any:

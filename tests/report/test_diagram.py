@@ -58,8 +58,8 @@ def _joined(segments: Any) -> bool:
 
 def _check(items: Any, links: Any, placed: Any) -> None:
     boxes = {i.key: (x, y, x + i.width, y + i.height) for i in items for x, y in [placed.corners[i.key]] if i.width}
-    for (_, a), (_, b) in itertools.combinations(boxes.items(), 2):
-        assert not _overlap(a, b)
+    for first, second in itertools.combinations(boxes.values(), 2):
+        assert not _overlap(first, second)
     drawn = {}
     for link in links:
         segments = drawn[link.key] = _segments(placed.lines[link.key])
