@@ -1,4 +1,4 @@
-"""The library: one physical thing per file, its equation and sign on top. Part of flexarm."""
+"""The block library: one physical thing per file, with its equation and sign on top. Part of flexarm."""
 
 from blocks.registry import find, registry
 

@@ -1,4 +1,4 @@
-"""Every block by its type name: the house's own, and those other packages register.
+"""Every block by its type name: those of flexarm, and those that other packages register.
 
 A package adds blocks by the entry point group ``flexarm.blocks``; the name is the type name in scenario files::
 
@@ -43,7 +43,9 @@ _SHIPPED = {
     "controllers.delay": ("Delay",),
     "controllers.sample_hold": ("SampleHold",),
     "controllers.input_shaper": ("InputShaper",),
-    "controllers.feedforward": ("FeedForward",),
+    "controllers.rigid_feedforward": ("RigidFeedForward",),
+    "controllers.two_mass_feedforward": ("TwoMassFeedForward",),
+    "controllers.three_mass_feedforward": ("ThreeMassFeedForward",),
     "controllers.state_feedback": ("StateFeedback",),
     "controllers.observer": ("Observer",),
     "controllers.state_space": ("StateSpace", "DiscreteStateSpace"),
@@ -92,6 +94,12 @@ _SHIPPED = {
     "sensors.accelerometer": ("Accelerometer", "TranslationalAccelerometer"),
 }
 
+_REPLACED = {
+    "FeedForward": "use RigidFeedForward (masses: 1), TwoMassFeedForward (masses: 2) or ThreeMassFeedForward "
+    "(masses: 3) without the key 'masses'; for masses: 0 give any of them active: false",
+}
+"""Type names of earlier versions: what to write now."""
+
 
 @functools.cache
 def registry() -> dict[str, type[Block]]:
@@ -133,4 +141,5 @@ def find(name: str) -> type[Block]:
     try:
         return registry()[name]
     except KeyError:
-        raise ParameterError(f"there is no block type '{name}'", remedy=nearest(name, registry())) from None
+        remedy = _REPLACED.get(name) or nearest(name, registry())
+        raise ParameterError(f"there is no block type '{name}'", remedy=remedy) from None

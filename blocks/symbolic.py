@@ -1,4 +1,4 @@
-"""Functions for writing laws on symbols. CasADi is imported when a law is stamped, not when a block is named."""
+"""Functions for writing laws on symbols. CasADi is imported only when a law is stamped."""
 
 from __future__ import annotations
 

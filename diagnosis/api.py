@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 from threadpoolctl import threadpool_limits
 
@@ -106,24 +107,24 @@ def possible_effects(
         return candidates(operating_scales(problem(scenario, gather(scenario, recordings, ()))), without)
 
 
-def diagnose(
-    source: Scenario | str | Path,
-    recordings: Sequence[str | Path | Recorded] = (),
-    *,
-    hold_out: Sequence[str | Path | Recorded] = (),
-    overrides: Sequence[str] = (),
-    workers: int | None = None,
-    seed: int = 0,
-    without: Sequence[str] = (),
-    progress: Progress | None = None,
-    keep: Path | None = None,
-    scheduler: str | None = None,
-) -> Diagnosis:
-    """Say what a model leaves out of what was recorded; see `diagnosis.verdict.verdict.Diagnosis`.
+class DiagnosisKeywords(TypedDict, total=False):
+    """The fields of `DiagnosisOptions` as keywords; why there are both: `engine.simulate.SimulationKeywords`."""
 
-    Args:
-        source: the scenario.
-        recordings: to fit to, and to judge on where their role says so; all that the scenario describes by default.
+    hold_out: Sequence[str | Path | Recorded]
+    overrides: Sequence[str]
+    workers: int | None
+    seed: int
+    without: Sequence[str]
+    progress: Progress | None
+    keep: Path | None
+    scheduler: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiagnosisOptions:
+    """How a diagnosis is done.
+
+    Attributes:
         hold_out: further recordings to judge on.
         overrides: ``key=value`` texts.
         workers: threads; as many as cores if None. The result does not depend on them.
@@ -132,21 +133,47 @@ def diagnose(
         progress: told what is done.
         keep: folder where every fit is kept, so that a call that was interrupted goes on where it was.
         scheduler: address of a dask scheduler whose workers do the fits.
+    """
+
+    hold_out: Sequence[str | Path | Recorded] = ()
+    overrides: Sequence[str] = ()
+    workers: int | None = None
+    seed: int = 0
+    without: Sequence[str] = ()
+    progress: Progress | None = None
+    keep: Path | None = None
+    scheduler: str | None = None
+
+
+def diagnose(
+    source: Scenario | str | Path,
+    recordings: Sequence[str | Path | Recorded] = (),
+    options: DiagnosisOptions | None = None,
+    **given: Unpack[DiagnosisKeywords],
+) -> Diagnosis:
+    """Say what a model leaves out of what was recorded; see `diagnosis.verdict.verdict.Diagnosis`.
+
+    Args:
+        source: the scenario.
+        recordings: to fit to, and to judge on where their role says so; all that the scenario describes by default.
+        options: how it is done.
+        **given: fields of `DiagnosisOptions` as keywords, over those of ``options``, such as ``workers=4``.
 
     Raises:
         FlexarmError: scenario or recordings that do not fit, an effect that is unknown or cannot be used, no worker, or
             no cluster at that address.
     """
-    check_names(without)
-    if workers is not None and workers < 1:
-        raise FlexarmError(f"{workers} workers cannot do anything", remedy="give 1 or more")
-    scenario = source if isinstance(source, Scenario) else load(source, overrides)
-    recorded = gather(scenario, recordings, hold_out)
-    store = JsonStore(keep) if keep is not None else None
+    how = replace(options or DiagnosisOptions(), **given)
+    check_names(how.without)
+    if how.workers is not None and how.workers < 1:
+        raise FlexarmError(f"{how.workers} workers cannot do anything", remedy="give 1 or more")
+    scenario = source if isinstance(source, Scenario) else load(source, how.overrides)
+    recorded = gather(scenario, recordings, how.hold_out)
+    store = JsonStore(how.keep) if how.keep is not None else None
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
-        if scheduler:
-            spread = stack.enter_context(Spread(workers, scheduler))
-            fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, seed, store)
+        if how.scheduler:
+            spread = stack.enter_context(Spread(how.workers, how.scheduler))
+            fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, how.seed, store)
         else:
-            fitter = CandidateFitter(scenario, recorded, workers or cores(), seed, store)
-        return judge(study(fitter, without=without, progress=progress), seed)
+            fitter = CandidateFitter(scenario, recorded, how.workers or cores(), how.seed, store)
+        return judge(study(fitter, without=how.without, progress=how.progress), how.seed)

@@ -477,7 +477,7 @@ class Preference:
         10.0,
         "cost",
         "Twice the log likelihood ratio from which one change is preferred to another.",
-        "Kass and Raftery 1995: very strong evidence",
+        "[Kass 1995]: very strong evidence",
     )
     near: float = number(
         0.05,

@@ -1,1 +1,1 @@
-"""Ground floor: how equations become numbers. Knows no particular block. Part of flexarm."""
+"""The engine: it turns equations into numbers and knows no particular block. Part of flexarm."""

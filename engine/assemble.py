@@ -39,9 +39,9 @@ def build(
     Args:
         system: blocks and connections.
         inputs: signal inputs to drive from outside; each replaces the connection that fed it.
-        outputs: signals to give out; all of them if None.
-        energy: add states and outputs that keep the books: ``energy.stored``, ``energy.supplied``,
-            ``energy.dissipated`` and ``energy.residual`` (J), which is zero but for integration error.
+        outputs: signals to output; all of them if None.
+        energy: add states and outputs of the energy balance: ``energy.stored``, ``energy.supplied``,
+            ``energy.dissipated`` and ``energy.residual`` (J). The residual is zero except for the integration error.
 
     Raises:
         FlexarmError: a wrong connection, an algebraic loop, a massless motion, a closed loop of ties or frictions.
@@ -158,7 +158,7 @@ class _Assembly:
                 place = self.system.place(name)
                 raise (error.at(place) if place else error) from None
             except ArithmeticError as error:
-                said = f"the values of '{name}' are out of all proportion: {error.args[-1]}"
+                said = f"the values of '{name}' are too large or too small to compute with: {error.args[-1]}"
                 raise StructureError(said, self.system.place(name), "check their units") from error
 
     def _parameter(self, block_name: str, name: str) -> Any:
@@ -180,7 +180,7 @@ class _Assembly:
     def _symbol(self, name: str, value: float, declared: Any, user: str) -> Expression:
         known = self.net.parameters.get(name)
         if known is None:
-            known = ModelParameter(name, ca.SX.sym(name), float(value), declared)
+            known = ModelParameter(name, ca.SX.sym(name), float(value), declared.signed(float(value)))
             self.net.parameters[name] = known
         elif known.value != value:
             raise ConnectionProblem(f"parameter '{name}' is {known.value} in {known.users[0]} but {value} in {user}")
@@ -274,7 +274,7 @@ class _Assembly:
         return tuple(made)
 
     def _used(self, equations: Equations) -> tuple[Equations, list[ModelParameter]]:
-        """The equations with only those parameters that some equation reads; the rest could be tuned in vain."""
+        """The equations without the parameters that no equation uses: tuning those would have no effect."""
         skip = ("t", "x", "u", "d", "m", "p", "fire")
         rows = [getattr(equations, f.name) for f in fields(equations) if f.name not in skip]
         read = {hash_symbol(symbol) for symbol in ca.symvar(ca.vertcat(*[ca.vec(ca.SX(row)) for row in rows]))}
@@ -282,7 +282,7 @@ class _Assembly:
         return replace(equations, p=self._stack([entry.symbol for entry in kept])), kept
 
     def _books(self, accounts: list[Expression]) -> list[tuple[Variable, Expression]]:
-        """Outputs that show where the energy went."""
+        """Outputs of the energy balance."""
         stored = self._final(self.net.stored) + self.mechanics.kinetic_energy
         supplied, dissipated = accounts
         rows = (
@@ -292,7 +292,7 @@ class _Assembly:
             (
                 "residual",
                 stored + dissipated - supplied,
-                "what the books do not explain, plus the stored energy at start",
+                "what the energy balance leaves over, plus the stored energy at start",
             ),
         )
         return [(Variable(f"energy.{name}", "J", doc), expression) for name, expression, doc in rows]

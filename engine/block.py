@@ -1,4 +1,4 @@
-"""How a block declares itself: parameters, options, flanges and signals, each said once.
+"""Declarations of a block: parameters, options, flanges and signals, each declared once.
 
 A block is a class. Its declarations become validation, schema, documentation, FMU variables and fitting bounds; its
 ``stamp`` writes the law, once, as ordinary Python on CasADi symbols::
@@ -12,7 +12,7 @@ A block is a class. Its declarations become validation, schema, documentation, F
         def stamp(self, net: Net) -> None:
             net.inertia(self.shaft, self.inertia)
 
-Read on an ordinary instance ``block.inertia`` is the number; inside ``stamp`` it is the model's symbol.
+On an ordinary instance ``block.inertia`` is a number; inside ``stamp`` it is a symbol of the model.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class _Declared:
-    """A declaration found on the class; on an instance it reads as the value, in ``stamp`` as the symbol."""
+    """A declaration: on the class itself, on an instance its value, and inside ``stamp`` its symbol."""
 
     def __init__(self, made: Any) -> None:
         self.made = made
@@ -67,9 +67,10 @@ def parameter(
     tolerance: float | None = None,
     size: str = "",
     structural: bool = False,
+    nonzero: bool = False,
 ) -> Any:
     """Declare a parameter; see `engine.quantity.Parameter` for the meaning of each argument."""
-    return _Declared(Parameter("", unit, default, doc, gt, ge, lt, le, tolerance, size, structural))
+    return _Declared(Parameter("", unit, default, doc, gt, ge, lt, le, tolerance, size, structural, nonzero))
 
 
 def option(
@@ -199,8 +200,8 @@ class Block:
             self.check()
         except ArithmeticError as error:
             raise ParameterError(
-                f"the values of {cls.__name__} are out of all proportion: {error.args[-1]}",
-                remedy="one of them is too large or too small to compute with; check its unit",
+                f"the values of {cls.__name__} are too large or too small to compute with: {error.args[-1]}",
+                remedy="check their units",
             ) from error
         further = {port.name: port for port in self.further_ports()}
         if further:
@@ -212,7 +213,7 @@ class Block:
         return ()
 
     def port(self, name: str) -> Any:
-        """A port by its name: inside `stamp` what it stands for there, else the `Port`."""
+        """A port by its name: inside `stamp` its symbol or motion, elsewhere the `Port`."""
         if self._bound is None:
             return self.ports[name]
         attribute = next(a for a, port in self._port_attributes.items() if port == name)
@@ -230,7 +231,7 @@ class Block:
         return check(value)
 
     def unit_of(self, name: str) -> str:
-        """Unit of a parameter's value; where any unit fits, that of what was given (``*`` for a bare number)."""
+        """Unit of a parameter's value. Where any unit fits, the unit of the given value (``*`` for a bare number)."""
         return self._units.get(name, type(self).parameters[name].unit)
 
     def _checked(self, declared: Parameter | Option, value: Any) -> Any:
@@ -247,17 +248,17 @@ class Block:
         return tuple(declared.check(item) for item in items)
 
     def same_as(self, name: str) -> str | None:
-        """The parameter that stands in for ``name`` because none was given, if its default says so."""
+        """The parameter whose value ``name`` takes by its default `SameAs`, if ``name`` was not given; else None."""
         return self._aliases.get(name)
 
     def check(self) -> None:
-        """Check what single bounds cannot: relations between parameters. Raise `ParameterError`."""
+        """Check relations between parameters, and raise `ParameterError` where one does not hold."""
 
     def stamp(self, net: Net) -> None:
         """Write the block's law into the net.
 
         Raises:
-            NotImplementedError: the subclass has no law.
+            NotImplementedError: the subclass does not define its law.
         """
         raise NotImplementedError(f"{type(self).__name__} does not say how it is stamped")
 

@@ -1,7 +1,8 @@
-"""From expressions to C: straight-line code in three levels.
+"""Generate C from expressions: straight-line code in three levels.
 
-Every SX instruction becomes one named double. What depends on parameters only is computed once per parameter set, what
-depends on parameters and modes once per switch, and only the rest at every right-hand side. Equal subexpressions are
+Every SX instruction becomes one named double. Level 0 depends on parameters only and is computed once per parameter
+set. Level 1 depends on parameters and modes and is computed once per switch. Level 2 is computed at every evaluation
+of the right-hand side. Equal subexpressions are
 shared between the functions, and a division by a lower-level value becomes a product with its stored reciprocal.
 """
 

@@ -1,4 +1,4 @@
-"""From C to a loaded library: zig's clang from the ziglang package, with a cache keyed by content.
+"""Compile C into a loaded library, with zig's clang from the ziglang package and a cache keyed by content.
 
 The key holds source, flags, compiler version and CPU, so a cache may be shared by processes and machines. A library is
 built in a temporary folder and renamed into place, so a killed compilation leaves nothing behind. Floating-point
@@ -73,7 +73,7 @@ def _not_running(error: Exception) -> CompilerUnavailable:
 
 @functools.cache
 def version() -> str:
-    """What the compiler calls itself; part of the cache key.
+    """The compiler's version text, which is part of the cache key.
 
     Raises:
         CompilerUnavailable: it cannot be run.
@@ -120,7 +120,7 @@ def _build(source: str, target: Path) -> None:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove what compilations that were killed left behind."""
+    """Remove the files that killed compilations left behind."""
     for stale in folder.glob("build-*"):
         with contextlib.suppress(OSError):
             if time.time() - stale.stat().st_mtime > _STALE:

@@ -1,4 +1,4 @@
-"""Choosing coordinates: ties are eliminated exactly, and every friction edge becomes a coordinate of its own.
+"""Choose coordinates: eliminate ties exactly, and make the relative motion of every friction a coordinate.
 
 Each motion is a combination of coordinates, ``phi = T q``. A tie removes one motion from the basis; a friction edge
 replaces one, so that its relative velocity is a coordinate and sticking means holding that coordinate still. An

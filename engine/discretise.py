@@ -74,7 +74,7 @@ def discretise(
             for `linearise`.
     """
     if not model.clocks:
-        raise ParameterError("the model has no sampled block", remedy="its continuous linear model is all there is")
+        raise ParameterError("the model has no sampled block", remedy="use its continuous linear model")
     if model.externals:
         raise ParameterError(
             f"'{model.externals[0].name}' is a Python function, which has no derivative",

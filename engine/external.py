@@ -1,4 +1,4 @@
-"""Python functions called during a run, and what is made of their answers and failures."""
+"""Python functions called during a run: their return values and their failures."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""Solving for accelerations with symbols: a sparse LDL' whose order keeps work out of the right-hand side.
+"""Solve for accelerations symbolically, by a sparse LDL' factorisation ordered to leave little work for each step.
 
 Rows that depend on parameters only are eliminated first, then those that a stuck joint may mask, then those that change
 with the configuration. The code generator computes what depends on parameters once per parameter set, so the order
 decides how much of the factorisation is left for every step. Where the factors of the first rows are full, as for modes
-of a link with a payload, their inverse takes the place of the factors: as many products, but not one after the other.
+of a link with a payload, their inverse is used instead of the factors: it takes as many products, and they do not wait
+for each other.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Writing files: each is made beside its target under another name and then moved, so none is half-written."""
+"""Write files atomically: each is written under a temporary name beside its target and then renamed."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from engine.errors import FlexarmError
 
 
 def check_suffix(path: Path, allowed: Sequence[str]) -> None:
-    """Refuse a file name whose kind cannot be written, or whose folder does not exist.
+    """Refuse a file name of a kind that cannot be written, or in a folder that does not exist.
 
     Raises:
-        FlexarmError: so, before any work is done.
+        FlexarmError: the name is refused; nothing has been computed yet.
     """
     if path.suffix.lower() not in allowed:
         raise FlexarmError(f"'{path}' is of no kind that can be written here", remedy=f"end it in {', '.join(allowed)}")

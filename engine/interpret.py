@@ -18,7 +18,7 @@ _SNAP = 1e-12
 
 
 class Stop(Exception):
-    """A run ends early, with a status and the culprit of `engine.native`."""
+    """A run that ends early: the status, and the index of the state or mode that caused it, as in `engine.native`."""
 
     def __init__(self, status: int, culprit: int) -> None:
         super().__init__(status)

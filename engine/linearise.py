@@ -1,7 +1,7 @@
 """The linear model at an operating point, with the mode it belongs to.
 
-A stuck joint holds its coordinate still, so its position and speed are no states of the linear model. A contact, a dead
-zone or a saturation is linearised in the mode found at the point, or in the one asked for.
+A stuck joint holds its coordinate still, so its position and speed are not states of the linear model. A contact, a
+dead zone or a saturation is linearised in the mode found at the point, or in the one asked for.
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ def _check_finite(model: Model, A: Matrix, B: Matrix, C: Matrix, D: Matrix) -> N
         if len(bad):
             raise ParameterError(
                 f"the derivatives of the {kind} '{names[int(bad[0])].name}' are not finite at this point",
-                remedy="an inertia may be zero, or a value out of all proportion",
+                remedy="an inertia may be zero, or a value too large or too small",
             )
 
 

@@ -5,8 +5,8 @@
 Velocities built on one another (`engine.stamps.Velocity`) stand behind the coordinates in M and f, and their
 accelerations follow from ``v' = C z + b``, z = (q'', v'); see `engine.recursion`. T carries coordinates to motions, E
 holds the efficiency weights. A stuck coordinate has its row and column of M masked and its force zeroed, so its
-acceleration is exactly zero; what would move it is the residual of its own row, and that is compared with the static
-friction.
+acceleration is exactly zero. The residual of its own row is the effort that would move it; it is compared with the
+static friction.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ class External:
         first_input: where its values begin among those of all such functions, in ``equations.external``.
         first_output: where its answers begin among those of all, which follow the clocks' flags in ``equations.fire``.
         make: returns the function for one run; see `engine.net.Net.external`.
-        identity: a text that differs where the function does.
+        identity: a text that changes when the function changes.
     """
 
     name: str
@@ -159,7 +159,7 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Equations with names. Frozen: parameters' values and starts are defaults that each simulation may replace.
+    """Equations with names. The model is frozen; a simulation may replace parameter values and initial values.
 
     Attributes:
         name, description: of the scenario.

@@ -46,7 +46,7 @@ class Job:
 
 @dataclass
 class Outcome:
-    """What a run left behind; rows of ``y``, ``states`` and ``modes`` beyond ``row`` are meaningless if it failed."""
+    """Results of a run; after a failure the rows of ``y``, ``states`` and ``modes`` from ``row`` on hold no result."""
 
     y: NDArray[np.float64]
     states: NDArray[np.float64] | None
@@ -140,7 +140,7 @@ def run(model: Model, job: Job) -> Outcome:
 
 
 def call(model: Model, job: Job, function: Callable[[Any], int]) -> Outcome:
-    """Fill the C struct of a run, hand it to ``function`` and collect what it left.
+    """Fill the C struct of a run, call ``function`` with it, and collect the results.
 
     Raises:
         SimulationError: an external function cannot be made.

@@ -305,16 +305,16 @@ class Net:
     ) -> list[Expression]:
         """A Python function called at the instants of ``clock``; its answers are held until the next instant.
 
-        There is no derivative of it and no C form, so tangents and exports refuse a model that has one.
+        It has no derivative and no C form, so tangents and exports refuse a model that has one.
 
         Args:
             name: local name, for messages.
             clock: when it is called.
-            inputs: what it is given, SI units.
+            inputs: the values it is called with, SI units.
             outputs: local name and unit of each value it returns; zero before the first instant.
             make: called at the start of each run; returns the function of that run, ``f(time, inputs)``, which is given
                 the instant (s) and an array, and returns one number or as many as there are outputs.
-            identity: a text that differs where the function does, for stored results.
+            identity: a text that changes when the function changes, for stored results.
 
         Returns:
             The held values, one symbol per output.

@@ -11,7 +11,7 @@ import functools
 import math
 import re
 from collections.abc import Container
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from engine.errors import ParameterError
@@ -73,7 +73,7 @@ def _unknown(text: str) -> ParameterError:
 
 @functools.cache
 def factor(source: str, target: str) -> float:
-    """What a number in ``source`` units is multiplied by to be in ``target`` units.
+    """Factor that converts a number from ``source`` units to ``target`` units.
 
     Raises:
         ParameterError: the two measure different things, or are offset or logarithmic scales (degC, dB).
@@ -91,7 +91,9 @@ def factor(source: str, target: str) -> float:
     except Exception as error:
         raise ParameterError(f"unit '{source}' cannot be converted to '{target}'") from error
     if not 0 < abs(value) < math.inf or abs(twice - 2 * value) > 1e-9 * abs(value):
-        raise ParameterError(f"unit '{source}' is no multiple of '{target}'", remedy="give the number in another unit")
+        raise ParameterError(
+            f"unit '{source}' is not a multiple of '{target}'", remedy="give the number in another unit"
+        )
     cycles = _hertz(a) - _hertz(b)
     if cycles and (_angle(b) - _angle(a)) * cycles > 0:
         value *= (2 * math.pi) ** cycles
@@ -233,7 +235,7 @@ class SameAs:
 
 @dataclass(frozen=True)
 class Parameter:
-    """What a block says of one parameter; it feeds validation, schema, documentation, FMU variables and fitting.
+    """Declaration of one parameter. It feeds validation, schema, documentation, FMU variables and fitting.
 
     Attributes:
         name: attribute name in the block.
@@ -242,6 +244,7 @@ class Parameter:
         default: value when none is given; ``...`` means it must be given; a `SameAs` means that of another parameter.
         doc: one sentence.
         gt, ge, lt, le: open and closed bounds.
+        nonzero: 0 is refused and either sign is allowed, as for the ratio of a gear; see `signed`.
         tolerance: relative uncertainty that fitting may use (0.1 is 10 %); None if it is not for fitting.
         size: name of the block's option that gives the length of a vector (by its sum, if it is a vector itself), or
             empty for a scalar.
@@ -259,6 +262,7 @@ class Parameter:
     tolerance: float | None = None
     size: str = ""
     structural: bool = False
+    nonzero: bool = False
 
     @property
     def required(self) -> bool:
@@ -276,7 +280,16 @@ class Parameter:
     def limits(self) -> str:
         """The bounds in words, empty when there are none."""
         signs = ((">", self.gt), (">=", self.ge), ("<", self.lt), ("<=", self.le))
-        return " and ".join(f"{sign} {bound:g}" for sign, bound in signs if bound is not None)
+        stated = [f"{sign} {bound:g}" for sign, bound in signs if bound is not None]
+        return " and ".join([*stated, "other than 0"] if self.nonzero else stated)
+
+    def signed(self, value: float) -> Parameter:
+        """The declaration within a model that was built with ``value``: a nonzero parameter keeps its sign."""
+        if not self.nonzero:
+            return self
+        if value > 0:
+            return replace(self, nonzero=False, gt=0.0)
+        return replace(self, nonzero=False, lt=0.0)
 
     def check(self, value: object) -> float:
         """The value in the declared unit.
@@ -290,6 +303,7 @@ class Parameter:
             or (self.ge is not None and number < self.ge)
             or (self.lt is not None and number >= self.lt)
             or (self.le is not None and number > self.le)
+            or (self.nonzero and number == 0)
         )
         if outside:
             unit = "" if self.unit in ("1", "*") else f" {self.unit}"

@@ -8,7 +8,7 @@ one another (`engine.stamps.Velocity`), the equations are those of Gauss's princ
 Two steps alternate from the end of the recursion to its root: a velocity is replaced by what it is built on, which adds
 its inertia there, and a coordinate that no velocity needs any more is eliminated by a step of LDL'. Every pivot is a
 reduced inertia and positive, so nothing is pivoted. For a serial arm this is the articulated-body recursion.
-Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 7; Saha, J. Appl. Mech. 64 (1997) 986, for DeNOC matrices.
+[Featherstone 2008, ch. 7]; the DeNOC form of the same recursion [Mohan 2010, sec. 2].
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ class Result:
 
 
 def rational(value: float) -> Fraction:
-    """A time as the fraction that was meant, so that 0.1 is a tenth."""
+    """A time as an exact fraction: 0.1 becomes 1/10."""
     return Fraction(value).limit_denominator(10**9)
 
 
@@ -381,7 +381,7 @@ def _execute(model: Model, job: Job, backend: str) -> tuple[str, Outcome]:
 
 
 def fault(model: Model, job: Job, outcome: Outcome) -> str:
-    """Why a run gives no usable values, in a sentence; empty if it does."""
+    """Why the values of a run cannot be used, in a sentence; empty if they can."""
     if outcome.status:
         return explain(model, outcome)
     if not np.isfinite(outcome.y).all():
@@ -400,7 +400,7 @@ def explain(model: Model, outcome: Any) -> str:
     if outcome.status == native.NOT_FINITE:
         name = model.states[outcome.culprit].name
         if np.isfinite(outcome.x1[outcome.culprit]):
-            hint = ": its inertia may be zero, or a value out of all proportion" if outcome.t1 == 0 else ""
+            hint = ": its inertia may be zero, or a value too large or too small" if outcome.t1 == 0 else ""
             return f"the simulation diverged {at}: the rate of state '{name}' is not finite{hint}"
         return f"the simulation diverged {at}: state '{name}' is not finite"
     if outcome.status == native.CANCELLED:

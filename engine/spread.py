@@ -1,7 +1,7 @@
-"""One function over many tasks: in this process, on threads, on processes, or on a dask cluster.
+"""Map a function over many tasks: in this process, on threads, on processes, or on a dask cluster.
 
-Results come in the order of the tasks, whatever computes them and in whatever order they are finished, and only a
-bounded number is under way at a time, so that neither the tasks nor the results need fit into memory. Tasks, results
+Results come in the order of the tasks, on every backend. Only a bounded number of tasks runs at a time, so neither all
+tasks nor all results need to fit into memory. Tasks, results
 and the function travel to other processes, so that each must be picklable; the function is one of a module.
 """
 
@@ -130,7 +130,7 @@ class Spread:
         return self._result(self._submit(function, task))
 
     def shared(self, value: Task) -> Task:
-        """What many tasks have in common, sent to each worker of a cluster once; to be put into a task as it is."""
+        """Data that many tasks share: sent to each worker of a cluster once. Put the returned object into the tasks."""
         if self._client is None:
             return value
         shipped: Task = self._client.scatter(value, broadcast=True, hash=False)

@@ -1,4 +1,4 @@
-"""How fine the internal steps must be: from the fastest mode, contacts closed; and whether they were fine enough."""
+"""Choose the internal step from the fastest mode, with contacts closed."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
             continue
         try:
             values, vectors = np.linalg.eig(matrix)
-        except np.linalg.LinAlgError:  # numbers out of all proportion; the run itself says where they lead
+        except np.linalg.LinAlgError:  # numbers too large or too small; the run itself reports what fails
             continue
         sizes = np.abs(values)
         rate = float(sizes.max())

@@ -1,7 +1,7 @@
 """Sensitivities of a run's outputs to parameters and starting values, carried through every located event.
 
 The derivative is that of the discrete algorithm, so it agrees with differences of runs as closely as rounding allows,
-as long as both runs switch in the same order. Where the order changes there is no gradient; `reordered` finds out.
+as long as both runs switch in the same order. Where the order changes there is no gradient; `reordered` detects that.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Tangents:
         result: the run.
         wrt: names of the directions.
         values: d output / d direction, shape (rows, outputs, directions), SI units.
-        grazing: whether some guard was met tangentially, so that derivatives after it are doubtful.
+        grazing: whether some guard was met tangentially, so that later derivatives are unreliable.
     """
 
     result: Result
@@ -149,7 +149,7 @@ def _seeds(
 def reordered(one: Result, other: Result) -> str:
     """How the order of events differs between two runs; empty if it does not.
 
-    Time shifts alone are no difference. Where the order differs, no gradient connects the two runs.
+    A shift in time is not a difference. Where the order differs, no gradient connects the two runs.
     """
     for i, (a, b) in enumerate(zip(one.events, other.events, strict=False)):
         if a[1:] != b[1:]:

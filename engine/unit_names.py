@@ -1,4 +1,4 @@
-"""What a unit that is unknown, or does not fit, was likely meant to be: suggested, never taken."""
+"""Suggest the unit that was probably meant by one that is unknown or does not fit. A suggestion is never applied."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ _LONGEST = 40
 
 
 def likely(text: str, target: str, parse: Callable[[str], Any]) -> str:
-    """What a unit was likely meant to be; empty if nothing is near.
+    """The unit that was probably meant; empty if none is near.
 
     Args:
         text: as it was written.
@@ -108,7 +108,7 @@ def _candidates(text: str, parse: Callable[[str], Any]) -> Iterator[str]:
 def _spelled(word: str, parse: Callable[[str], Any], keep: bool) -> str:
     """One word as it should be written; ``keep`` leaves those that are units alone."""
     if keep and word not in _HOMONYMS:
-        with contextlib.suppress(Exception):  # it is no unit
+        with contextlib.suppress(Exception):  # it is not a unit
             parse(word)
             return word
     if word.lower() in _MEANT:

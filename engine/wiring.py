@@ -1,4 +1,4 @@
-"""Resolving signals: which expression feeds each input, algebraic loops, and the order inside a sample instant."""
+"""Resolve signals: the expression that feeds each input, algebraic loops, and the order within a sample instant."""
 
 from __future__ import annotations
 

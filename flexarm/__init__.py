@@ -20,7 +20,7 @@ from flexarm import _packages
 _packages.claim()
 
 if TYPE_CHECKING:
-    from diagnosis.api import diagnose, fit
+    from diagnosis.api import DiagnosisOptions, diagnose, fit
     from diagnosis.compare import Comparison
     from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.assemble import build
@@ -49,6 +49,7 @@ _PLACES = {
     "Clock": "engine.stamps",
     "Comparison": "diagnosis.compare",
     "Connection": "engine.system",
+    "DiagnosisOptions": "diagnosis.api",
     "Drive": "engine.simulate",
     "ExportOptions": "flexarm.api",
     "FlexarmError": "engine.errors",
@@ -98,6 +99,7 @@ __all__ = [
     "Clock",
     "Comparison",
     "Connection",
+    "DiagnosisOptions",
     "Drive",
     "ExportOptions",
     "FlexarmError",

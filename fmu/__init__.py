@@ -1,4 +1,4 @@
-"""How a model travels: export as FMU, checks with FMPy. Part of flexarm.
+"""FMU export, and checks of the FMU with FMPy. Part of flexarm.
 
     import fmu
 

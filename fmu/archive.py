@@ -1,4 +1,4 @@
-"""Archives from elsewhere, FMU and SSP: what they may hold is checked before anything of them is unpacked or parsed."""
+"""FMU and SSP archives from elsewhere: their entries are checked before anything is unpacked or parsed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def check(path: Path) -> None:
     """Refuse an archive that would write outside of its folder, or fill the disk.
 
     Raises:
-        FlexarmError: it is no zip archive, or holds such a name, a link, an encrypted file, or too much.
+        FlexarmError: it is not a zip archive, or it holds such a name, a link, an encrypted file, or too much data.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -107,10 +107,10 @@ def unpack(path: Path, folder: Path) -> None:
 
 
 def xml(path: Path, name: str) -> bytes:
-    """An XML file of an archive that needs nothing beyond itself: no document type, so no entities.
+    """An XML file of an archive. A document type is refused, so entities are too.
 
     Raises:
-        FlexarmError: there is none, it is too large or too deep, is no XML, or declares a document type.
+        FlexarmError: the file is missing, too large, too deep or not XML, or it declares a document type.
     """
     check(path)
     try:
@@ -131,7 +131,7 @@ def xml(path: Path, name: str) -> bytes:
     except FlexarmError as error:
         raise FlexarmError(f"'{name}' in '{path}' is refused: {error.message}", remedy=error.remedy) from None
     except (expat.ExpatError, LookupError, ValueError) as error:
-        raise FlexarmError(f"'{name}' in '{path}' is no XML: {error}") from error
+        raise FlexarmError(f"'{name}' in '{path}' is not XML: {error}") from error
     return data
 
 
@@ -167,7 +167,7 @@ def description(path: str | Path) -> Any:
     """The model description of an FMU, as FMPy reads it, once the archive and the XML are found to be sound.
 
     Raises:
-        FlexarmError: there is no such file, or it is no FMU that can be read.
+        FlexarmError: the file does not exist, or is not an FMU that can be read.
     """
     from io import BytesIO
 
@@ -200,5 +200,5 @@ def _check_identifiers(path: str, identifiers: Iterable[str | None]) -> None:
     for identifier in identifiers:
         if identifier and not _IDENTIFIER.fullmatch(identifier):
             raise FlexarmError(
-                f"'{path}' is refused: its model identifier {identifier[:80]!r} is no name of C", remedy=_REMEDY
+                f"'{path}' is refused: its model identifier {identifier[:80]!r} is not a C identifier", remedy=_REMEDY
             )

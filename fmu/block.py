@@ -1,4 +1,4 @@
-"""Somebody else's FMU as a block of a scenario: ``type: FMU``."""
+"""An FMU from elsewhere as a block of a scenario: ``type: FMU``."""
 
 from __future__ import annotations
 
@@ -28,8 +28,9 @@ class FMU(Block):
     """A Co-Simulation FMU, FMI 2 or 3, stepped at a clock: its inputs and outputs are the connectors.
 
     At each instant the FMU does the step that ends there, with the inputs of the instant before; then it is given the
-    inputs of this instant, and its outputs are read and held until the next. An output that follows its input at once
-    is therefore no step late; one that is worked out inside a step is. Outputs are 0 before the first instant.
+    inputs of this instant, and its outputs are read and held until the next. An output that depends on its input
+    directly is therefore not delayed; one that is computed inside a step is delayed by one step. Outputs are 0 before
+    the first instant.
 
     Inputs that nothing feeds keep the FMU's start value. Units are converted where the FMU names one that is known.
     The FMU's binary runs with all the rights of this program: a warning names it when it is loaded, which happens only
@@ -59,7 +60,7 @@ class FMU(Block):
         """Start values asked for by name.
 
         Raises:
-            ParameterError: the FMU has no such parameter, or the value is no number.
+            ParameterError: the FMU has no such parameter, or the value is not a number.
         """
         known = [v.name for v in self._description.modelVariables if v.causality in ("parameter", "input")]
         found = {}
@@ -126,7 +127,7 @@ class Stepped:
         weakref.finalize(self, self._stack.close)
 
     def __call__(self, time: float, inputs: Vector) -> Vector:
-        """Step to ``time``, give the inputs, read the outputs."""
+        """Step to ``time``, set the inputs, read the outputs."""
         values = (inputs * self._in).tolist()
         if self._time is None:
             with self._host.starting(time):

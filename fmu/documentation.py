@@ -1,4 +1,4 @@
-"""documentation/index.html: what the FMU holds and how it behaves, from the model itself."""
+"""documentation/index.html: variables and behaviour of the FMU, written from the model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The picture and the terminals of an FMU: what an importer draws, and which signals belong together."""
+"""Icon and terminals of an FMU: the picture that an importer draws, and the grouping of its signals."""
 
 from __future__ import annotations
 

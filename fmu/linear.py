@@ -1,4 +1,4 @@
-"""The linear model that travels with an FMU: files inside and beside it, and a twin that runs along."""
+"""The linear model of an FMU: as files in the archive and beside it, and as a twin inside the FMU."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def with_twin(model: Model, linear: LinearModel) -> Model:
         linear: linearised from it, with all its inputs and outputs.
 
     Returns:
-        A model whose further outputs ``NAME_lin`` are y0 + C dx + D du, with dx at the start as far from the operating
-        point as the model's start is.
+        A model whose further outputs ``NAME_lin`` are y0 + C dx + D du, with dx starting at the difference between
+        the model's initial state and the operating point.
 
     Raises:
         FlexarmError: the linear model has other inputs or outputs.

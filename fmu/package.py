@@ -1,4 +1,4 @@
-"""The archive: description, binaries, sources and documentation, byte for byte the same for the same model."""
+"""Write the FMU archive: description, binaries, sources and documentation. The same model gives the same bytes."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def contents(
 
 
 def check_target(path: Path) -> None:
-    """Refuse what cannot be written, before any work is done."""
+    """Refuse a target that cannot be written, before any computation."""
     if path.is_dir():
         raise FlexarmError(f"'{path}' is a folder", remedy="give a file name")
     if not path.parent.is_dir():
@@ -156,7 +156,7 @@ def _zip(handle: IO[bytes], files: Mapping[str, bytes]) -> None:
 
 
 def write_files(writers: Mapping[Path, Callable[[IO[bytes]], object]]) -> None:
-    """Write files that belong together: each is made whole beside its place, and all are moved there at the end.
+    """Write several files together: write each under a temporary name, then rename all.
 
     Raises:
         FlexarmError: one cannot be written; older files are left as they were.

@@ -1,4 +1,4 @@
-"""Everything an export needs to know, worked out once: names, structure, grid, clocks."""
+"""The plan of an export, computed once: names, structure, grid, clocks."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Plan:
 
 
 def plan(model: Model, step: float = 1e-3, stop: float = 10.0) -> Plan:
-    """Work out an export.
+    """Plan an export.
 
     Args:
         model: the model.
@@ -80,7 +80,7 @@ def plan(model: Model, step: float = 1e-3, stop: float = 10.0) -> Plan:
         stop: end of the default experiment (s).
 
     Raises:
-        FlexarmError: the step is no positive number, it has no common tick with a clock, or two names are equal.
+        FlexarmError: the step is not a positive number, it has no common tick with a clock, or two names are equal.
     """
     for name, value in (("step", step), ("stop", stop)):
         if not (math.isfinite(value) and value > 0):

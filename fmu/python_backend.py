@@ -1,4 +1,4 @@
-"""An FMU whose model runs in Python, through pythonfmu: for models with Python functions, which have no C form.
+"""An FMU whose model runs in Python, through pythonfmu, for models with Python functions.
 
 It needs Python with flexarm where it is imported, and says so by ``needsExecutionTool``. Its description is ours,
 without Model Exchange and directional derivatives; its binaries are pythonfmu's.

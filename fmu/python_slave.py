@@ -1,4 +1,4 @@
-"""What a pythonfmu FMU of flexarm does when it is called: pythonfmu's slave on top of `fmu.python_core.Core`.
+"""The slave of a pythonfmu FMU: it passes pythonfmu's calls to `fmu.python_core.Core`.
 
 pythonfmu's faults are repaired here: the whole state is kept and restored, values that are not finite are refused, and
 the description is our own, with ModelStructure and initial unknowns. No exception may reach pythonfmu's binary: it
@@ -31,7 +31,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     """An instance. ``resources/recipe.json`` names what gives the model: a function of the folder and the recipe.
 
     Attributes:
-        identity: differs where the model does.
+        identity: changes when the model changes.
     """
 
     identity: ClassVar[str] = ""
@@ -46,7 +46,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         self._core = Core(plan(model, recipe["step"], recipe["stop"]))
 
     def _refuse(self, error: Exception) -> None:
-        """Log an error; the run does not go on before it is put right."""
+        """Log an error; the run continues only after a valid value is set."""
         self._refused = error.message if isinstance(error, FlexarmError) else f"{type(error).__name__}: {error}"
         self.log(self._refused, Fmi2Status.error)
 
@@ -76,11 +76,11 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
             self._refused = ""
 
     def set_integer(self, references: list[int], values: list[int]) -> None:
-        """No whole number can be set."""
+        """Refuse: no integer variable can be set."""
         self._refuse(FlexarmError("modes are calculated and cannot be set"))
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Step on; what goes wrong is logged."""
+        """Do a step; errors are logged."""
         if self._refused:
             self.log(f"no step is done after an error: {self._refused}", Fmi2Status.error)
             return False

@@ -130,13 +130,13 @@ def read(path: str | Path) -> Structure:
     """Read a package of FMUs in one system.
 
     Raises:
-        FlexarmError: it is no such package, or holds systems inside systems.
+        FlexarmError: it is not such a package, or it holds systems inside systems.
     """
     data = archive.xml(Path(path), "SystemStructure.ssd")
     try:
         root = ET.fromstring(data)
     except ET.ParseError as error:
-        raise FlexarmError(f"'{path}' is no SSP that can be read: {error}") from error
+        raise FlexarmError(f"'{path}' is not an SSP that can be read: {error}") from error
     system = root.find(f"{{{_SSD}}}System")
     if system is None:
         raise FlexarmError(f"'{path}' holds no system")
@@ -176,7 +176,7 @@ def _time(path: str | Path, element: ET.Element | None, key: str, default: float
         number = -1.0
     if not 0 < number < float("inf"):
         raise FlexarmError(
-            f"'{path}' is no SSP that can be run: its {key} is {text[:40]!r}", remedy="a time above zero, in s"
+            f"'{path}' is not an SSP that can be run: its {key} is {text[:40]!r}", remedy="a time above zero, in s"
         )
     return number
 

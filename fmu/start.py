@@ -1,4 +1,4 @@
-"""The start of a run as expressions of the parameters, so that an importer may change them before it begins."""
+"""The initial state as expressions of the parameters, so that an importer may change them before initialization."""
 
 from __future__ import annotations
 

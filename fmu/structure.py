@@ -1,4 +1,4 @@
-"""What depends on what: the true sparsity of the equations, for ModelStructure."""
+"""Dependencies of the equations by their sparsity, for ModelStructure."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ class UnitDefinition:
 
 
 def definition(unit: str) -> UnitDefinition | None:
-    """The definition of a unit, or None for a text that is no unit of fixed meaning (empty, or ``*``)."""
+    """The definition of a unit, or None for a text that is not a unit of fixed meaning (empty, or ``*``)."""
     if unit in ("", "*"):
         return None
     try:

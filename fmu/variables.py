@@ -71,7 +71,7 @@ def flat(name: str) -> str:
 
 
 def structured(name: str) -> str:
-    """A name by the structured convention of FMI: parts that are no identifiers are quoted."""
+    """A name by the structured convention of FMI: parts that are not identifiers are quoted."""
     parts = (part if _PART.fullmatch(part) else _quoted(part) for part in name.split("."))
     return ".".join(parts)
 

@@ -1,4 +1,4 @@
-"""Checks of an exported FMU with FMPy: its description, a run of its own, and the difference from the runner."""
+"""Checks of an exported FMU with FMPy: its description, a run, and the difference from flexarm's own run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_POINTS = 100_000_000
 
 @dataclass(frozen=True)
 class Trace:
-    """What a run of an FMU gave.
+    """Results of a run of an FMU.
 
     Attributes:
         time: communication points (s), shape (n,).
@@ -47,7 +47,7 @@ class Trace:
 
 
 def validate(path: str | Path) -> list[str]:
-    """What FMPy finds wrong with an FMU's description and structure; nothing for a sound one."""
+    """Problems that FMPy finds in an FMU's description and structure; empty if there are none."""
     from fmpy.validation import validate_fmu
 
     return [str(problem) for problem in validate_fmu(str(path))]

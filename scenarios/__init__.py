@@ -1,1 +1,1 @@
-"""What a user writes: scenario files, their schema, and the shipped scenarios. Part of flexarm."""
+"""Scenario files, their schema, and the shipped scenarios. Part of flexarm."""

@@ -1,6 +1,6 @@
-"""Changing the structure of a scenario file: blocks put in at a place, connections rerouted, comments kept.
+"""Edit the structure of a scenario file: insert blocks, reroute connections, keep comments.
 
-Works on the text with ruamel's round trip, so that what the user wrote stays as it was and the difference is small.
+ruamel's round trip edits the text, so the rest of the user's file stays as it is and the difference is small.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Between:
 
 @dataclass(frozen=True)
 class OnSensor:
-    """Put a block behind a signal that recordings measure."""
+    """Insert a block behind a signal that recordings measure."""
 
     name: str
     type: str
@@ -92,7 +92,7 @@ class Set:
 
 @dataclass(frozen=True)
 class Replace:
-    """Turn a block into one of another type, keeping its connections and what parameters they share."""
+    """Replace a block by one of another type, keeping its connections and the parameters that both types have."""
 
     name: str
     type: str
@@ -237,7 +237,7 @@ def _apply(document: Any, edit: Edit, resolve: Callable[[str], str]) -> None:
 
 
 def _rename(document: Any, old: str, new: str, sections: tuple[str, ...], analyses: str) -> None:
-    """Let recordings, and analyses if named, speak of ``new`` where they spoke of ``old``."""
+    """Rename ``old`` to ``new`` in recordings, and in analyses if asked for."""
     for recording in (document.get("recordings") or {}).values():
         for section in sections:
             entry = recording.get(section)

@@ -1,4 +1,4 @@
-"""The files of a scenario: its own, those it refers to, and those its blocks read; and how they travel."""
+"""The files of a scenario: its own, those it refers to, and those its blocks read; packing them for another machine."""
 
 from __future__ import annotations
 

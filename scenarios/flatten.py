@@ -1,4 +1,4 @@
-"""From checked documents to one flat `System`: blocks are made, sub-assemblies taken in, names resolved."""
+"""Turn checked documents into one flat `System`: make blocks, include sub-assemblies, resolve names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Finder = Callable[[str], type[Block]]
 
 @dataclass(frozen=True)
 class Common:
-    """A scenario parameter as the whole model sees it: its full name and what was written for it."""
+    """A scenario parameter: its full name in the model, and the value written for it."""
 
     name: str
     node: Node
@@ -33,7 +33,7 @@ Scope = dict[str, Common]
 
 @dataclass
 class Flat:
-    """What flattening produces besides the system.
+    """The result of flattening.
 
     Attributes:
         system: blocks and connections.
@@ -79,7 +79,7 @@ def lookup(text: str, scope: Scope, where: Where) -> Common:
 
 
 def substitute(node: Node, scope: Scope, where: Where) -> Any:
-    """The plain value with every ``$name`` replaced by what the parameter was given."""
+    """The plain value with every ``$name`` replaced by the parameter's value."""
     scope = node.scope if node.scope is not None else scope
     if isinstance(node.value, list):
         return [substitute(item, scope, where) for item in node.value]
@@ -149,7 +149,7 @@ class _Flattener:
             raise ScenarioError(f"there is no file '{target}'", where, nearest(given, siblings))
         if target.resolve() in above:
             chain = " -> ".join(p.name for p in (*above, target.resolve()))
-            raise ScenarioError(f"a sub-assembly takes itself in: {chain}", where, "name another file")
+            raise ScenarioError(f"a sub-assembly includes itself: {chain}", where, "name another file")
         inner = self.read.get(target)
         if inner is None:
             inner = self.read[target] = read(target, os.path.normpath(target))

@@ -71,7 +71,7 @@ def _block(name: str, cls: type[Block]) -> dict[str, Any]:
 
 
 def _parameter(made: Parameter) -> dict[str, Any]:
-    bounds = {
+    bounds: dict[str, Any] = {
         keyword: bound
         for keyword, bound in (
             ("exclusiveMinimum", made.gt),
@@ -81,6 +81,8 @@ def _parameter(made: Parameter) -> dict[str, Any]:
         )
         if bound is not None
     }
+    if made.nonzero:
+        bounds["not"] = {"const": 0}
     single: list[dict[str, Any]] = [{"type": "number", **bounds}, {"type": "string", "pattern": QUANTITY_PATTERN}]
     if made.size:
         single.append({"type": "array", "items": {"anyOf": list(single)}, "description": f"one per {made.size}"})

@@ -1,4 +1,4 @@
-"""Loading a scenario: file or shipped name, overrides, checks, and the system that comes out."""
+"""Load a scenario from a file or a shipped name: apply overrides, check it, and make its system."""
 
 from __future__ import annotations
 
@@ -104,12 +104,12 @@ class Scenario:
 
         Args:
             inputs: signal inputs to drive from outside, in this order.
-            outputs: signals to give out; those the file records if None.
+            outputs: signals to output; those the file records if None.
             energy: also keep the energy balance.
             system: build this variant of the scenario's system instead.
 
         Raises:
-            FlexarmError: what is wired has no meaning; the place in the file is named.
+            FlexarmError: a wrong connection; the place in the file is named.
         """
         from engine.assemble import build
 
@@ -126,7 +126,7 @@ class Scenario:
         return model
 
     def _check_ends(self) -> None:
-        """Say which end of a connection names no connector; the engine takes such an end for a further signal."""
+        """Refuse an end of a connection that names no connector: the engine would take it for a further signal."""
         for connection in self.system.connections:
             for end in connection.ends:
                 block, port = self.system.split(end, connection.where)
@@ -157,7 +157,7 @@ class Scenario:
             place = Where(node.file, node.line, f"initial.{name}")
             if self.system_observable(name) is None:
                 if name not in units:
-                    raise ScenarioError(f"'{name}' is no state of the model", place, nearest(name, units))
+                    raise ScenarioError(f"'{name}' is not a state of the model", place, nearest(name, units))
                 _number(node.value, units[name], place)
 
     def system_observable(self, name: str) -> tuple[str, str, int] | None:
@@ -205,7 +205,7 @@ def load(path_or_name: str | Path, overrides: Iterable[str] = (), *, text: str |
     Args:
         path_or_name: a YAML file, or the name of a shipped scenario such as ``quanser-single-link``.
         overrides: ``key=value`` texts, applied in order; see `scenarios.patch.override`.
-        text: what the file would hold, in place of its content; paths in it are relative to the file.
+        text: used instead of the file's content; paths in it are relative to the file.
 
     Raises:
         FlexarmError: the first problem found, with file, line, key and remedy.
@@ -303,7 +303,7 @@ def si(value: object, units: dict[str, str], name: str, where: Where | None = No
         ParameterError: wrong unit.
     """
     if name not in units:
-        raise ScenarioError(f"'{name}' is no state or input of the model", where, nearest(name, units))
+        raise ScenarioError(f"'{name}' is not a state or input of the model", where, nearest(name, units))
     try:
         return convert(value, units[name])
     except ParameterError as error:

@@ -1,4 +1,4 @@
-"""Changing single values of a scenario by path: ``--set gear.ratio=14`` and the overrides of a sub-assembly."""
+"""Change single values of a scenario by path: ``--set gear.ratio=14`` and the overrides of a sub-assembly."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def patch(document: Node, key: str, given: Node) -> Node:
 
     Args:
         document: the scenario or sub-assembly.
-        key: a path: ``block.parameter``, ``assembly.block.parameter``, ``parameters.name``, a bare parameter name, or a
-            path that begins with a section.
+        key: a path: ``block.parameter``, ``assembly.block.parameter``, ``parameters.name``, a bare parameter name, a
+            path that begins with a section, or a block by itself where ``given`` is a whole block with its type.
         given: the new value; its place is named if the key leads nowhere.
 
     Raises:
@@ -75,7 +75,7 @@ def _path(document: Node, key: str, given: Node) -> list[str]:
     where = given.where()
     if parts[0] in SECTIONS and parts[0] not in blocks:
         if parts[0] == "blocks" and len(parts) > 1:
-            return ["blocks", *_in_block(blocks, parts[1:], where)]
+            return ["blocks", *_in_block(blocks, parts[1:], given)]
         if parts[0] in ("initial", "tolerances") and len(parts) > 1:
             return [parts[0], ".".join(parts[1:])]
         if parts[0] == "parameters" and (len(parts) != 2 or parts[1] not in parameters):
@@ -86,15 +86,18 @@ def _path(document: Node, key: str, given: Node) -> list[str]:
         return parts
     if len(parts) == 1 and parts[0] in parameters:
         return ["parameters", parts[0]]
-    return ["blocks", *_in_block(blocks, parts, where)]
+    return ["blocks", *_in_block(blocks, parts, given)]
 
 
-def _in_block(blocks: dict[str, Node], parts: list[str], where: Where) -> list[str]:
-    name, rest = parts[0], parts[1:]
+def _in_block(blocks: dict[str, Node], parts: list[str], given: Node) -> list[str]:
+    name, rest, where = parts[0], parts[1:], given.where()
     if name not in blocks:
         raise ScenarioError(f"'{'.'.join(parts)}' leads nowhere", where, nearest(name, [*blocks, *SECTIONS]))
     if not rest:
-        raise ScenarioError(f"'{name}' is a block, not a value", where, f"write {name}.parameter=value")
+        if isinstance(given.value, dict) and "type" in given.value:
+            return [name]
+        remedy = f"write {name}.parameter=value, or the whole block: {name}={{type: ..., parameter: value}}"
+        raise ScenarioError(f"'{name}' is a block, not a value", where, remedy)
     if is_assembly(blocks[name]):
         if rest[0] == "parameters" and len(rest) == 2:
             return [name, *rest]

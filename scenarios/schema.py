@@ -96,7 +96,7 @@ class Simulate(Section):
 
 
 class Analysis(Section):
-    """What linearise and export have in common."""
+    """Fields that linearise and export share."""
 
     inputs: list[Endpoint] = Field(description="signal inputs; each replaces the connection that fed it", min_length=1)
     outputs: list[Text] = Field(description="signals given out", min_length=1)

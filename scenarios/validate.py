@@ -14,7 +14,7 @@ from scenarios.schema import BlockEntry, ScenarioFile
 
 
 class ScenarioError(FlexarmError):
-    """A scenario file does not say something that can be simulated."""
+    """A scenario file that cannot be simulated."""
 
 
 def validate(document: Node) -> ScenarioFile:
@@ -77,7 +77,7 @@ def _translate(document: Node, found: dict[str, Any]) -> ScenarioError:
 
 
 def _path(document: Node, location: Sequence[Key], kind: str) -> tuple[Key, ...]:
-    """Pydantic's location without what is not a key of the file, such as the tags of unions."""
+    """Pydantic's location, reduced to keys of the file: without the tags of unions."""
     path: list[Key] = []
     for i, key in enumerate(location):
         last = i == len(location) - 1

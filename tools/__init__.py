@@ -1,1 +1,1 @@
-"""Programs for those who work on flexarm: installation, locking, fits and figures of the documentation."""
+"""Tools for developers of flexarm: installation, lock file, fits, and pages and figures of the documentation."""

@@ -1,4 +1,4 @@
-"""The commands that a page of the documentation shows: run them, compare what they print, or write it into the page.
+"""Run the commands that a page of the documentation shows, compare their output, or write it into the page.
 
 A fenced block of kind ``console`` holds commands after ``$`` and what they print; ``...`` stands for lines left out. A
 fenced block with a title is a file. ``python -m tools.console docs/tutorial/*.md`` runs the pages in a temporary folder
@@ -46,7 +46,7 @@ class File:
 
 
 def steps(text: str) -> Iterator[Command | File]:
-    """What a page has the reader do, in order."""
+    """The commands and files of a page, in order."""
     for kind, title, body in FENCE.findall(text):
         if title:
             yield File(title, body)

@@ -1,4 +1,4 @@
-"""What mkdocs calls while it builds: adds the reference, the gallery's figures and the executed notebooks.
+"""Hooks of the mkdocs build: add the reference, the gallery's figures and the executed notebooks.
 
 Nothing of it is kept in the repository. Figures and notebooks take some seconds, and so they are kept in
 ``.docs-cache`` until a file that they depend on changes.
@@ -14,9 +14,10 @@ from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 from engine.files import writing
-from tools import gallery, notebooks, reference, rules
+from tools import bibliography, gallery, notebooks, reference, rules
 
 ROOT = Path(__file__).resolve().parent.parent
 CACHE = ROOT / ".docs-cache"
@@ -46,6 +47,7 @@ def _expanded(entry: Any, docs: Path) -> Any:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated files; notebooks themselves are copied like any other file in ``docs``."""
     made: dict[str, str | bytes] = {**reference.pages(), "reference/diagnosis-rules.md": rules.page()}
+    made[bibliography.PAGE] = bibliography.page()
     stamp = _stamp()
     for name, draw in gallery.FIGURES.items():
         made[f"figures/gallery/{name}"] = _kept(f"{stamp}-{name}", draw)
@@ -57,6 +59,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         if not old.name.startswith((stamp, ".")):
             old.unlink(missing_ok=True)
     return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Let citations such as [Mohan 2010, eq. 7c] lead to the bibliography."""
+    if page.file.src_uri == bibliography.PAGE:
+        return markdown
+    return bibliography.linked(markdown, "../" * page.file.src_uri.count("/"))
 
 
 def _notebook(path: Path, stamp: str) -> Iterator[tuple[str, str | bytes]]:

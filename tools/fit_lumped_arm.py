@@ -1,4 +1,4 @@
-"""Fit the lumped arm with three joints to the poles and zeros of paper 001, Table 2.
+"""Fit the lumped arm with three joints to the poles and zeros of [One-link n.d., Table 2].
 
 Eight numbers are free: three joint stiffnesses, three joint dampings, the hub's inertia and its viscous friction. The
 table has thirteen: one real pole, and real and imaginary parts of three pole pairs and three zero pairs. Poles and

@@ -164,7 +164,7 @@ def mode_shapes() -> bytes:
 
 
 def _bending(modes: int) -> Any:
-    """Rates of the pole pairs (rad/s) of the single-link arm in low gear with so many modes, slowest first."""
+    """Rates of the pole pairs (rad/s) of the single-link arm in low gear, slowest first."""
     light = ["gear.ratio=5", "gear.inertia=5e-6 kg.m2", "bearing.viscous_friction=0"]
     poles = linearise(load("quanser-single-link-no-dead-zone", [*light, f"link.modes={modes}"])).poles()
     return np.sort(poles.imag[poles.imag > 1])
@@ -184,7 +184,7 @@ def bode_with_gap() -> bytes:
     measured = 20 * np.log10(error.measured / 2)
     missed = np.sqrt(np.mean((measured - [20 * np.log10(gain(rate)) for rate in error.axis]) ** 2))
     fine = np.geomspace(error.axis[0], error.axis[-1], 400)
-    axis.semilogx(error.axis, measured, "o", color=BLUE, ms=4, label="measured, Table A.2 of paper 002")
+    axis.semilogx(error.axis, measured, "o", color=BLUE, ms=4, label="measured, Gao's Table A.2")
     bode = 20 * np.log10([gain(rate) for rate in fine])
     axis.semilogx(fine, bode, color=GREY, lw=1.4, label=f"linear: {missed:.2f} dB rms")
     label = f"with dry friction and a half gap of 0.03 rad: {error.rms_db:.2f} dB rms"

@@ -1,4 +1,4 @@
-"""Make a virtual environment and install into it with pip, saying how far it is. Needs nothing but Python.
+"""Make a virtual environment and install into it with pip, with progress. It needs only Python.
 
 Usage: python tools/install.py VENV PIP_ARGUMENTS...
 """

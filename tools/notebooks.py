@@ -1,4 +1,4 @@
-"""Notebooks as pages: executed from the first cell to the last, and written as Markdown with their figures."""
+"""Execute notebooks and write them as Markdown pages with their figures."""
 
 from __future__ import annotations
 

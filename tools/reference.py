@@ -33,6 +33,7 @@ def pages() -> dict[str, str]:
     made |= {f"reference/blocks/{family}.md": _family(family) for family in _families()}
     made["reference/cli.md"] = cli_page()
     made["reference/api.md"] = api_page()
+    made["reference/effects.md"] = effects_page()
     made["reference/scenario.md"] = scenario_page()
     return made
 
@@ -242,6 +243,28 @@ def api_page() -> str:
         if inspect.isfunction(made)
     ]
     return "\n".join([*parts, table(["function", "value"], rows), ""])
+
+
+def effects_page() -> str:
+    """The public names of ``flexarm.effects``, for authors of effects."""
+    from flexarm import effects
+
+    parts = [
+        "# Effects for `flexarm diagnose`",
+        "",
+        "What authors of effects need, imported from `flexarm.effects`; quantities are in SI units. "
+        "[Register an effect](../how-to/register-an-effect.md) goes through one.",
+        "",
+    ]
+    objects = {name: getattr(effects, name) for name in effects.__all__}
+    kinds = [code(name) for name, value in objects.items() if isinstance(value, str) and name != "NAME"]
+    parts.append(f"The kinds of places are the constants {', '.join(kinds)}.")
+    for name, made in objects.items():
+        if inspect.isfunction(made) or isinstance(made, type):
+            parts += ["", f"## {name}", "", _signature(name, made), "", google(inspect.getdoc(made) or ""), ""]
+        if isinstance(made, type):
+            parts += _members(made)
+    return "\n".join(parts)
 
 
 def _signature(name: str, made: Callable[..., Any]) -> str:

@@ -63,8 +63,8 @@ read: `flexarm cosim`, `type: FMU`, the FMUs inside of an SSP. Refused are entri
 absolute paths, drive letters, backslashes), links and special files, two entries of one name, encrypted entries, more
 than 20000 entries, more than 100 MB plus 50 times the file's size or 4 GB unpacked, XML of more than 64 MB, a million
 elements or 100 levels, any document type (so that no entity is expanded, no file and no address read), a model
-identifier that is no name of C (it names the library to load), components outside of the package, two variables,
-components or connectors of one name, connections to nothing, times that are no times.
+identifier that is not a C identifier (it names the library to load), components outside of the package, two variables,
+components or connectors of one name, connections to nothing, times that are not numbers.
 `tests/robustness/test_hostile_archives.py` holds cases of these for each way in, with bounds on time and memory. An
 FMU that passes is still a program of its maker's and runs with all rights of the user.
 

@@ -1,11 +1,10 @@
 """PySINDy's discrepancy modelling on the cases of the proof: ``python -m benchmarks.peers.sindy -o DIR``.
 
-After Kaheman, Kaiser, Strom, Kutz, Brunton, Discovery of Physics from Data: Universal Laws and Discrepancies (2019):
-what the nominal model does not explain of the acceleration is regressed sparsely on a library of functions. The
-nominal model is flexarm's linear one. Its states come from the sensors: as many sensors as coordinates, speeds and
-accelerations by smoothed differentiation. Both sides are smoothed by the same kernel, so that smoothing does not act
-as a discrepancy. What an error of a parameter can be (q, v, u, and the pendulum's own sin q) is fitted first, as a
-refit of the nominal model would, and does not count as found. Smoothing, thresholds and the choice among them were
+After [Kaheman 2019]: what the nominal model does not explain of the acceleration is regressed sparsely on a library of
+functions. The nominal model is flexarm's linear one. Its states come from the sensors: as many sensors as coordinates,
+speeds and accelerations by smoothed differentiation. Both sides are smoothed by the same kernel, so that smoothing does
+not act as a discrepancy. What an error of a parameter can be (q, v, u, and the pendulum's own sin q) is fitted first,
+as a refit of the nominal model would, and does not count as found. Smoothing, thresholds and the choice among them were
 tuned in the method's favour on cases of development.
 """
 

@@ -79,7 +79,7 @@ class Score:
 
 
 def wilson(hits: int, total: int) -> tuple[float, float]:
-    """95 % bounds of a rate (Wilson 1927)."""
+    """95 % bounds of a rate [Wilson 1927]."""
     if total == 0:
         return 0.0, 1.0
     z = 1.959963984540054

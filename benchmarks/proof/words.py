@@ -31,7 +31,7 @@ the truth generator's own computation does the same on these recordings to withi
 differs between the directions, with both the same, is Coulomb friction).
 """
 
-SINDY = """The discrepancy approach (Kaheman et al. 2019), as we understand it: angles and speeds from the sensors by
+SINDY = """The discrepancy approach [Kaheman 2019], as we understand it: angles and speeds from the sensors by
 smoothed differentiation; the acceleration that the nominal model leaves over; what is linear in q, v and u, as errors
 of parameters are, fitted first; a sparse regression of the rest on a library (1, sign v, v|v|, q^3, sin and cos n q,
 sign u, |u|, joint twist cubed). It needs no simulation and takes a second. It gives a term and no place; where the

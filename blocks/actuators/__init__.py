@@ -1,1 +1,1 @@
-"""What moves a mechanism, and what stands between the motor and the link."""
+"""Motors, and the elements between motor and link: gears, friction, springs, contacts."""

@@ -71,7 +71,7 @@ class Backlash(_Backlash):
 
     Openings and closings are located and do not chatter. A pushing contact opens while still compressed: what its
     spring then holds is lost as the faces withdraw, and so it stands in the energy balance.
-    Referee's notes 3.4: law and gap change the fit of paper 002's Table A.2 from 6.06 to 2.81 and 1.30 dB.
+    Law and gap change the fit to [Gao J. n.d., Table A.2] from 6.06 to 2.81 and 1.30 dB.
     """
 
     spring_parameters = ("stiffness", "damping", "rest_angle")

@@ -23,7 +23,7 @@ class BoucWenSpring(Block):
 
     Without d the loop does not depend on the rate. With b = 1/2 the spring unloads with its full stiffness; a greater b
     makes the loop wider, and from 1/2 on the law never gives out more than it took in.
-    Bouc 1967; Wen, J. Eng. Mech. Div. ASCE 102 (1976).
+    [Bouc 1967; Wen 1976]
     """
 
     stiffness = parameter("N.m/rad", ..., "torque per twist k at small twist", gt=0, tolerance=0.2)

@@ -18,7 +18,7 @@ class Brake(Block):
     exactly 0 until more than T pulls at it. The shaft comes to rest J w^2 / (2 T) behind the reference, J its inertia;
     what hangs on it elastically rings on. With ``approach: rising`` the brake grips when the angle rises past the
     reference, or at once where it starts beyond it; with ``falling`` when it falls past it. It does not let go again.
-    Paper 003, section 4.1.3.
+    [Mohan 2010, sec. 4.1.3]
     """
 
     torque = parameter("N.m", ..., "torque T with which the brake grips", gt=0, tolerance=0.3)

@@ -21,7 +21,7 @@ class DCMotor(Block):
     With L = 0 the current is i = (V - km w) / R at once and is not a state; such an L cannot be tuned later.
     In SI units kt = km by energy conservation; where a data sheet differs, or eta < 1, the difference
     (km - eta kt) i w counts as lost. A constant eta gains that power when the motor brakes, a weakness of the law.
-    Papers 000 (below (11)) and 002 (2.1)-(2.10).
+    [Gao X. n.d., text below eq. 11; Gao J. n.d., eqs. 2.1 to 2.10]
     """
 
     cut_after = ("shaft",)

@@ -36,7 +36,7 @@ class ElastoPlasticFriction(_ElastoPlastic):
     of `LuGreFriction`, and so are the internal step to give and the steady sliding friction.
 
     Below zb the bristle is a spring: a load that swings below elastic_share Fc leaves no creep, unlike with LuGre.
-    Dupont, Hayward, Armstrong, Altpeter, IEEE Trans. Automatic Control 47 (2002).
+    [Dupont 2002]
     """
 
     shaft = flange("the shaft that turns in the bearing")

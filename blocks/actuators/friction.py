@@ -28,7 +28,7 @@ class _Friction(Block):
     """The law; subclasses declare parameters in their units, and flanges."""
 
     def check(self) -> None:
-        """What holds a joint must not be less than what slows it."""
+        """The static level must not be below the sliding level."""
         for direction in ("", "_backward"):
             static, sliding = self.values[f"static_friction{direction}"], self.values[f"coulomb_friction{direction}"]
             if static < sliding:
@@ -95,10 +95,10 @@ class BearingFriction(_RotationalFriction):
     B = viscous_friction.
 
     Sticking and slipping happen at located instants and a stuck joint does not creep. Levels that are not given follow
-    the others: static as sliding, backward as forward. Where a fit takes Fs below Fc, Fc counts. Several frictions on
-    one shaft add up; a friction that closes a loop of frictions is refused. With every level 0 the block is a viscous
-    damper that never sticks, and its levels cannot be tuned afterwards.
-    Armstrong, Dupont, Canudas de Wit, Automatica 30 (1994); referee's notes 2.4; design, section 4.
+    the others: static as sliding, backward as forward. Where a fit moves Fs below Fc, the law uses Fc. Several
+    frictions on one shaft add up; a friction that closes a loop of frictions is refused. With every level 0 the block
+    is a viscous damper that never sticks, and its levels cannot be tuned afterwards. [Armstrong 1994]; switching
+    without chatter: docs/explanation/switching.md.
     """
 
     slide_twin = "TranslationalBearingFriction"

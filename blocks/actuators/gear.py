@@ -13,10 +13,11 @@ if TYPE_CHECKING:
 class Gear(Block):
     """Gear: input angle = ratio * output angle, torque out = efficiency * ratio * torque in, J on the output shaft.
 
-    ``ratio`` n > 0 is the reduction: the input turns n times while the output turns once. Of the power that enters at
-    the input the share ``efficiency`` eta arrives at the output, whichever way it flows; so an inertia Jm before the
-    gear counts as eta n^2 Jm behind it (paper 000, Jeq = eta_g Kg^2 Jm + gears). The loss is counted in the energy
-    balance. A constant eta gains power when the load drives the motor, a weakness of the law.
+    ``ratio`` n is the reduction: the input turns n times while the output turns once, in the opposite sense if n < 0,
+    as in a pair of external gears. Of the power that enters at the input the share ``efficiency`` eta arrives at the
+    output, whichever way it flows; so an inertia Jm before the gear counts as eta n^2 Jm behind it (Jeq = eta_g Kg^2 Jm
+    + gears [Gao X. n.d., text below eq. 11]). The loss is counted in the energy balance. A constant eta gains power
+    when the load drives the motor, a weakness of the law.
 
     With efficiency = 1 the gear is lossless and eta is not in the equations, so it cannot be tuned afterwards. A lossy
     gear cannot lie in a closed loop of ties.
@@ -24,7 +25,7 @@ class Gear(Block):
 
     cut_after = ("output",)
 
-    ratio = parameter("1", ..., "reduction n, input speed / output speed", gt=0)
+    ratio = parameter("1", ..., "reduction n, input speed / output speed; negative if the gear reverses", nonzero=True)
     efficiency = parameter(
         "1", 1.0, "share eta of the power at the input that arrives at the output", gt=0, le=1, tolerance=0.1
     )

@@ -16,7 +16,7 @@ class GravityTorque(Block):
 
     r is the distance from the axis to the centre of mass, which hangs below the axis at ``hanging_angle``. Only the
     weight: the body's moment of inertia belongs to the block that is the body, such as `Inertia` or `Payload`.
-    Small swings of a body of inertia J have the frequency sqrt(m g r / J); paper 003, section 4.1 of referee's notes.
+    Small swings of a body of inertia J have the frequency sqrt(m g r / J).
     """
 
     mass = parameter("kg", ..., "mass m of the body", ge=0, tolerance=0.1)

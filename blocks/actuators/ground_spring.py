@@ -31,7 +31,7 @@ class _GroundSpring(Block):
 class GroundSpring(_GroundSpring):
     """Spring to the ground: torque on the shaft = -k (angle - rest_angle) - d w, k = stiffness, d = damping, w = speed.
 
-    What a cable or a hose does to a joint. It lifts the pole at zero of a free shaft to sqrt(k / J).
+    It stands for a cable or a hose at a joint. It lifts the pole at zero of a free shaft to sqrt(k / J).
     """
 
     slide_twin = "TranslationalGroundSpring"
@@ -51,7 +51,7 @@ class GroundSpring(_GroundSpring):
 class TranslationalGroundSpring(_GroundSpring):
     """Spring to the ground: force on the slide = -k (position - rest_position) - d v, k = stiffness, d = damping.
 
-    What an energy chain does to a carriage. It lifts the pole at zero of a free slide to sqrt(k / m).
+    It stands for an energy chain at a carriage. It lifts the pole at zero of a free slide to sqrt(k / m).
     """
 
     stiffness = parameter("N/m", ..., "force per distance k", ge=0, tolerance=0.5)

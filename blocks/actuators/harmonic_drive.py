@@ -15,21 +15,23 @@ class HarmonicDrive(Block):
     """Harmonic drive: tau = K e + D e', e = angle of the input / n - angle of the output.
 
     tau acts on the output and -tau / n on the input; n = ratio, K = stiffness and D = damping, on the output side. The
-    input is the wave generator, n times as fast as the output. The block has no inertia: connect the rotor to the input
-    and the load to the output. As K grows, rotor Jr and load Jl approach (n^2 Jr + Jl) q'' = n (torque at the input):
-    what is left of the difference falls as 1 / K, and the frequency they swing at against each other grows as sqrt(K).
+    input is the wave generator, |n| times as fast as the output. n < 0 where the output turns in the opposite sense:
+    the circular spline is held and the flexspline drives the load. The block has no inertia: connect the rotor to the
+    input and the load to the output. As K grows, rotor Jr and load Jl approach
+    (n^2 Jr + Jl) q'' = n (torque at the input): the difference falls as 1 / K, and the frequency at which they swing
+    against each other grows as sqrt(K).
 
     With an ``efficiency`` eta below 1, ``loss: constant`` takes tau / (eta n) from the input, whichever way power
     flows, as `Gear` does; it gains power while the load drives. ``loss: directed`` takes tau / (eta n) while the input
     drives and eta tau / n while the load does: the difference from tau / n is a dry friction at the input whose level
     follows |tau|, and so it holds the input still, exactly, below that level. With efficiency = 1 neither is in the
-    equations. Paper 001 (1), (2); referee's notes 0.3, 2.1.
+    equations. [One-link n.d., eqs. 1, 2], with the reaction divided by n (docs/errata.md).
     """
 
     cut_after = ("output",)
 
     loss = option(str, "constant", "how the efficiency counts when the load drives", choices=("constant", "directed"))
-    ratio = parameter("1", 100.0, "reduction n, input speed / output speed", gt=0)
+    ratio = parameter("1", 100.0, "reduction n, input speed / output speed; negative if it reverses", nonzero=True)
     stiffness = parameter("N.m/rad", ..., "torque at the output per twist K", gt=0, tolerance=0.2)
     damping = parameter("N.m.s/rad", 0.0, "torque at the output per rate of twist D", ge=0, tolerance=0.5)
     efficiency = parameter("1", 1.0, "share eta of the driving power that arrives", gt=0, le=1, tolerance=0.1)
@@ -57,8 +59,9 @@ class HarmonicDrive(Block):
         else:
             net.force(a, -torque / n)
             driving, driven = 1 / eta - 1, 1 - eta
-            forward = choose(torque > 0, torque * driving, -torque * driven) / n
-            backward = choose(torque > 0, torque * driven, -torque * driving) / n
+            # The load holds the input back in its forward sense where tau / n > 0.
+            forward = choose(torque / n > 0, torque * driving, -torque * driven) / n
+            backward = choose(torque / n > 0, torque * driven, -torque * driving) / n
             net.friction(
                 {a: 1},
                 forward=lambda velocity: forward,

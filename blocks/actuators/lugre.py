@@ -26,10 +26,9 @@ class LuGreFriction(_LuGre):
     Fs = static_friction, vs = stribeck_velocity, B = viscous_friction; z is a state. Steady sliding gives g(v) + B v,
     small motion the spring s0, g / s0 wide.
 
-    For data that show presliding. The law has no stick: a load that swings below Fs makes the shaft creep, which
-    `ElastoPlasticFriction` avoids and `BearingFriction` has not. Passive where s1 < 4 s0 g / |v|. The bristle relaxes
-    at s0 |v| / g: give an internal_step below 2 g / (s0 |v|) for the greatest speed.
-    Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE Trans. Automatic Control 40 (1995).
+    Use it for data that show presliding. The law has no stick: an oscillating load below Fs makes the shaft creep.
+    `ElastoPlasticFriction` avoids that, and `BearingFriction` sticks exactly. Passive where s1 < 4 s0 g / |v|. The
+    bristle relaxes at s0 |v| / g: give an internal_step below 2 g / (s0 |v|) for the greatest speed. [Canudas 1995]
     """
 
     shaft = flange("the shaft that turns in the bearing")

@@ -1,4 +1,4 @@
-"""What friction laws with presliding share: a bristle that bends before the surfaces slide."""
+"""Base of the friction laws with presliding: a bristle that bends before the surfaces slide."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def stribeck(block: Any, velocity: Expression) -> Expression:
 
 
 def check_levels(block: Block) -> None:
-    """What holds a joint must not be less than what slows it."""
+    """The static level must not be below the sliding level."""
     static, sliding = block.values["static_friction"], block.values["coulomb_friction"]
     if static < sliding:
         raise ParameterError(

@@ -17,11 +17,10 @@ class RegularisedFriction(Block):
     """Smoothed friction of a shaft: torque -c(v) v, c(v) = [Fc + (Fs - Fc) exp(-(v / vs)^2)] / max(|v|, v0) + B.
 
     Fc = coulomb_friction, Fs = static_friction, vs = stribeck_velocity, B = viscous_friction, v0 = creep_velocity, v
-    the speed of the shaft. The state-dependent viscous coefficient that paper 001 speaks of (below (4)).
+    the speed of the shaft. A state-dependent viscous coefficient [One-link n.d., text below eq. 4].
 
-    To compare with models that have it; `BearingFriction` is the law to use. Under a load T below Fs the shaft never
+    Use it to compare with models that have it, and `BearingFriction` otherwise. Under a load T below Fs the shaft never
     stops but creeps at about v0 T / Fs, and near rest it relaxes at Fs / (J v0): a small v0 needs short steps.
-    Referee's notes 2.4.
     """
 
     coulomb_friction = parameter("N.m", ..., "sliding friction Fc", gt=0, tolerance=0.3)

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 class StructuralSpring(Block):
     """Spring with structural damping: torque / twist = k (1 + i eta) at frequencies within a band, k = stiffness.
 
-    A constant loss factor eta = loss_factor over all frequencies answers before it is moved, so it has no law in time.
-    Within the band it does: tau = k0 e + g sum (e - x_j), x_j' = w_j (e - x_j), with ``elements`` Maxwell elements at
-    w_j spread evenly in the logarithm from ``lowest_frequency`` to ``highest_frequency``, ln s apart from one to the
+    A loss factor eta = loss_factor that is constant over all frequencies is not causal, so it has no law in time.
+    Within a band there is one: tau = k0 e + g sum (e - x_j), x_j' = w_j (e - x_j), with ``elements`` Maxwell elements
+    at w_j spread evenly in the logarithm from ``lowest_frequency`` to ``highest_frequency``, ln s apart from one to the
     next, g = 2 eta k ln s / pi, k0 = k - g elements / 2. e = angle of a - angle of b - rest_angle; tau acts on b and
     -tau on a. The elements begin relaxed at the twist -rest_angle, that of shafts which start at zero.
 
@@ -40,7 +40,7 @@ class StructuralSpring(Block):
     torque = signal_out("N.m", "torque on b, tau")
 
     def check(self) -> None:
-        """The band must be one, and leave a spring that holds at rest."""
+        """The band must not be empty, and the stiffness at rest must be positive."""
         low, high = self.values["lowest_frequency"], self.values["highest_frequency"]
         if high <= low:
             raise ParameterError(f"highest_frequency = {high:g} rad/s is not above lowest_frequency = {low:g} rad/s")

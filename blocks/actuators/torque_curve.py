@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 class TorqueCurve(Block):
     """Torque by a curve: torque on the shaft = f(x), x its speed (rad/s) or its angle (rad), as ``of`` says.
 
-    f is straight lines through ``heights`` at equal distances from lower to upper, and keeps its end values beyond: a
-    law that was measured and has no formula. A jump, such as dry friction's, needs narrow steps; such a law creeps at
+    f is piecewise linear through ``heights`` at equal distances from lower to upper, and constant beyond: a law that
+    was measured and has no formula. A jump, such as dry friction's, needs narrow steps; such a law creeps at
     rest where `BearingFriction` sticks. The power torque * speed counts as coming from outside.
     """
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 class Vibration(Block):
     """Outside vibration: torque on the shaft = A sin(W t + phase), A = amplitude, W = frequency.
 
-    What a neighbouring machine, a fan or the mains brings in. It depends on time alone; t is the model's.
+    It stands for the disturbance by a neighbouring machine, a fan or the mains. It depends on the model's time t alone.
     """
 
     amplitude = parameter("N.m", ..., "greatest torque A", ge=0, tolerance=0.5)

@@ -1,4 +1,4 @@
-"""Signal blocks: what a controller is made of."""
+"""Signal blocks: controllers, filters and characteristics."""
 
 from __future__ import annotations
 

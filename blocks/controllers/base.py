@@ -1,4 +1,4 @@
-"""What signal blocks share: the unit of their output, and when they are sampled."""
+"""Base of the signal blocks: the unit of the output, and the sample instants."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class Curve(SignalBlock):
     """Characteristic: out = in + f(in), f straight lines through ``heights`` at equal distances from lower to upper.
 
-    Beyond the ends f keeps its end values. A law that was measured and has no formula: an amplifier's, a valve's.
+    Beyond the ends f is constant. It is for a law that was measured and has no formula, as of an amplifier or a valve.
     """
 
     points = option(int, 9, "how many values", ge=2, le=200)

@@ -1,4 +1,4 @@
-"""A band in which nothing comes through."""
+"""A dead zone of a signal."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 class DeadZone(SignalBlock):
     """Dead zone: out = in - upper above upper, 0 inside, in - lower below lower; lower <= 0 <= upper.
 
-    The output is continuous. The kinks are located, so the integration never steps across one. Paper 000, equation
-    (12), with b_r = lower and b_i = upper; its third branch is misprinted as V_m + b_r. The output has the input's
+    The output is continuous. The kinks are located, so the integration never steps across one. [Gao X. n.d.,
+    eq. 12] with b_r = lower and b_i = upper; its third branch is misprinted as V_m + b_r. The output has the input's
     unit.
     """
 

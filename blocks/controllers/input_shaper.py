@@ -26,7 +26,7 @@ class InputShaper(SignalBlock):
     Sampled, as a delay line: an impulse between two instants is split over both so that together they excite the mode
     exactly as the impulse would; a held command then leaves no vibration whatever the period. The amplitudes are
     computed when the model is built, so parameters cannot be tuned afterwards. The output has the input's unit.
-    Singer, Seering, J. Dyn. Sys. Meas. Control 112 (1990).
+    [Singer 1990]
     """
 
     shaper = option(str, "ZV", "which shaper", choices=("ZV", "ZVD"))

@@ -30,7 +30,7 @@ def read(file: str) -> dict[str, Matrix]:
     path = Path(file)
     kind = path.suffix.lower()
     if kind not in (".json", ".mat"):
-        raise ParameterError(f"'{file}' is of no kind that is read here", remedy="give a .json or .mat file")
+        raise ParameterError(f"'{file}' is not a .json or .mat file", remedy="save the matrices as one of these")
     try:
         if path.stat().st_size > LARGEST_FILE:
             raise ParameterError(f"'{file}' is larger than {LARGEST_FILE / 1e6:g} MB", remedy="save the matrices alone")

@@ -20,7 +20,7 @@ class Notch(SignalBlock):
     ``10 Hz`` is 62.83 rad/s. State: x1'' + 2 d w x1' + w^2 x1 = in, out = in + 2 (z - d) w x1'.
 
     Sampled (``period`` > 0): out is taken at each instant and held; x1 and x1' go on by the exact response to an input
-    held over one period. The output has the input's unit. Paper 002, section 3.5.2, with w = 68 rad/s.
+    held over one period. The output has the input's unit. With w = 68 rad/s: [Gao J. n.d., sec. 3.5.2].
     """
 
     frequency = parameter("rad/s", ..., "angular frequency w that is stopped", gt=0, tolerance=0.2)

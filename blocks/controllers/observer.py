@@ -24,7 +24,7 @@ class Observer(SignalBlock):
     Inputs are the commands ``u``, or ``u1``, ..., and the measurements ``y``, or ``y1``, ...; outputs are the estimates
     ``x1``, ``x2``, ..., given out as plain numbers in SI units. The matrices are in SI units and cannot be tuned
     afterwards; ``file`` (.json or .mat) may hold any of A, B, C, D, L. See `observer` in `blocks.controllers.design`
-    for a design. Luenberger, IEEE Trans. Automatic Control 11 (1966).
+    for a design. [Luenberger 1966]
     """
 
     files: ClassVar[tuple[str, ...]] = ("file",)

@@ -20,7 +20,7 @@ class PI(SignalBlock):
 
     Sampled (``period`` T > 0): at each instant out = kp e + ki x, then x+ = x + T e (forward Euler); the output holds
     until the next instant. There is no anti-windup: the integral goes on while a limit behind the controller is
-    reached. Paper 002, section 3.6, with kp in V.s/rad and ki in V/rad.
+    reached. With kp in V.s/rad and ki in V/rad: [Gao J. n.d., sec. 3.6].
     """
 
     proportional_gain = parameter("*", ..., "gain kp on the error, with its unit", tolerance=0.2)

@@ -30,7 +30,7 @@ class PID(SignalBlock):
 
     Sampled (``period`` T > 0): at each instant f+ = f + (1 - exp(-N T)) (e - f), the derivative is (f+ - f) / T, out is
     v within the limits, then x+ = x + T (e + w); out holds until the next instant. A large N gives (e - e before) / T.
-    With kd = 0 there is no f and kd cannot be tuned afterwards. Astrom, Hagglund, Advanced PID Control (2006).
+    With kd = 0 there is no f and kd cannot be tuned afterwards. [Astrom 2006]
     """
 
     proportional_gain = parameter("*", ..., "gain kp on the error, with its unit", tolerance=0.2)

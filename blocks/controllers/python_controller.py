@@ -27,11 +27,11 @@ class PythonController(SignalBlock):
     ``function`` names it as ``package.module:name``, or gives it as ``name`` with ``file: controller.py``; in Python a
     callable may be given. f is called with the instant t (s) and the array u of the inputs ``in``, or ``in1``, ``in2``,
     ..., SI units, and returns a number, or one for each output ``out``, or ``out1``, ... A class is instantiated at the
-    start of every run, so that what it remembers does not pass from run to run; its instance is called. A plain
+    start of every run, and its instance is called, so no state passes from one run to the next. A plain
     function that keeps state elsewhere makes runs depend on each other.
 
     The code runs with all the rights of this program: a warning names it when it is loaded. It is loaded only where a
-    scenario names it. There is no derivative of it and no C form: fitting by gradients and exports refuse the model.
+    scenario names it. It has no derivative and no C form, so fits by gradients and exports refuse the model.
     Outputs are 0 before the first instant.
     """
 

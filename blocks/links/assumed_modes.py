@@ -26,11 +26,11 @@ class AssumedModesLink(Block):
     sqrt(K_j M_j), xi = damping_ratio of the clamped arm,
     K_j = EI beta_j^4 / L^3, M_j = m + mp Q_j(L)^2.
 
-    ``nonlinear`` adds 1/2 theta'^2 (int rho w^2 ds + mp w(L)^2): the terms alpha^2 theta'' and alpha theta'^2 of paper
-    000 (11). Alone they are spin softening, and the arm diverges when theta' reaches the first clamped frequency.
-    ``foreshortening`` adds that bending draws the arm in, -1/2 theta'^2 alpha' G alpha with
-    G_ij = rho/2 int (L^2 - s^2) Q_i' Q_j' ds + mp L int Q_i' Q_j' ds; together they stiffen.
-    Referee's notes 0.1, 1.1, 4.2.
+    ``nonlinear`` adds 1/2 theta'^2 (int rho w^2 ds + mp w(L)^2): the terms alpha^2 theta'' and alpha theta'^2 of [Gao
+    X. n.d., eq. 11]. Alone they are spin softening, and the arm diverges when theta' reaches the first clamped
+    frequency. ``foreshortening`` adds the shortening of the arm by bending, -1/2 theta'^2 alpha' G alpha with G_ij =
+    rho/2 int (L^2 - s^2) Q_i' Q_j' ds + mp L int Q_i' Q_j' ds; together they stiffen. [Gao X. n.d., eq. 11], corrected
+    (docs/errata.md); mode shapes [Blevins 1979, Table 8-1].
     """
 
     modes_option = "modes"
@@ -106,7 +106,7 @@ class AssumedModesLink(Block):
         return bent
 
     def _observe(self, net: Net, alpha: list[Motion]) -> None:
-        """Give out what can be measured on the arm."""
+        """Publish the outputs that a sensor on the arm can measure."""
         hub, length = self.hub, self.length
         numbered = list(enumerate(alpha, 1))
         deflection = sum(mode_shapes.tip(i) * a.position for i, a in numbered)

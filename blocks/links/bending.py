@@ -8,7 +8,7 @@ velocity (u, v) and turns with w; the material point s lies at (s, y), y = sum Q
 
 ``nonlinear`` keeps the terms of y w; without it the inertia is that of the straight link. ``foreshortening`` puts the
 point at s - 1/2 int_0^s y_s^2 and keeps what is of second order in d.
-Referee's notes 0.1, 1.1, 4.3; paper 003 (11).
+[Gao X. n.d., eq. 11; Mohan 2010, eq. 11], corrected (docs/errata.md).
 """
 
 from __future__ import annotations

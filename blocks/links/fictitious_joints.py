@@ -1,6 +1,6 @@
-"""Where the fictitious joints of a lumped arm sit, and what its elements weigh.
+"""Places of the fictitious joints of a lumped arm, and the masses of its elements.
 
-The rule of paper 001, section 3.2, made explicit (referee's notes 2.1): begin with the undivided arm; each further
+The rule of [One-link n.d., sec. 3.2] made explicit: begin with the undivided arm; each further
 joint puts one joint into the middle of every rigid element and discards the joints before. So n joints give n + 1
 elements, of lengths 1/2, 1/2; then 1/4, 1/2, 1/4; then 1/8, 3/8, 3/8, 1/8 of the arm, and so on.
 """

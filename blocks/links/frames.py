@@ -1,4 +1,4 @@
-"""Roots of the links along a planar chain: where they are and how fast they move.
+"""Roots of the links along a planar chain: positions and velocities.
 
 From the root of a link, where (u, v) and w are the velocity and the turning, to its tip, with the position (X, y) and
 the slope y_s of the tip in the link's axes, and on over a joint of angle q to the root of the next link:
@@ -7,7 +7,7 @@ the slope y_s of the tip in the link's axes, and on over a joint of angle q to t
     u_t = u - y w + X'                    u' =  cos(a) u_t + sin(a) v_t            a = y_s + q
     v_t = v + X w + y'                    v' = -sin(a) u_t + cos(a) v_t
 
-These are the propagation matrices A of the DeNOC form (paper 003, 2 to 4), one link at a time.
+These are the propagation matrices A of the DeNOC form [Mohan 2010, eqs. 2 to 4], one link at a time.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def _by_mover(modes: list[Motion], row: list[Expression]) -> dict[Mover | None, 
 
 
 def _built(net: Net, name: str, terms: Mapping[Mover | None, Expression]) -> Mover:
-    """A velocity from those terms that are not zero; one that stands for itself alone is not built anew."""
+    """A velocity from its nonzero terms; a single term with coefficient 1 is returned as it is."""
     kept = {m: c for m, c in terms.items() if m is not None and not (isinstance(c, float) and c == 0)}
     if len(kept) == 1 and isinstance(next(iter(kept.values())), float):
         return next(iter(kept))

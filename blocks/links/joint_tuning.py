@@ -1,4 +1,4 @@
-"""How stiff the fictitious joints of a lumped arm must be for given frequencies."""
+"""Stiffnesses of the fictitious joints of a lumped arm for given frequencies."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def tune_joint_stiffness(
 ) -> tuple[float, ...]:
     """Stiffness of each fictitious joint with which the undamped arm, clamped at its hub, has given frequencies.
 
-    Several sets of stiffnesses may give the same frequencies: two do for paper 001 with two joints, four with three.
-    The set returned is the one that a uniform arm's natural stiffnesses change into as its frequencies are shifted
-    steadily to those given; where that path ends, the one of all sets found that is nearest to the natural one in the
-    logarithm.
+    Several sets of stiffnesses may give the same frequencies: two do for the arm of [One-link n.d., Table 2] with two
+    joints, four with three. The set returned is the one that a uniform arm's natural stiffnesses change into as its
+    frequencies are shifted steadily to those given; where that path ends, the one of all sets found that is nearest to
+    the natural one in the logarithm.
 
     Args:
         frequencies: angular frequencies (rad/s), rising; as many as there are joints.

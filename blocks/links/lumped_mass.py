@@ -26,9 +26,9 @@ class LumpedMassLink(Block):
     `blocks.links.fictitious_joints` says: at 1/8, 1/2 and 7/8 of the length L for n = 3.
 
     In the horizontal plane, small bends. A positive torque at the hub turns it in the positive sense. Outputs
-    ``strain1`` .. ``strainN`` are the bends q_i - q_(i-1) that gauges at the joints tell, positive where the arm bends
-    that way, and ``element1.direction`` .. the q_i. With `joint_tuning.tune_joint_stiffness` the clamped arm gets given
-    frequencies; clamped poles are also the zeros of hub angle / torque. Paper 001 (3); referee's notes 2.1.
+    ``strain1`` .. ``strainN`` are the bends q_i - q_(i-1) that gauges at the joints measure, positive where the arm
+    bends that way, and ``element1.direction`` .. the q_i. With `joint_tuning.tune_joint_stiffness` the clamped arm gets
+    given frequencies; clamped poles are also the zeros of hub angle / torque. [One-link n.d., eq. 3]
     """
 
     joints = option(int, 3, "number of fictitious joints n", ge=1, le=16)
@@ -83,7 +83,7 @@ class LumpedMassLink(Block):
         net.dissipate(damping * rate**2)
 
     def _observe(self, net: Net, q: list[Motion]) -> None:
-        """Give out what can be measured on the arm."""
+        """Publish the outputs that a sensor on the arm can measure."""
         lengths = [self.length * share for share in element_lengths(self.joints)]
         along = list(zip(lengths, q, strict=True))
         net.output(self.position, sum(part * motion.angle for part, motion in along))

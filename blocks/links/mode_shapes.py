@@ -7,7 +7,7 @@ With x = s / L and b = beta_i:
 
 so that int Q_i Q_j ds = L delta_ij. The hyperbolic part is written (1 - sigma)/2 exp(b x) + (1 + sigma)/2 exp(-b x),
 with 1 - sigma = 2 (sin b - cos b - exp(-b)) exp(-b) / (1 - exp(-2 b) + 2 exp(-b) sin b): nothing large is subtracted.
-Referee's notes 0.1; Blevins, Formulas for Natural Frequency and Mode Shape, table 8-1.
+[Blevins 1979, Table 8-1]
 """
 
 from __future__ import annotations

@@ -33,9 +33,9 @@ class SerialArm(Block):
     With ``gravity`` the plane is vertical: g pulls in the direction ``gravity_direction`` from the x axis, the
     direction in which the arm points at zero angles, so that by default it hangs there.
 
-    Accelerations come from the recursion over the links that the DeNOC matrices make possible (paper 003, 2 to 4), at
-    a cost in proportion to their number. Limits: small slopes, since the tip is taken to turn by y_s itself; uniform
-    links; bending in the plane only. Referee's notes 4.1 to 4.5.
+    Accelerations come from the recursion over the links that the DeNOC matrices make possible [Mohan 2010, eqs. 2 to
+    4], at a cost in proportion to their number. Limits: small slopes, since the tip is taken to turn by y_s itself;
+    uniform links; bending in the plane only. Equations of motion [Mohan 2010, eqs. 8, 11], corrected (docs/errata.md).
     """
 
     links = option(int, ..., "number of links", ge=1, le=256)

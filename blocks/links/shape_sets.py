@@ -13,7 +13,7 @@ craig_bampton: combinations of the two shapes into which a force and a moment at
     Q = cosh(b x) - cos(b x) - sigma (sinh(b x) - sin(b x)),        cos b cosh b = 1
     sigma = (cosh b - cos b) / (sinh b - sin b)
 
-They meet any load at the tip exactly in the static limit. Craig and Bampton, AIAA Journal 6 (1968) 1313.
+They meet any load at the tip exactly in the static limit. [Craig 1968]
 """
 
 from __future__ import annotations

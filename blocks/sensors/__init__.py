@@ -1,1 +1,1 @@
-"""What a controller or a recording sees of a motion."""
+"""Sensors: from a motion to the signal that a controller or a recording gets."""

@@ -1,4 +1,4 @@
-"""A sensor that follows what it measures with a lag."""
+"""A sensor with a first-order lag."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 class SensorLag(SignalBlock):
     """Sensor with lag: T y' = sensitivity * in - y, out = y + bias, T = time_constant.
 
-    A thermal or fluid sensor, or an amplifier with a first-order filter: its corner is 1 / T. It starts at y = start.
-    With a sensitivity that changes the quantity ``unit`` is needed, the unit of the output.
+    For a thermal or fluid sensor, or an amplifier with a first-order filter of corner 1 / T. It starts at y = start.
+    A sensitivity that changes the quantity needs ``unit``, the unit of the output.
     """
 
     time_constant = parameter("s", ..., "time constant T", gt=0, tolerance=0.3)

@@ -1,4 +1,4 @@
-"""A sensor that loses the sign of what it measures."""
+"""A sensor that measures the magnitude of its input."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class RectifiedSensor(SignalBlock):
     """Rectified sensor: out = sensitivity * |in| + bias.
 
     A tachometer behind a rectifier, or a recording of magnitudes. The kink at zero is located, so the integration never
-    steps across it. With a sensitivity that changes the quantity ``unit`` is needed, the unit of the output.
+    steps across it. A sensitivity that changes the quantity needs ``unit``, the unit of the output.
     """
 
     sensitivity = parameter("*", 1.0, "output per magnitude of the input, with its unit if it has one", tolerance=0.05)

@@ -17,7 +17,7 @@ class StrainReconstruction(Block):
 
     ``angle`` is the encoder's, at the side of the link; ``strain1`` .. ``strainN`` are the bends e_i of the joints,
     from the hub. The outputs ``element1`` .. ``elementN`` are the directions of the elements against the ground, the
-    state that paper 001 feeds back (below (4)); ``tip`` is the last.
+    state that [One-link n.d., text below eq. 4] feeds back; ``tip`` is the last.
     """
 
     joints = option(int, 3, "number of joints n", ge=1, le=16)

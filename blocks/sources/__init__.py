@@ -1,1 +1,1 @@
-"""What drives a system: signals that come from nowhere."""
+"""Sources: signals that drive a system."""

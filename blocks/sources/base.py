@@ -1,4 +1,4 @@
-"""What sources that switch at given instants share."""
+"""Base of the sources that switch at given instants."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NEVER = 1e9
 
 
 class Source(Block):
-    """A signal made of a value that comes and goes and an ``offset`` that stays, both in one unit.
+    """A signal made of a value that switches on and off and a constant ``offset``, both in one unit.
 
     Subclasses name the parameter that gives the unit in ``amount``.
     """

@@ -12,10 +12,10 @@ _SLACK = 1e-12
 
 
 def calming(state: State, limits: Limits, which: str) -> list[tuple[float, float]]:
-    """The shortest way to no acceleration and no jerk; segments as (duration, snap).
+    """The shortest motion to zero acceleration and zero jerk, as segments (duration, snap).
 
     Raises:
-        ParameterError: the state lies beyond a limit, or the way does.
+        ParameterError: the state lies beyond a limit, or the motion passes one.
     """
     given = (state.velocity, state.acceleration, state.jerk)
     bounds = (limits.velocity, limits.acceleration, limits.jerk)

@@ -20,7 +20,7 @@ class Multisine(Source):
     K = lines, f = base_frequency; the signal repeats after 1 / f. A_k = amplitude, one for all lines or one for each.
     Phases ``schroeder``, phi_k = -pi k (k - 1) / K, keep the peaks of equal lines low; ``random`` draws them from the
     seed; ``zero`` lines all peaks up. A spacing of 2 with an odd first line leaves the even lines free, on which only
-    nonlinearity answers. The output has the unit of ``amplitude``. Schroeder, IEEE Trans. Inf. Theory 16 (1970).
+    nonlinearity answers. The output has the unit of ``amplitude``. [Schroeder 1970]
     """
 
     amount = "amplitude"

@@ -28,7 +28,7 @@ class PRBS(Source):
     occurs once in a period. The sequence is +1 in 2^(n - 1) bits and -1 in one less; its periodic autocorrelation is 1
     at lag zero and -1 / (2^n - 1) at every other. ``seed`` is the register's first content, 1 to 2^n - 1, and shifts
     the sequence; the first value is the seed's lowest bit. Power is even up to about 0.44 / bit, in hertz. The register
-    is a part of the model's memory. The output has the unit of ``amplitude``. Golomb, Shift Register Sequences (1967).
+    is a part of the model's memory. The output has the unit of ``amplitude``. [Golomb 1967]
     """
 
     amount = "amplitude"
@@ -48,7 +48,7 @@ class PRBS(Source):
 
     def stamp(self, net: Net) -> None:
         ticks, n = net.clock(self.bit), self.order
-        # Stage n is given out and leaves; stage 1 takes the sum of the taps in.
+        # Stage n is the output and is dropped; stage 1 takes the sum of the taps.
         content = [(self.seed >> (n - k)) & 1 for k in range(1, n + 1)]
         stages = [net.memory(f"stage{k + 1}", "1", ticks, start=float(bit)) for k, bit in enumerate(content)]
         fed: Expression = 0.0

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 class Pulse(Source):
     """Pulses: out = offset + height while start + k period <= t < start + k period + width, else offset; k = 0, 1, ...
 
-    ``count`` pulses come, one by default; 0 means without end. The integration meets every edge exactly. Edges at or
-    before t = 0 have happened when the simulation begins. The output has the unit of ``height``.
+    ``count`` is the number of pulses, one by default; 0 means no end. The integration meets every edge exactly. Edges
+    at or before t = 0 have happened when the simulation begins. The output has the unit of ``height``.
     """
 
     amount = "height"

@@ -1,4 +1,4 @@
-"""A recorded signal through a spline that keeps its shape."""
+"""A recorded signal, interpolated by a shape-preserving spline."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Spline(Block):
 
     the slopes d_k by Fritsch and Butland: 0 at every extremum of the rows and a weighted harmonic mean elsewhere, so
     that s rises where the rows rise, falls where they fall, and never overshoots them. The integration meets every row
-    and the cubic is exact between. The file is read as by `Table`. ``pchip`` in MATLAB and SciPy; SIAM J. Numer. Anal.
-    17 (1980) 238. Paper 003, section 4.1.3, gives the measured torque so.
+    and the cubic is exact between. The file is read as by `Table`. ``pchip`` in MATLAB and SciPy [Fritsch 1980]. It
+    gives the measured torque of [Mohan 2010, sec. 4.1.3].
     """
 
     files: ClassVar[tuple[str, ...]] = ("file",)
@@ -36,7 +36,7 @@ class Spline(Block):
     out = signal_out("*", "the recorded signal")
 
     def check(self) -> None:
-        """Read the file, so that what is wrong with it is said where the block is declared."""
+        """Read the file, so that an error in it is reported where the block is declared."""
         times, self.samples = read_columns(self.file, self.time, self.column)
         self.times = [self.time_unit * t for t in times]
 

@@ -28,7 +28,7 @@ class Step(Source):
     stop = parameter("s", NEVER, "instant at which it goes; 1e9 s means never")
 
     def check(self) -> None:
-        """The step must come before it goes."""
+        """The end of the step must come after its start."""
         super().check()
         if self.stop <= self.start:
             raise ParameterError(f"stop = {self.stop:g} s is not after start = {self.start:g} s")

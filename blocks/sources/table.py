@@ -35,7 +35,7 @@ class Table(Block):
     out = signal_out("*", "the recorded signal")
 
     def check(self) -> None:
-        """Read the file, so that what is wrong with it is said where the block is declared."""
+        """Read the file, so that an error in it is reported where the block is declared."""
         reads = read_vectors if Path(self.file).suffix.lower() in (".mat", ".json") else read_columns
         times, self.samples = reads(self.file, self.time, self.column)
         self.times = [self.time_unit * t for t in times]

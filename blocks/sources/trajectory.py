@@ -19,13 +19,13 @@ class Trajectory(Block):
     """Fourth-order motion: snap +-s or 0, piecewise, from a start to an end state under limits v, a, j and s.
 
     s = snap_limit bounds the fourth derivative of the position, j = jerk_limit the third, and so on. With ``profile:
-    trapezoidal`` the jerk may rest at its limit, with ``triangular`` it may not. From rest to rest over D with all four
-    limits met at once, D = v T / 2 = a T^2 / 8 = j T^3 / 64 = s T^4 / 512. The motion is the shortest among those that
-    have no acceleration and no jerk whenever the velocity peaks; see `trajectory_planner`.
+    trapezoidal`` the jerk may stay at its limit, with ``triangular`` it may not. From rest to rest over D with all four
+    limits met at once, D = v T / 2 = a T^2 / 8 = j T^3 / 64 = s T^4 / 512. The motion is the shortest of those whose
+    acceleration and jerk are zero wherever the velocity peaks; see `trajectory_planner`.
 
     The motion begins at ``start``; the integration meets every change of snap exactly. Before it and after it the
     velocity stays as it is at that end. The motion is planned when the model is built, so its parameters cannot be
-    tuned afterwards. All values have the unit of the positions, per s, s2, s3 and s4. Paper 002, sections 3.2 and 3.5.
+    tuned afterwards. All values have the unit of the positions, per s, s2, s3 and s4. [Gao J. n.d., secs. 3.2, 3.5]
     """
 
     profile = option(str, "trapezoidal", "shape of the pulses of jerk", choices=("trapezoidal", "triangular"))

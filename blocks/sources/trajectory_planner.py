@@ -5,9 +5,9 @@ end's. Every change begins and ends without acceleration and jerk (see `Ramp`) a
 (v + w) / 2 times its duration, v and w being the velocities at its ends. The cruising velocity is the one of the
 shortest motion; it lies at its limit when there is a cruise.
 
-This is the shortest motion that has no acceleration and no jerk whenever its velocity peaks. Lambrechts, Boerlage,
-Steinbuch, Control Engineering Practice 13 (2005); paper 002, section 3.2. A start or end with acceleration or jerk is
-first brought to rest in both, which is possible but no longer the shortest.
+This is the shortest motion whose acceleration and jerk are zero wherever its velocity peaks [Lambrechts 2005;
+Gao J. n.d., sec. 3.2]. At a start or end with acceleration or jerk both are first brought to zero, and the whole is no
+longer the shortest motion.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ def plan(start: State, end: State, limits: Limits, *, triangular: bool = False) 
 
     Args:
         start: where it begins.
-        end: where it ends, at the time that comes out.
+        end: where it ends; the duration follows.
         limits: what it may not exceed.
         triangular: no phases of constant jerk.
 
     Raises:
-        ParameterError: a limit that is not positive, or a start or end beyond a limit or bound to pass one.
+        ParameterError: a limit that is not positive, or a start or end that lies beyond a limit or must pass one.
     """
     for name in ("velocity", "acceleration", "jerk", "snap"):
         value = getattr(limits, name)

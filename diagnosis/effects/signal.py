@@ -16,7 +16,7 @@ FEW = (1e-3, 5e-3, 0.02, 0.08, 0.2)
 """Starting sizes as shares of the largest value."""
 
 CORNERS = (1.0, 3.0, 10.0, 30.0)
-"""Lags are tried with time constants of so many samples."""
+"""Time constants of the lags that are tried, in samples."""
 
 
 def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:

@@ -1,10 +1,10 @@
 """How well a fit knows its parameters, and which combinations the recordings do not tell apart.
 
-The covariance of least squares alone claims far too much: nothing of what disturbs a real recording is white noise.
-Here it has four parts: noise that is correlated over a fraction of a second (a sandwich over blocks); the input, whose
-size and timing no amplifier keeps exactly; what the model still leaves out, which a fit turns towards its parameters,
-where no residual shows it, but data that were not fitted do; and for a parameter that the recordings only bound, such
-as the limit of an amplifier that is never reached, the cost itself, followed until it rises.
+The covariance of least squares alone claims too much: what disturbs a real recording is not white noise. Here it is the
+sum of three parts: noise that is correlated over a fraction of a second (a sandwich over blocks); the input, whose size
+and timing no amplifier keeps exactly; and what the model still leaves out, which a fit turns towards its parameters,
+where no residual shows it, but data that were not fitted do. A parameter that the recordings only bound, such as the
+limit of an amplifier that is never reached, has no covariance: the cost is followed until it rises.
 """
 
 from __future__ import annotations

@@ -109,7 +109,7 @@ def descend(
     """Levenberg-Marquardt with geodesic acceleration from ``x``.
 
     The acceleration follows the curved valleys that products of parameters make, where plain steps only zigzag
-    (Transtrum and Sethna 2012).
+    [Transtrum 2012].
 
     Args:
         problem: what to fit.

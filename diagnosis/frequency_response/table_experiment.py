@@ -375,7 +375,7 @@ def quantum(values: Array) -> float:
     clean = np.unique(np.asarray(values, dtype=float))
     digit = _last_digit(clean)
     top = float(clean[-1])
-    # A reading agrees with a step by chance with probability 2 * 0.08, and a few may be misprinted; so many steps may
+    # A reading agrees with a step by chance with probability 2 * 0.08, and a few may be misprinted; that many steps may
     # be tried before chance alone would have made one.
     wrong = len(clean) // 15
     chance = math.comb(len(clean), wrong) * 0.16 ** (len(clean) - wrong - 1)

@@ -86,7 +86,7 @@ def _little(before: float, floor: float) -> float:
 
 
 def explained(refit: ScoredModel, chosen: ScoredModel) -> float:
-    """Share of the held-out excess over the floor that is gone; of the strain on the tolerances where there is none."""
+    """Share of the held-out excess that a model explains; where there is no excess, the share of the prior cost."""
     floor = noise_floor(chosen)
     if not unexplained(refit, floor):
         return min(max(1 - chosen.prior_cost / max(refit.prior_cost, 1e-9), 0.0), 1.0)
@@ -135,7 +135,7 @@ def price(trial: ScoredModel) -> float:
 def near(best: ScoredModel, trials: Sequence[ScoredModel], before: ScoredModel) -> list[ScoredModel]:
     """The trials that do as well as the best one on held-out data, as far as the data can tell.
 
-    One that misses the fitted recordings by far is none: what is missing may hardly show in those held out.
+    A model that misses the fitted recordings by far does not qualify: what is missing may hardly show in the others.
 
     Args:
         best: one of them, or the one that was chosen.
@@ -181,7 +181,7 @@ def relieved(chosen: ScoredModel, pairs: Sequence[ScoredModel]) -> ScoredModel:
 
     Args:
         chosen: the best model found.
-        pairs: of a parameter let go of and an effect.
+        pairs: of a freed parameter and an effect.
     """
     if not outside_tolerances(chosen) or len(chosen.effects) > 1:
         return chosen
@@ -207,7 +207,7 @@ def _relieving(refit: ScoredModel, chosen: ScoredModel, trials: Sequence[ScoredM
 def rivals(chosen: ScoredModel, refit: ScoredModel, trials: Sequence[ScoredModel]) -> tuple[ScoredModel, ...]:
     """Other models with as many effects that the held-out data cannot tell from the chosen one.
 
-    A model that contains the chosen one, or that costs much more before it explains as much, is none.
+    A model that contains the chosen one does not qualify, nor one that costs much more before it explains as much.
     """
     others = [t for t in trials if len(t.effects) == len(chosen.effects) and not _same(t, chosen)]
     pair = set(KNOWN.get(chosen.effects[0].effect, ())) if len(chosen.effects) == 1 else set()
@@ -217,7 +217,7 @@ def rivals(chosen: ScoredModel, refit: ScoredModel, trials: Sequence[ScoredModel
         return tuple(t for t in able if t.fit.cost - chosen.fit.cost < PREFERENCE.decisive)
     alike = [t for t in near(chosen, others, refit) if not at_end(t)]
     if _of_tables(chosen) and not outside_tolerances(chosen):
-        # One that needs further parameters outside their tolerances is none.
+        # A model that needs further parameters outside their tolerances does not qualify.
         alike = [t for t in alike if not outside_tolerances(t)]
     rows = [t for t in alike if not _contains(t, chosen) and price(t) - price(chosen) < 3 * PREFERENCE.decisive]
     # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.

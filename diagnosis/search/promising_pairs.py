@@ -45,8 +45,8 @@ def promising(
     Args:
         fitter: builds models.
         refit: the user's model, fitted.
-        effects: those to pair; a parameter that is let go of is none.
-        count: at most so many pairs.
+        effects: those to pair; a freed parameter is left out.
+        count: largest number of pairs.
     """
     made, x = refit.fit.problem, refit.fit.x
     training = made.training

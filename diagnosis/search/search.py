@@ -52,7 +52,7 @@ def study(
 
     Args:
         fitter: the user's model and the recordings, training and held-out, and where they are fitted.
-        most: at most so many effects.
+        most: largest number of effects.
         without: effects that are not to be tried.
         progress: told what is done, how many of how many.
         told: what was done differently from what was asked, before.

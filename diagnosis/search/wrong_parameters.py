@@ -1,8 +1,8 @@
 """A parameter of a table's model that is wrong by a factor while something else is missing too.
 
 Then the refit bends every other parameter to follow the rows that the missing effect changes, and with the wrong one
-let go of it ends there as well. Springs, play and modes act at high frequencies; the lowest rows show inertia and
-friction alone. So the lowest rows are fitted, half of the table or a third, with one parameter let go of at a time;
+freed it ends there as well. Springs, play and modes act at high frequencies; the lowest rows show inertia and
+friction alone. So the lowest rows are fitted, half of the table or a third, with one parameter freed at a time;
 where one of them brings those rows to the floor and the tolerances do not, the effects are tried beside it.
 """
 
@@ -31,7 +31,7 @@ class WrongParameter:
 
     Attributes:
         candidate: it starts from the factor that the lowest rows ask for.
-        fit: of the model with it let go of to the lowest rows.
+        fit: of the model with this parameter freed, to the lowest rows.
         highest: frequency of those rows (rad/s).
     """
 
@@ -51,7 +51,7 @@ class WrongParameter:
 
 
 def suspects(fitter: CandidateFitter, listed: Sequence[Candidate], refit: ScoredModel) -> list[WrongParameter]:
-    """Parameters whose being let go of lets the model meet the lowest rows, the best first.
+    """Parameters that let the model meet the lowest rows once they are freed, the best first.
 
     Args:
         fitter: builds models.
@@ -75,7 +75,7 @@ def suspects(fitter: CandidateFitter, listed: Sequence[Candidate], refit: Scored
 
 
 def _let_go(fitter: CandidateFitter, candidate: Candidate, share: float) -> WrongParameter:
-    """The model with a parameter let go of, fitted to the lowest rows from several factors."""
+    """The model with a parameter freed, fitted to the lowest rows from several factors."""
     assert candidate.freed is not None
     made = fitter.build((candidate,), ({},))
     i = [f.name for f in made.free].index(candidate.freed.name)

@@ -123,7 +123,7 @@ def propose(rivals: Sequence[ScoredModel], most: int = 8) -> Proposal | None:
 
     Args:
         rivals: fitted models, first the one that leads.
-        most: so many are compared.
+        most: number of rivals that are compared.
     """
     problem = rivals[0].fit.problem
     if tables(problem.experiments):
@@ -179,7 +179,7 @@ def _richer(one: ScoredModel, other: ScoredModel) -> bool:
 
 
 def _worded(found: Proposal, alike: Sequence[list[str]], count: int) -> Proposal:
-    """The proposal with what no input of the menu tells apart, of so many rivals."""
+    """The proposal, with a sentence on the rivals that no input of the menu separates."""
     rows = [f"{', '.join(g[:-1])} and {g[-1]} answer alike to every input tried" for g in alike]
     if not rows:
         return found

@@ -11,47 +11,17 @@ import numpy as np
 
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit, with_covariance
-from diagnosis.estimation.time_experiment import over_time
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.preference import accounted, beyond, explained, missing, noise_floor, reached, rivals
+from diagnosis.search.preference import accounted, explained, missing, noise_floor, reached, rivals
 from diagnosis.search.scored_model import ScoredModel, log_evidence
 from diagnosis.search.study import Study
-from diagnosis.thresholds import INTERVALS, PREFERENCE, WORDING
+from diagnosis.thresholds import INTERVALS
 from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
-from diagnosis.verdict.table_report import absorbed, remarks
+from diagnosis.verdict.wording import finding_sentence, nothing_sentence, traits, warnings_of
 
 WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
 """Statuses of findings, the weakest first."""
-
-SCALES = {
-    "degrees and radians": math.degrees(1),
-    "thousands": 1000.0,
-    "rpm and rad/s": 60 / math.tau,
-    "turns and radians": math.tau,
-    "inches and millimetres": 25.4,
-}
-"""Factors between units that are taken for one another."""
-
-WORDS = {
-    "dead_zone": "a dead zone",
-    "saturation": "saturation",
-    "uneven_gain": "a gain that differs between the directions",
-    "offset": "an offset",
-    "lag": "a first-order lag",
-    "delay": "a delay",
-    "coulomb_friction": "Coulomb friction",
-    "stribeck_friction": "Stribeck friction",
-    "direction_dependent_friction": "friction that differs between the directions",
-    "viscous_friction": "viscous friction",
-    "quadratic_drag": "quadratic drag",
-    "joint_flexibility": "a flexible joint",
-    "one_sided_contact": "a contact that only pushes, without play,",
-    "hardening_spring": "a hardening spring",
-    "extra_mode": "a further bending mode",
-    "torque_ripple": "torque ripple",
-    "stray_spring": "a stray spring",
-}
 
 
 @dataclass(frozen=True)
@@ -149,7 +119,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     chosen, refit = study.chosen, study.refit
     made = with_covariance(chosen.fit, chosen.hold_out - noise_floor(chosen))
     found = screen(refit.fit.problem)
-    warnings = (*study.notes, *(remark.text for remark in found), *_warnings(study))
+    warnings = (*study.notes, *(remark.text for remark in found), *warnings_of(study))
     if not chosen.effects:
         status = "unknown" if missing(refit) else "none"
         near = study.trials[0].effects[0] if status == "unknown" and study.trials else None
@@ -209,7 +179,7 @@ def _finding(
         "conditional_on": _conditional(study.chosen.fit, effect.name),
         "when": when,
         "frequency": frequency,
-        "sentence": _sentence(effect.effect, effect.place, status, explained, study, rivals),
+        "sentence": finding_sentence(effect.effect, effect.place, status, explained, study, rivals),
         "explained": explained,
         "remaining": 1 - explained,
         "parameters": parameters,
@@ -231,14 +201,6 @@ def _conditional(made: Fit, name: str) -> list[str]:
 def _nothing(study: Study, status: str, near: Candidate | None) -> dict[str, Any]:
     """The finding that there is nothing to find, or nothing with a name: then it is told where an effect did best."""
     when, frequency = traits(study.refit)
-    sentence = (
-        f"Nothing is missing that these recordings show: with its parameters fitted within their tolerances the model "
-        f"stands at {study.refit.hold_out:.2f} times the noise floor on held-out data, and no effect of the catalogue "
-        f"accounts for more."
-        if status == "none"
-        else f"Something is missing (held-out error {study.refit.hold_out:.1f} times the floor), but no effect of the "
-        f"catalogue accounts for it{f'; the best, {name_of(near.effect)}, is at {near.place}' if near else ''}."
-    )
     return {
         "status": status,
         "effect": status,
@@ -248,87 +210,8 @@ def _nothing(study: Study, status: str, near: Candidate | None) -> dict[str, Any
         "conditional_on": [],
         "when": when if status == "unknown" else "",
         "frequency": frequency if status == "unknown" else "",
-        "sentence": sentence,
+        "sentence": nothing_sentence(study, status, near),
         "explained": 0.0,
         "remaining": 1.0 if status == "unknown" else 0.0,
         "parameters": {},
     }
-
-
-def _sentence(
-    effect: str, place: str, status: str, explained: float, study: Study, rivals: Sequence[ScoredModel]
-) -> str:
-    what = name_of(effect)
-    before, after = study.refit.hold_out, study.chosen.hold_out
-    numbers = f"the held-out error falls from {before:.3g} to {after:.3g} times the noise floor"
-    if status == "wrong_parameter":
-        return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
-    if status == "tie":
-        others = "; ".join(t.label for t in rivals[:8])
-        left = f" {numbers.capitalize()}." if after > WORDING.left else ""
-        return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}.{left}"
-    if effect == "unknown":
-        return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
-    if status == "unknown" and explained >= PREFERENCE.explains:
-        what = f"{what.capitalize()} at {place} would explain {explained:.0%}"
-        if accounted(study.recordings, study.refit, study.chosen):
-            return f"{what}, but a recording looks wrong: see the warnings."
-        far = beyond(study.refit, study.chosen)
-        if far:
-            return f"{what}, but only with {', '.join(far)} far from what it can be: something like it is missing."
-        return f"{what}, but leaves more than noise ({after:.3g} times the floor): something like it is missing."
-    if status == "unknown":
-        return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."
-    return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."
-
-
-def traits(trial: ScoredModel) -> tuple[str, str]:
-    """When and at which frequency the residual of a model is large, in words."""
-    problem = trial.fit.problem
-    e = problem.judged[0]
-    return e.large_where(problem.residual(trial.fit.x, e), [v.name for v in problem.model.outputs])
-
-
-def name_of(effect: str) -> str:
-    """An effect in words."""
-    return WORDS.get(effect, effect.replace("_", " "))
-
-
-def _units(study: Study) -> list[str]:
-    """What a sensor's or input's scale that is near the factor between two units suggests."""
-    rows = []
-    for trial in (study.chosen, *study.trials[:1]):
-        for key, value in trial.added().items():
-            if key == "sensor_scale.gain" and value:
-                off = {what: abs(abs(math.log(abs(value))) / math.log(factor) - 1) for what, factor in SCALES.items()}
-                what = min(off, key=lambda k: off[k])
-                if off[what] < 0.02:
-                    place = next((c.place for c in trial.effects), "")
-                    rows.append(f"a scale of {value:.4g} at {place} is near that between {what}: is its unit right?")
-    return list(dict.fromkeys(rows))
-
-
-def _warnings(study: Study) -> tuple[str, ...]:
-    rows: list[str] = []
-    problem = study.refit.fit.problem
-    drives = [np.asarray(e.drive.values) for e in over_time(problem.training) if e.drive is not None]
-    if drives and (all((d >= 0).all() for d in drives) or all((d <= 0).all() for d in drives)):
-        rows.append(
-            "the training recordings drive in one direction only: names given from one direction deserve distrust"
-        )
-    if drives and len({round(float(np.abs(d).max()), 6) for d in drives}) == 1 and len(drives) > 1:
-        rows.append(
-            "all training recordings have one amplitude: effects that depend on amplitude are hard to tell apart"
-        )
-    rows += remarks(problem) + absorbed(study) + _units(study)
-    if not problem.held_out:
-        rows.append("no recording was held out: gains are judged on the data that were fitted")
-    if not study.refit.fit.converged:
-        rows.append("the fit of the model's own parameters did not converge")
-    if not study.chosen.fit.converged:
-        rows.append("the fit of the chosen model did not converge")
-    pairs = zip(study.chosen.fit.problem.free, study.chosen.fit.x, strict=True)
-    beyond = [f.name for f, x in pairs if f.prior and abs(x) > 3]
-    if beyond:
-        rows.append(f"fitted more than three tolerances away: {', '.join(beyond)}")
-    return tuple(rows)

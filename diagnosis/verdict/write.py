@@ -19,7 +19,7 @@ EXPERIMENT = "next_experiment"
 """Name of the block that plays the proposed input."""
 
 THINNED = 5
-"""Every so manieth row of the rivals' predictions is written."""
+"""Every fifth row of the rivals' predictions is written."""
 
 
 def amended_text(found: Diagnosis) -> str:

@@ -188,7 +188,7 @@ static void fa_rk4(const fa_sim *s, double h, double *restrict x1) {
 
 typedef struct { double h, x[FA_SIZE(FA_NX)], guards[FA_SIZE(FA_NG)]; } fa_trial;
 
-static void fa_try(const fa_sim *s, double h, fa_trial *r) {
+static void fa_try_step(const fa_sim *s, double h, fa_trial *r) {
   double u[FA_SIZE(FA_NI)];
   r->h = h;
   fa_rk4(s, h, r->x);
@@ -197,7 +197,7 @@ static void fa_try(const fa_sim *s, double h, fa_trial *r) {
   fa_guards(s->t + h, r->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, r->guards);
 }
 
-static double fa_worst(const double *guards, int *which) {
+static double fa_worst_guard(const double *guards, int *which) {
   double worst = -HUGE_VAL;
   for (int k = 0; k < FA_NG; k++)
     if (guards[k] > worst) { worst = guards[k]; *which = k; }
@@ -210,7 +210,7 @@ static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
   fa_trial c;
   double a = 0, fa, fb, wa = 1, wb = 1;
   int which = 0, side = 0;
-  fb = fa_worst(b->guards, &which);
+  fb = fa_worst_guard(b->guards, &which);
   fa = s->full[FA_NX + which];
   const double tolerance = 1e-13 * whole;
   for (int turn = 0; turn < 120 && b->h - a > tolerance; turn++) {
@@ -219,8 +219,8 @@ static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
     if (h <= a + tolerance / 2) h = a + tolerance / 2;
     if (h >= b->h - tolerance / 2) h = b->h - tolerance / 2;
     int guard = 0;
-    fa_try(s, h, &c);
-    const double worst = fa_worst(c.guards, &guard);
+    fa_try_step(s, h, &c);
+    const double worst = fa_worst_guard(c.guards, &guard);
     if (worst > 0) {
       *b = c;
       if (guard != which) { which = guard; fa = s->full[FA_NX + which]; wa = wb = 1; side = 0; }
@@ -248,7 +248,7 @@ static int fa_not_finite(fa_sim *s) {
 }
 
 /* See that s->full holds dx/dt at s->t. */
-static int fa_rate(fa_sim *s) {
+static int fa_update_derivative(fa_sim *s) {
   if (s->rated) return FA_OK;
   double u[FA_SIZE(FA_NI)];
   fa_inputs(s, s->t, u);
@@ -270,9 +270,9 @@ static int fa_step(fa_sim *s, double h) {
   fa_trial b;
   for (int events = 0; events <= FA_EVENTS_PER_STEP; events++) {
     int which = 0;
-    if (fa_rate(s)) return s->status;
-    fa_try(s, end - s->t, &b);
-    if (!(fa_worst(b.guards, &which) > 0)) {
+    if (fa_update_derivative(s)) return s->status;
+    fa_try_step(s, end - s->t, &b);
+    if (!(fa_worst_guard(b.guards, &which) > 0)) {
       FA_ON_STEP(s, b.h, -1);
       fa_accept(s, &b);
       s->t = end;
@@ -280,7 +280,7 @@ static int fa_step(fa_sim *s, double h) {
       return fa_finite(s->x, FA_NX) && fa_finite(b.guards, FA_NG) ? FA_OK : fa_not_finite(s);
     }
     fa_locate(s, h, &b);
-    fa_worst(b.guards, &which);
+    fa_worst_guard(b.guards, &which);
     FA_ON_STEP(s, b.h, which);
     fa_accept(s, &b);
     s->t = end - s->t - b.h > 1e-13 * h ? s->t + b.h : end;
@@ -321,7 +321,7 @@ static int fa_start(fa_sim *s) {
 }
 
 /* Integrate to t_end, hitting every knot and time event on the way. Needs s->full; leaves its guards alone up to date. */
-static int fa_reach(fa_sim *s, double t_end) {
+static int fa_integrate_to(fa_sim *s, double t_end) {
   while (s->t < t_end) {
     int event;
     double target = fa_next_knot(s, &event);
@@ -346,7 +346,7 @@ static int fa_reach(fa_sim *s, double t_end) {
 
 /* The same, leaving all of s->full up to date. */
 static int fa_integrate(fa_sim *s, double t_end) {
-  return fa_reach(s, t_end) || fa_rate(s) ? s->status : FA_OK;
+  return fa_integrate_to(s, t_end) || fa_update_derivative(s) ? s->status : FA_OK;
 }
 
 /* Let the clocks flagged in fire tick: memories take their new values and the guards are checked again. */
@@ -359,7 +359,7 @@ static int fa_tick(fa_sim *s, const double *fire) {
   return fa_settle(s);
 }
 
-static void fa_read(const fa_sim *s, double *y) {
+static void fa_read_outputs(const fa_sim *s, double *y) {
   double u[FA_SIZE(FA_NI)];
   fa_inputs(s, s->t, u);
   fa_outputs(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, y);

@@ -24,7 +24,7 @@ enum { FA_EXTERNAL = 5 };
 #endif
 #define FA_EXPORT __attribute__((visibility("default")))
 
-static void fa_drive(fa_sim *s, const fa_job *job, int64_t k) {
+static void fa_drive_inputs(fa_sim *s, const fa_job *job, int64_t k) {
   for (int i = 0; i < FA_NU; i++) {
     const double here = job->value[k * FA_NU + i];
     double slope = 0;
@@ -37,7 +37,7 @@ static void fa_drive(fa_sim *s, const fa_job *job, int64_t k) {
 }
 
 static void fa_record(const fa_sim *s, fa_job *job, int64_t row) {
-  fa_read(s, job->y + row * FA_NY);
+  fa_read_outputs(s, job->y + row * FA_NY);
   FA_ON_RECORD(s, row);
   if (job->states) memcpy(job->states + row * FA_NX, s->x, sizeof(double) * FA_NX);
   if (job->modes) memcpy(job->modes + row * FA_NM, s->m, sizeof(double) * FA_NM);
@@ -81,16 +81,16 @@ static int fa_run(fa_sim *s, fa_job *job) {
   const int64_t last = job->outputs * job->output_ticks;
   int64_t tick = 0, knot = 0, row = 0, due[FA_SIZE(FA_NC)];
   for (int c = 0; c < FA_NC; c++) due[c] = job->offset[c];
-  if (FA_NU) while (knot < job->knots && job->knot[knot] <= 0) fa_drive(s, job, knot++);
+  if (FA_NU) while (knot < job->knots && job->knot[knot] <= 0) fa_drive_inputs(s, job, knot++);
   if (fa_start(s) || fa_clocks(s, job, 0, due)) return s->status;
   fa_record(s, job, 0);
   while (tick < last) {
     tick = (row + 1) * job->output_ticks;
     for (int c = 0; c < FA_NC; c++) if (due[c] < tick) tick = due[c];
     if (FA_NU && knot < job->knots && job->knot[knot] < tick) tick = job->knot[knot];
-    if (fa_reach(s, job->t0 + (double)tick * job->resolution)) return s->status;
+    if (fa_integrate_to(s, job->t0 + (double)tick * job->resolution)) return s->status;
     int driven = 0;
-    if (FA_NU) while (knot < job->knots && job->knot[knot] <= tick) { fa_drive(s, job, knot++); driven = 1; }
+    if (FA_NU) while (knot < job->knots && job->knot[knot] <= tick) { fa_drive_inputs(s, job, knot++); driven = 1; }
     if (driven && fa_settle(s)) return s->status;
     if (fa_clocks(s, job, tick, due)) return s->status;
     if (tick == (row + 1) * job->output_ticks) {
@@ -98,7 +98,7 @@ static int fa_run(fa_sim *s, fa_job *job) {
       if (job->cancel && *job->cancel) return s->status = FA_CANCELLED;
     }
   }
-  return fa_rate(s);
+  return fa_update_derivative(s);
 }
 
 FA_EXPORT int fa_simulate(fa_job *job, void *listener) {

@@ -73,7 +73,7 @@ FA_INLINE void fa_tangent_rk4(fa_sim *s, double h, const double *dh, int with_le
   }
 }
 
-static int fa_any(const double *a) {
+static int fa_any_nonzero(const double *a) {
   for (int j = 0; j < FA_DIRS; j++) if (a[j] != 0) return 1;
   return 0;
 }
@@ -91,7 +91,7 @@ static void fa_tangent_target(void *sim, int event, int64_t i, int64_t n) {
         if (fa_following_row[k] == event && fa_following_col[k] >= FA_AT_Q)
           T->goal[fa_following_col[k] - FA_AT_Q] += r[k];
     }
-    T->moving = fa_any(T->begin) || fa_any(T->goal);
+    T->moving = fa_any_nonzero(T->begin) || fa_any_nonzero(T->goal);
   }
   const double share = (double)i / (double)n;
   for (int j = 0; j < FA_DIRS; j++) T->aim[j] = i == n ? T->goal[j] : T->begin[j] + (T->goal[j] - T->begin[j]) * share;

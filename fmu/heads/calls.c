@@ -14,73 +14,76 @@ typedef struct fa_instance {
   fa_core core;
   int exchange;                      /* Model Exchange */
   int logging, last;                 /* a bit for each category; status of the last step */
-  void (*report)(struct fa_instance *, int status, const char *category, const char *line);
+  void (*log_message)(struct fa_instance *, int status, const char *category, const char *line);
   void *(*allocate)(struct fa_instance *, size_t size);
   void (*release)(struct fa_instance *, void *made);
   char name[256];
 } fa_instance;
 
 #define FA_ALIVE INT64_C(0x6d7261786c666d66)
-#define FA_CATEGORIES 5
-static const char *const fa_category[] = {"logAll", "logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError"};
-static const char *const fa_phase_name[] = {"instantiated", "in initialization mode", "in step mode", "terminated",
-                                            "in error", "in event mode", "in continuous-time mode"};
+#define FA_LOG_CATEGORIES 5
+static const char *const fa_log_category[] = {"logAll", "logEvents", "logStatusWarning", "logStatusDiscard",
+                                              "logStatusError"};
+static const char *const fa_fmi_state_name[] = {"instantiated", "in initialization mode", "in step mode", "terminated",
+                                                "in error", "in event mode", "in continuous-time mode"};
 
 /* Loggers may take the text for a format, and FMI gives # a meaning, so % and # are taken out. */
-static void fa_line(char *line, size_t size, const char *function, const char *text) {
+static void fa_format_message(char *line, size_t size, const char *function, const char *text) {
   snprintf(line, size, "%s: %s", function, text);
   for (char *at = line; *at; at++)
     if (*at == '%' || *at == '#') *at = '_';
 }
 
-static int fa_refuse(fa_instance *i, int status, const char *function, const char *text) {
+static int fa_log_status(fa_instance *i, int status, const char *function, const char *text) {
   char line[700];
-  fa_line(line, sizeof line, function, text);
-  i->report(i, status, fa_category[status == FA_STATUS_DISCARD ? 3 : 4], line);
+  fa_format_message(line, sizeof line, function, text);
+  i->log_message(i, status, fa_log_category[status == FA_STATUS_DISCARD ? 3 : 4], line);
   return status;
 }
 
-static int fa_no(fa_instance *i, const char *function, const char *text) {
-  return fa_refuse(i, FA_STATUS_ERROR, function, text);
+static int fa_error(fa_instance *i, const char *function, const char *text) {
+  return fa_log_status(i, FA_STATUS_ERROR, function, text);
 }
 
-static int fa_fail(fa_instance *i, const char *function) { return fa_no(i, function, fa_explain(&i->core)); }
+static int fa_simulation_error(fa_instance *i, const char *function) {
+  return fa_error(i, function, fa_simulation_message(&i->core));
+}
 
-static int fa_bad_reference(fa_instance *i, const char *function, const char *what, unsigned vr) {
+static int fa_invalid_reference(fa_instance *i, const char *function, const char *what, unsigned vr) {
   char text[300];
   snprintf(text, sizeof text, "%s: value reference %u%s%s", what, vr, vr < FA_VR_END ? ", " : "",
            vr < FA_VR_END ? fa_name[vr] : "");
-  return fa_no(i, function, text);
+  return fa_error(i, function, text);
 }
 
-static fa_instance *fa_of(void *c) {
+static fa_instance *fa_as_instance(void *c) {
   fa_instance *i = (fa_instance *)c;
   return i && i->alive == FA_ALIVE ? i : 0;
 }
 
-#define FA_BIT(phase) (1 << (phase))
-#define FA_EXCHANGING (FA_BIT(FA_EVENT) | FA_BIT(FA_CONTINUOUS))
-#define FA_STARTED (FA_BIT(FA_INITIALISING) | FA_BIT(FA_RUNNING) | FA_EXCHANGING)
-#define FA_SETTING (FA_BIT(FA_INSTANTIATED) | FA_STARTED)
-#define FA_DEFINED (FA_STARTED | FA_BIT(FA_TERMINATED))
-#define FA_ANY (FA_SETTING | FA_BIT(FA_TERMINATED) | FA_BIT(FA_FAILED))
+#define FA_BIT(fmi_state) (1 << (fmi_state))
+#define FA_MODEL_EXCHANGE_MODES (FA_BIT(FA_EVENT_MODE) | FA_BIT(FA_CONTINUOUS_TIME_MODE))
+#define FA_ANY_MODE (FA_BIT(FA_INITIALIZATION_MODE) | FA_BIT(FA_STEP_MODE) | FA_MODEL_EXCHANGE_MODES)
+#define FA_SETTABLE (FA_BIT(FA_INSTANTIATED) | FA_ANY_MODE)
+#define FA_READABLE (FA_ANY_MODE | FA_BIT(FA_TERMINATED))
+#define FA_ANY_STATE (FA_SETTABLE | FA_BIT(FA_TERMINATED) | FA_BIT(FA_ERROR_STATE))
 
-/* The instance, if it is one and in one of these phases; else *status is the answer. */
-static fa_instance *fa_in(void *c, int phases, const char *function) {
-  fa_instance *i = fa_of(c);
-  if (!i || (FA_BIT(i->core.now.phase) & phases)) return i;
+/* The instance, if it is one and in one of the allowed FMI states; else NULL, logged. */
+static fa_instance *fa_instance_allowed_in(void *c, int allowed, const char *function) {
+  fa_instance *i = fa_as_instance(c);
+  if (!i || (FA_BIT(i->core.now.fmi_state) & allowed)) return i;
   char text[100];
-  snprintf(text, sizeof text, "not allowed while the instance is %s", fa_phase_name[i->core.now.phase]);
-  fa_no(i, function, text);
+  snprintf(text, sizeof text, "not allowed while the instance is %s", fa_fmi_state_name[i->core.now.fmi_state]);
+  fa_error(i, function, text);
   return 0;
 }
 
-#define FA_IN(phases)                             \
-  fa_instance *i = fa_in(c, (phases), __func__);  \
+#define FA_ALLOWED_IN(allowed)                                       \
+  fa_instance *i = fa_instance_allowed_in(c, (allowed), __func__);  \
   if (!i) return FA_STATUS_ERROR;
 
 /* Why no instance can be made, or NULL. */
-static const char *fa_no_instance(const char *name, const char *token) {
+static const char *fa_instantiation_error(const char *name, const char *token) {
   if (!name || !*name) return "the instance name is missing";
   if (!token || strcmp(token, FA_GUID))
     return "the GUID or token is not that of modelDescription.xml; is the binary from another export?";
@@ -89,44 +92,44 @@ static const char *fa_no_instance(const char *name, const char *token) {
 
 /* -- life ------------------------------------------------------------------------------------------------------- */
 
-static int fa_do_logging(fa_instance *i, const char *f, int on, size_t n, const char *const *categories) {
+static int fa_set_debug_logging(fa_instance *i, const char *f, int on, size_t n, const char *const *categories) {
   int chosen = n ? 0 : -1;
-  if (n && !categories) return fa_no(i, f, "categories is NULL");
+  if (n && !categories) return fa_error(i, f, "categories is NULL");
   for (size_t k = 0; k < n; k++) {
     int found = 0;
-    for (int j = 0; j < FA_CATEGORIES; j++)
-      if (categories[k] && !strcmp(categories[k], fa_category[j])) found = j ? 1 << j : -1;
-    if (!found) return fa_no(i, f, "unknown log category");
+    for (int j = 0; j < FA_LOG_CATEGORIES; j++)
+      if (categories[k] && !strcmp(categories[k], fa_log_category[j])) found = j ? 1 << j : -1;
+    if (!found) return fa_error(i, f, "unknown log category");
     chosen |= found;
   }
   i->logging = on ? i->logging | chosen : i->logging & ~chosen;
   return FA_STATUS_OK;
 }
 
-static int fa_do_setup(fa_instance *i, const char *f, double start, int with_stop, double stop) {
+static int fa_setup_experiment(fa_instance *i, const char *f, double start, int with_stop, double stop) {
   fa_state *s = &i->core.now;
   if (!(start - start == 0) || start + FA_STEP == start)
-    return fa_no(i, f, "startTime is not finite, or so large that a step is lost in rounding");
-  if (with_stop && !(stop >= start)) return fa_no(i, f, "stopTime lies before startTime");
+    return fa_error(i, f, "startTime is not finite, or so large that a step is lost in rounding");
+  if (with_stop && !(stop >= start)) return fa_error(i, f, "stopTime lies before startTime");
   s->start = start;
   s->stop_defined = with_stop != 0;
   s->stop = with_stop ? stop : 0;
   return FA_STATUS_OK;
 }
 
-/* Go to a phase in which the present instant must have values. */
-static int fa_do_phase(fa_instance *i, const char *f, int phase) {
+/* Enter an FMI state in which the present instant must have values. */
+static int fa_enter_state(fa_instance *i, const char *f, int fmi_state) {
   fa_core *c = &i->core;
-  if (fa_evaluated(c)) {
-    c->now.phase = FA_FAILED;
-    return fa_fail(i, f);
+  if (fa_ensure_evaluated(c)) {
+    c->now.fmi_state = FA_ERROR_STATE;
+    return fa_simulation_error(i, f);
   }
-  c->now.phase = c->before.phase = phase;
+  c->now.fmi_state = c->before.fmi_state = fmi_state;
   return FA_STATUS_OK;
 }
 
-static int fa_do_reset(fa_instance *i) {
-  fa_fresh(&i->core);
+static int fa_reset(fa_instance *i) {
+  fa_reset_core(&i->core);
   i->last = FA_STATUS_OK;
   return FA_STATUS_OK;
 }
@@ -134,162 +137,164 @@ static int fa_do_reset(fa_instance *i) {
 /* -- values ----------------------------------------------------------------------------------------------------- */
 
 /* Reals, or modes as whole numbers. */
-static int fa_do_get(fa_instance *i, const char *f, const unsigned *vr, size_t n, double *real, int32_t *whole) {
+static int fa_get_values(fa_instance *i, const char *f, const unsigned *vr, size_t n, double *real, int32_t *whole) {
   fa_core *c = &i->core;
   int given = 1;
   if (!n) return FA_STATUS_OK;
-  if (!vr || !(real || whole)) return fa_no(i, f, "the references or values are NULL");
+  if (!vr || !(real || whole)) return fa_error(i, f, "the references or values are NULL");
   for (size_t k = 0; k < n; k++) {
     const int is_mode = vr[k] >= FA_VR_M && vr[k] < FA_VR_G;
     if (vr[k] >= FA_VR_END || is_mode == (real != 0))
-      return fa_bad_reference(i, f, "no variable of this type", vr[k]);
+      return fa_invalid_reference(i, f, "no variable of this type", vr[k]);
     given &= fa_is_given(vr[k]);
   }
   if (!given) {
-    if (!(FA_BIT(c->now.phase) & FA_DEFINED))
-      return fa_no(i, f, "outputs and states have no value before initialization or after an error");
-    if (fa_evaluated(c)) return fa_fail(i, f);
+    if (!(FA_BIT(c->now.fmi_state) & FA_READABLE))
+      return fa_error(i, f, "outputs and states have no value before initialization or after an error");
+    if (fa_ensure_evaluated(c)) return fa_simulation_error(i, f);
   }
   for (size_t k = 0; k < n; k++) {
-    if (real) real[k] = fa_value(c, vr[k]);
-    else whole[k] = (int32_t)fa_value(c, vr[k]);
+    if (real) real[k] = fa_get_value(c, vr[k]);
+    else whole[k] = (int32_t)fa_get_value(c, vr[k]);
   }
   return FA_STATUS_OK;
 }
 
-static int fa_do_set(fa_instance *i, const char *f, const unsigned *vr, size_t n, const double *value) {
+static int fa_set_values(fa_instance *i, const char *f, const unsigned *vr, size_t n, const double *value) {
   fa_core *c = &i->core;
-  if (n && (!vr || !value)) return fa_no(i, f, "the references or values are NULL");
+  if (n && (!vr || !value)) return fa_error(i, f, "the references or values are NULL");
   for (size_t k = 0; k < n; k++) {
     if (!fa_is_parameter(vr[k]) && !fa_is_input(vr[k]))
-      return fa_bad_reference(i, f, "neither an input nor a parameter", vr[k]);
-    if (c->now.phase > FA_INITIALISING && fa_is_parameter(vr[k]) && !(fa_p_kind[vr[k] - FA_VR_P] & FA_TUNABLE))
-      return fa_bad_reference(i, f, "a fixed parameter cannot change after initialization", vr[k]);
-    if (c->now.phase == FA_CONTINUOUS && fa_is_parameter(vr[k]))
-      return fa_bad_reference(i, f, "parameters change in event mode", vr[k]);
-    const char *refusal = fa_refusal(c, vr[k], value[k]);
-    if (refusal) return fa_refuse(i, FA_STATUS_DISCARD, f, refusal);
+      return fa_invalid_reference(i, f, "neither an input nor a parameter", vr[k]);
+    if (c->now.fmi_state > FA_INITIALIZATION_MODE && fa_is_parameter(vr[k]) &&
+        !(fa_p_kind[vr[k] - FA_VR_P] & FA_TUNABLE))
+      return fa_invalid_reference(i, f, "a fixed parameter cannot change after initialization", vr[k]);
+    if (c->now.fmi_state == FA_CONTINUOUS_TIME_MODE && fa_is_parameter(vr[k]))
+      return fa_invalid_reference(i, f, "parameters change in event mode", vr[k]);
+    const char *why = fa_value_error(c, vr[k], value[k]);
+    if (why) return fa_log_status(i, FA_STATUS_DISCARD, f, why);
   }
-  for (size_t k = 0; k < n; k++) fa_give(c, vr[k], value[k]);
+  for (size_t k = 0; k < n; k++) fa_set_value(c, vr[k], value[k]);
   return FA_STATUS_OK;
 }
 
-static int fa_do_other(fa_instance *i, const char *f, const unsigned *vr, size_t n) {
+static int fa_unsupported_variables(fa_instance *i, const char *f, const unsigned *vr, size_t n) {
   if (!n) return FA_STATUS_OK;
-  return vr ? fa_bad_reference(i, f, "no variable of this type can be used so", vr[0])
-            : fa_no(i, f, "the references are NULL");
+  return vr ? fa_invalid_reference(i, f, "no variable of this type can be used so", vr[0])
+            : fa_error(i, f, "the references are NULL");
 }
 
-static int fa_do_slopes(fa_instance *i, const char *f, const unsigned *vr, size_t n, const int32_t *order,
+static int fa_set_input_derivatives(fa_instance *i, const char *f, const unsigned *vr, size_t n, const int32_t *order,
                         const double *value) {
   fa_core *c = &i->core;
-  if (n && (!vr || !order || !value)) return fa_no(i, f, "the references, orders or values are NULL");
-  if (i->exchange) return fa_no(i, f, "not for Model Exchange");
+  if (n && (!vr || !order || !value)) return fa_error(i, f, "the references, orders or values are NULL");
+  if (i->exchange) return fa_error(i, f, "not for Model Exchange");
   for (size_t k = 0; k < n; k++) {
-    if (!fa_is_input(vr[k])) return fa_bad_reference(i, f, "not an input", vr[k]);
-    if (order[k] != 1) return fa_no(i, f, "only derivatives of order 1 are used");
-    const char *refusal = fa_refusal(c, vr[k], value[k]);
-    if (refusal) return fa_refuse(i, FA_STATUS_DISCARD, f, refusal);
+    if (!fa_is_input(vr[k])) return fa_invalid_reference(i, f, "not an input", vr[k]);
+    if (order[k] != 1) return fa_error(i, f, "only derivatives of order 1 are used");
+    const char *why = fa_value_error(c, vr[k], value[k]);
+    if (why) return fa_log_status(i, FA_STATUS_DISCARD, f, why);
   }
-  for (size_t k = 0; k < n; k++) fa_give_slope(c, vr[k], value[k]);
+  for (size_t k = 0; k < n; k++) fa_set_input_derivative(c, vr[k], value[k]);
   return FA_STATUS_OK;
 }
 
-static int fa_do_rates(fa_instance *i, const char *f, const unsigned *vr, size_t n, const int32_t *order,
+static int fa_get_output_derivatives(fa_instance *i, const char *f, const unsigned *vr, size_t n, const int32_t *order,
                        double *value) {
   double rate[FA_SIZE(FA_NY)];
-  if (n && (!vr || !order || !value)) return fa_no(i, f, "the references, orders or values are NULL");
+  if (n && (!vr || !order || !value)) return fa_error(i, f, "the references, orders or values are NULL");
   for (size_t k = 0; k < n; k++) {
-    if (vr[k] < FA_VR_Y || vr[k] >= FA_VR_X) return fa_bad_reference(i, f, "not an output", vr[k]);
-    if (order[k] != 1) return fa_no(i, f, "only derivatives of order 1 are known");
+    if (vr[k] < FA_VR_Y || vr[k] >= FA_VR_X) return fa_invalid_reference(i, f, "not an output", vr[k]);
+    if (order[k] != 1) return fa_error(i, f, "only derivatives of order 1 are known");
   }
   if (!n) return FA_STATUS_OK;
-  if (fa_evaluated(&i->core)) return fa_fail(i, f);
-  fa_output_rates(&i->core, rate);
+  if (fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
+  fa_output_derivatives(&i->core, rate);
   for (size_t k = 0; k < n; k++) value[k] = rate[vr[k] - FA_VR_Y];
   return FA_STATUS_OK;
 }
 
 /* J seed, or with adjoint J' seed, for the block J of the unknowns by the knowns. */
-static int fa_do_directional(fa_instance *i, const char *f, const unsigned *unknown, size_t unknowns,
+static int fa_get_directional_derivative(fa_instance *i, const char *f, const unsigned *unknown, size_t unknowns,
                              const unsigned *known, size_t knowns, const double *along, double *result, int adjoint) {
   double seed[FA_SIZE(1 + FA_NX + FA_NI)], rate[FA_SIZE(FA_NX + FA_NY + FA_NG)];
   memset(seed, 0, sizeof seed);
   if ((unknowns && (!unknown || !(adjoint ? along : result))) || (knowns && (!known || !(adjoint ? result : along))))
-    return fa_no(i, f, "an argument is NULL");
+    return fa_error(i, f, "an argument is NULL");
   for (size_t k = 0; k < unknowns; k++)
-    if (fa_unknown(unknown[k]) < 0)
-      return fa_bad_reference(i, f, "only outputs, state derivatives and indicators are unknowns", unknown[k]);
+    if (fa_unknown_index(unknown[k]) < 0)
+      return fa_invalid_reference(i, f, "only outputs, state derivatives and indicators are unknowns", unknown[k]);
   for (size_t k = 0; k < knowns; k++)
-    if (fa_known(known[k]) < 0) return fa_bad_reference(i, f, "only inputs and states are knowns", known[k]);
+    if (fa_known_index(known[k]) < 0) return fa_invalid_reference(i, f, "only inputs and states are knowns", known[k]);
   for (size_t k = 0; k < (adjoint ? unknowns : knowns); k++)
-    if (!(along[k] - along[k] == 0)) return fa_refuse(i, FA_STATUS_DISCARD, f, "a seed is not finite");
-  if (fa_evaluated(&i->core)) return fa_fail(i, f);
+    if (!(along[k] - along[k] == 0)) return fa_log_status(i, FA_STATUS_DISCARD, f, "a seed is not finite");
+  if (fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
   if (adjoint) {
     for (size_t k = 0; k < knowns; k++) {
-      seed[fa_known(known[k])] = 1;
-      fa_along(&i->core, seed, rate);
-      seed[fa_known(known[k])] = result[k] = 0;
-      for (size_t j = 0; j < unknowns; j++) result[k] += along[j] * rate[fa_unknown(unknown[j])];
+      seed[fa_known_index(known[k])] = 1;
+      fa_directional_derivative(&i->core, seed, rate);
+      seed[fa_known_index(known[k])] = result[k] = 0;
+      for (size_t j = 0; j < unknowns; j++) result[k] += along[j] * rate[fa_unknown_index(unknown[j])];
     }
     return FA_STATUS_OK;
   }
-  for (size_t k = 0; k < knowns; k++) seed[fa_known(known[k])] += along[k];
-  fa_along(&i->core, seed, rate);
-  for (size_t k = 0; k < unknowns; k++) result[k] = rate[fa_unknown(unknown[k])];
+  for (size_t k = 0; k < knowns; k++) seed[fa_known_index(known[k])] += along[k];
+  fa_directional_derivative(&i->core, seed, rate);
+  for (size_t k = 0; k < unknowns; k++) result[k] = rate[fa_unknown_index(unknown[k])];
   return FA_STATUS_OK;
 }
 
 /* -- saved states ----------------------------------------------------------------------------------------------- */
 
-static int fa_do_save(fa_instance *i, const char *f, void **state) {
-  if (!state) return fa_no(i, f, "the state is NULL");
-  fa_saved *saved = *state ? *state : i->allocate(i, sizeof *saved);
-  if (!saved) return fa_no(i, f, "out of memory");
+static int fa_get_fmu_state(fa_instance *i, const char *f, void **state) {
+  if (!state) return fa_error(i, f, "the state is NULL");
+  fa_fmu_state *saved = *state ? *state : i->allocate(i, sizeof *saved);
+  if (!saved) return fa_error(i, f, "out of memory");
   fa_save(&i->core, saved);
   *state = saved;
   return FA_STATUS_OK;
 }
 
-static int fa_do_restore(fa_instance *i, const char *f, const void *state) {
-  const char *flaw = state ? fa_flaw(state) : "the state is NULL";
-  if (flaw) return fa_no(i, f, flaw);
-  if (FA_BIT(((const fa_saved *)state)->state.phase) & (i->exchange ? FA_BIT(FA_RUNNING) : FA_EXCHANGING))
-    return fa_no(i, f, "it is a state of the other kind: Co-Simulation and Model Exchange do not mix");
+static int fa_set_fmu_state(fa_instance *i, const char *f, const void *state) {
+  const char *why = state ? fa_fmu_state_error(state) : "the state is NULL";
+  if (why) return fa_error(i, f, why);
+  if (FA_BIT(((const fa_fmu_state *)state)->state.fmi_state) &
+      (i->exchange ? FA_BIT(FA_STEP_MODE) : FA_MODEL_EXCHANGE_MODES))
+    return fa_error(i, f, "it is a state of the other kind: Co-Simulation and Model Exchange do not mix");
   fa_restore(&i->core, state);
   return FA_STATUS_OK;
 }
 
-static int fa_do_forget(fa_instance *i, void **state) {
+static int fa_free_fmu_state(fa_instance *i, void **state) {
   if (state && *state) i->release(i, *state);
   if (state) *state = 0;
   return FA_STATUS_OK;
 }
 
-static int fa_do_size(fa_instance *i, const char *f, const void *state, size_t *size) {
-  if (!state || !size) return fa_no(i, f, "the state or size is NULL");
-  *size = sizeof(fa_saved);
+static int fa_serialized_fmu_state_size(fa_instance *i, const char *f, const void *state, size_t *size) {
+  if (!state || !size) return fa_error(i, f, "the state or size is NULL");
+  *size = sizeof(fa_fmu_state);
   return FA_STATUS_OK;
 }
 
-static int fa_do_serialise(fa_instance *i, const char *f, const void *state, void *bytes, size_t size) {
-  if (!state || !bytes) return fa_no(i, f, "the state or buffer is NULL");
-  if (size < sizeof(fa_saved)) return fa_no(i, f, "the buffer is too small");
-  const char *flaw = fa_flaw(state);
-  if (flaw) return fa_no(i, f, flaw);
-  memcpy(bytes, state, sizeof(fa_saved));
+static int fa_serialize_fmu_state(fa_instance *i, const char *f, const void *state, void *bytes, size_t size) {
+  if (!state || !bytes) return fa_error(i, f, "the state or buffer is NULL");
+  if (size < sizeof(fa_fmu_state)) return fa_error(i, f, "the buffer is too small");
+  const char *why = fa_fmu_state_error(state);
+  if (why) return fa_error(i, f, why);
+  memcpy(bytes, state, sizeof(fa_fmu_state));
   return FA_STATUS_OK;
 }
 
-static int fa_do_deserialise(fa_instance *i, const char *f, const void *bytes, size_t size, void **state) {
-  fa_saved trial;
-  if (!bytes || !state) return fa_no(i, f, "the buffer or state is NULL");
-  if (size != sizeof trial) return fa_no(i, f, "the state has another size: it is not of this model");
+static int fa_deserialize_fmu_state(fa_instance *i, const char *f, const void *bytes, size_t size, void **state) {
+  fa_fmu_state trial;
+  if (!bytes || !state) return fa_error(i, f, "the buffer or state is NULL");
+  if (size != sizeof trial) return fa_error(i, f, "the state has another size: it is not of this model");
   memcpy(&trial, bytes, sizeof trial);
-  const char *flaw = fa_flaw(&trial);
-  if (flaw) return fa_no(i, f, flaw);
-  fa_saved *saved = *state ? *state : i->allocate(i, sizeof *saved);
-  if (!saved) return fa_no(i, f, "out of memory");
+  const char *why = fa_fmu_state_error(&trial);
+  if (why) return fa_error(i, f, why);
+  fa_fmu_state *saved = *state ? *state : i->allocate(i, sizeof *saved);
+  if (!saved) return fa_error(i, f, "out of memory");
   *saved = trial;
   *state = saved;
   return FA_STATUS_OK;
@@ -299,82 +304,82 @@ static int fa_do_deserialise(fa_instance *i, const char *f, const void *bytes, s
 
 static double fa_time(const fa_instance *i) {
   const fa_state *s = &i->core.now;
-  return s->pending & FA_STARTING ? s->start : s->sim.t;
+  return s->pending & FA_PENDING_START ? s->start : s->sim.t;
 }
 
 static int fa_do_step(fa_instance *i, const char *f, double from, double length) {
   char text[200];
   const fa_state *s = &i->core.now;
-  const double tolerance = fa_tolerance(fa_time(i));
+  const double tolerance = fa_time_tolerance(fa_time(i));
   if (!(length > 0) || !(from + length - from > 0) || (from + length - s->start) / FA_RESOLUTION > 4e18) {
     snprintf(text, sizeof text, "a step of %.9g s from %.9g s cannot be done", length, from);
-    return fa_no(i, f, text);
+    return fa_error(i, f, text);
   }
   if (!(fabs(from - fa_time(i)) <= tolerance)) {
     snprintf(text, sizeof text, "the step starts at %.17g s but this instance stands at %.17g s", from, fa_time(i));
-    return fa_no(i, f, text);
+    return fa_error(i, f, text);
   }
   if (s->stop_defined && from + length > s->stop + tolerance) {
     snprintf(text, sizeof text, "the step to %.9g s passes stopTime %.9g s", from + length, s->stop);
-    return fa_no(i, f, text);
+    return fa_error(i, f, text);
   }
   if (fa_advance(&i->core, from, length)) {
-    i->core.now.phase = FA_FAILED;
+    i->core.now.fmi_state = FA_ERROR_STATE;
     i->last = FA_STATUS_ERROR;
-    return fa_fail(i, f);
+    return fa_simulation_error(i, f);
   }
   return i->last = FA_STATUS_OK;
 }
 
 /* -- Model Exchange --------------------------------------------------------------------------------------------- */
 
-static int fa_do_discrete(fa_instance *i, const char *f, int *moved, double *next) {
+static int fa_update_discrete_states(fa_instance *i, const char *f, int *moved, double *next) {
   fa_state *s = &i->core.now;
   double x[FA_SIZE(FA_NX)];
-  if (fa_evaluated(&i->core)) return fa_fail(i, f);
+  if (fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
   memcpy(x, s->sim.x, sizeof x);
-  if (fa_events(&i->core)) {
-    s->phase = FA_FAILED;
-    return fa_fail(i, f);
+  if (fa_process_events(&i->core)) {
+    s->fmi_state = FA_ERROR_STATE;
+    return fa_simulation_error(i, f);
   }
   *moved = memcmp(x, s->sim.x, sizeof(double) * FA_NX) != 0;
-  *next = fa_next_event(s);
+  *next = fa_next_event_time(s);
   return FA_STATUS_OK;
 }
 
-static int fa_do_continuous(fa_instance *i, const char *f) {
-  if (fa_evaluated(&i->core)) return fa_fail(i, f);
+static int fa_enter_continuous_time_mode(fa_instance *i, const char *f) {
+  if (fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
   i->core.kept = 0;
-  i->core.now.phase = FA_CONTINUOUS;
+  i->core.now.fmi_state = FA_CONTINUOUS_TIME_MODE;
   return FA_STATUS_OK;
 }
 
-static int fa_do_time(fa_instance *i, const char *f, double time) {
+static int fa_set_time(fa_instance *i, const char *f, double time) {
   fa_state *s = &i->core.now;
   if (!(time - time == 0) || time + FA_STEP == time)
-    return fa_no(i, f, "the time is not finite, or so large that a step is lost in rounding");
+    return fa_error(i, f, "the time is not finite, or so large that a step is lost in rounding");
   if (s->sim.t != time) s->stale = 1;
   s->sim.t = time;
   return FA_STATUS_OK;
 }
 
-enum { FA_GIVE_X, FA_TAKE_X, FA_TAKE_RATES, FA_TAKE_GUARDS, FA_TAKE_NOMINALS };
+enum { FA_SET_STATES, FA_GET_STATES, FA_GET_DERIVATIVES, FA_GET_EVENT_INDICATORS, FA_GET_NOMINALS };
 
-static int fa_do_array(fa_instance *i, const char *f, int what, double *out, const double *in, size_t n) {
+static int fa_get_or_set_array(fa_instance *i, const char *f, int what, double *out, const double *in, size_t n) {
   fa_sim *s = &i->core.now.sim;
-  const size_t expected = what == FA_TAKE_GUARDS ? FA_NG : FA_NX;
-  if (n != expected) return fa_no(i, f, "the array has the wrong length");
-  if (n && !out && !in) return fa_no(i, f, "the array is NULL");
-  if (what == FA_GIVE_X) {
+  const size_t expected = what == FA_GET_EVENT_INDICATORS ? FA_NG : FA_NX;
+  if (n != expected) return fa_error(i, f, "the array has the wrong length");
+  if (n && !out && !in) return fa_error(i, f, "the array is NULL");
+  if (what == FA_SET_STATES) {
     for (size_t k = 0; k < n; k++)
-      if (!(in[k] - in[k] == 0)) return fa_refuse(i, FA_STATUS_DISCARD, f, "a state is not finite");
+      if (!(in[k] - in[k] == 0)) return fa_log_status(i, FA_STATUS_DISCARD, f, "a state is not finite");
     memcpy(s->x, in, sizeof(double) * n);
     i->core.now.stale = 1;
     return FA_STATUS_OK;
   }
-  if (what != FA_TAKE_NOMINALS && fa_evaluated(&i->core)) return fa_fail(i, f);
+  if (what != FA_GET_NOMINALS && fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
   for (size_t k = 0; k < n; k++)
-    out[k] = what == FA_TAKE_X ? s->x[k] : what == FA_TAKE_RATES ? s->full[k]
-           : what == FA_TAKE_GUARDS ? FA_HYSTERESIS - s->full[FA_NX + k] : 1;
+    out[k] = what == FA_GET_STATES ? s->x[k] : what == FA_GET_DERIVATIVES ? s->full[k]
+           : what == FA_GET_EVENT_INDICATORS ? FA_HYSTERESIS - s->full[FA_NX + k] : 1;
   return FA_STATUS_OK;
 }

@@ -8,9 +8,10 @@
  * are due wait in `pending` until a value is asked for or the next step begins. A value set after one was read takes
  * the instant back (`before`) and the instant is evaluated afresh, so the order of reading and setting is immaterial. */
 
-enum { FA_STARTING = 1, FA_TUNED = 2, FA_DRIVEN = 4, FA_CLOCKED = 8 };
-/* FA_RUNNING is Co-Simulation's step mode, FA_EVENT and FA_CONTINUOUS are the modes of Model Exchange. */
-enum { FA_INSTANTIATED, FA_INITIALISING, FA_RUNNING, FA_TERMINATED, FA_FAILED, FA_EVENT, FA_CONTINUOUS };
+enum { FA_PENDING_START = 1, FA_PENDING_PARAMETERS = 2, FA_PENDING_INPUTS = 4, FA_PENDING_CLOCKS = 8 };
+/* FA_STEP_MODE is Co-Simulation's step mode, FA_EVENT_MODE and FA_CONTINUOUS_TIME_MODE are those of Model Exchange. */
+enum { FA_INSTANTIATED, FA_INITIALIZATION_MODE, FA_STEP_MODE, FA_TERMINATED, FA_ERROR_STATE, FA_EVENT_MODE,
+       FA_CONTINUOUS_TIME_MODE };
 enum { FA_OPEN_MIN = 1, FA_OPEN_MAX = 2, FA_TUNABLE = 4 };
 
 /* Value references: time, parameters, inputs, outputs, states, derivatives, memories; then the modes, whole numbers; then
@@ -32,7 +33,7 @@ typedef struct {
   double p[FA_SIZE(FA_NP)], u[FA_SIZE(FA_NU)], slope[FA_SIZE(FA_NU)]; /* as the importer set them */
   double start, stop;
   int64_t tick;                                                       /* the last instant that was passed */
-  int32_t stop_defined, phase, pending, stale;                        /* stale: sim.full is not that of t and x */
+  int32_t stop_defined, fmi_state, pending, stale;                        /* stale: sim.full is not that of t and x */
 } fa_state;
 
 typedef struct {
@@ -44,15 +45,15 @@ typedef struct {
 
 /* -- start ------------------------------------------------------------------------------------------------------ */
 
-static void fa_fresh(fa_core *c) {
+static void fa_reset_core(fa_core *c) {
   memset(c, 0, sizeof *c);
   memcpy(c->now.p, fa_p_default, sizeof(double) * FA_NP);
-  c->now.pending = FA_STARTING;
+  c->now.pending = FA_PENDING_START;
 }
 
-static double fa_instant(const fa_state *s, int64_t tick) { return s->start + (double)tick * FA_RESOLUTION; }
+static double fa_tick_time(const fa_state *s, int64_t tick) { return s->start + (double)tick * FA_RESOLUTION; }
 
-static int fa_due(int64_t tick, double *fire) {
+static int fa_due_clocks(int64_t tick, double *fire) {
   int any = 0;
   for (int k = 0; k < FA_NC; k++) {
     fire[k] = tick >= fa_clock_offset[k] && (tick - fa_clock_offset[k]) % fa_clock_period[k] == 0;
@@ -61,7 +62,7 @@ static int fa_due(int64_t tick, double *fire) {
   return any;
 }
 
-static int64_t fa_next_instant(int64_t tick) {
+static int64_t fa_next_tick(int64_t tick) {
   int64_t next = tick - tick % FA_STEP_TICKS + FA_STEP_TICKS;
   for (int k = 0; k < FA_NC; k++) {
     const int64_t since = tick - fa_clock_offset[k], period = fa_clock_period[k];
@@ -72,7 +73,7 @@ static int64_t fa_next_instant(int64_t tick) {
 }
 
 /* The state at the start; at the default parameters it is the exporter's own, to the last bit. */
-static int fa_begin(fa_state *s) {
+static int fa_initialize(fa_state *s) {
   fa_sim *sim = &s->sim;
   memset(sim, 0, sizeof *sim);
   sim->t = s->start;
@@ -94,34 +95,34 @@ static int fa_begin(fa_state *s) {
   return fa_start(sim);
 }
 
-static int fa_fire(fa_state *s) {
+static int fa_tick_clocks(fa_state *s) {
   double fire[FA_SIZE(FA_NC)];
-  return fa_due(s->tick, fire) ? fa_tick(&s->sim, fire) : FA_OK;
+  return fa_due_clocks(s->tick, fire) ? fa_tick(&s->sim, fire) : FA_OK;
 }
 
 /* Bring s from just before its instant to just after: tuned parameters, inputs, modes, clocks. */
-static int fa_arrive(fa_state *s) {
+static int fa_apply_pending(fa_state *s) {
   fa_sim *sim = &s->sim;
   const int what = s->pending;
   s->pending = 0;
-  if (what & FA_STARTING) {
-    if (fa_begin(s)) return sim->status;
-    return fa_fire(s);
+  if (what & FA_PENDING_START) {
+    if (fa_initialize(s)) return sim->status;
+    return fa_tick_clocks(s);
   }
-  if (what & FA_TUNED) {
+  if (what & FA_PENDING_PARAMETERS) {
     memcpy(sim->p, s->p, sizeof(double) * FA_NP);
     fa_parameters_changed(sim);
     if (fa_time_events(sim) && sim->status) return sim->status;
   }
-  if (what & FA_DRIVEN)
+  if (what & FA_PENDING_INPUTS)
     for (int i = 0; i < FA_NU; i++) fa_set_input(sim, i, s->u[i], s->slope[i]);
-  if ((what & (FA_TUNED | FA_DRIVEN)) && fa_settle(sim)) return sim->status;
-  if (what & FA_CLOCKED) return fa_fire(s);
+  if ((what & (FA_PENDING_PARAMETERS | FA_PENDING_INPUTS)) && fa_settle(sim)) return sim->status;
+  if (what & FA_PENDING_CLOCKS) return fa_tick_clocks(s);
   return sim->status;
 }
 
 /* Values at the present instant are wanted. */
-static int fa_evaluated(fa_core *c) {
+static int fa_ensure_evaluated(fa_core *c) {
   fa_state *s = &c->now;
   if (s->stale) {
     s->stale = c->read = 0;
@@ -132,38 +133,38 @@ static int fa_evaluated(fa_core *c) {
   c->before = c->now;
   c->kept = 1;
   c->read = 0;
-  return fa_arrive(&c->now);
+  return fa_apply_pending(&c->now);
 }
 
 /* The present instant is about to be changed. */
-static void fa_recall(fa_core *c) {
+static void fa_undo_evaluation(fa_core *c) {
   c->read = 0;
   if (c->kept) c->now = c->before;
   c->kept = 0;
 }
 
 /* The present instant is settled for good. */
-static int fa_depart(fa_core *c) {
+static int fa_commit(fa_core *c) {
   c->kept = c->read = 0;
-  return c->now.pending ? fa_arrive(&c->now) : c->now.sim.status;
+  return c->now.pending ? fa_apply_pending(&c->now) : c->now.sim.status;
 }
 
 /* -- steps ------------------------------------------------------------------------------------------------------ */
 
 /* Rounding in the importer's clock that is taken to mean the same instant. */
-static double fa_tolerance(double t) { return fmin(1e-8 * fmax(1, fabs(t)), 0.01 * FA_STEP); }
+static double fa_time_tolerance(double t) { return fmin(1e-8 * fmax(1, fabs(t)), 0.01 * FA_STEP); }
 
 /* Integrate over `length` from where the importer says `from` is. Instants of the grid are hit exactly whichever of the
  * two clocks meets them; off the grid the importer's clock holds. */
 static int fa_advance(fa_core *c, double from, double length) {
   fa_state *s = &c->now;
-  if (fa_depart(c)) return s->sim.status;
+  if (fa_commit(c)) return s->sim.status;
   const double began = s->sim.t, own = began + length, given = from + length;
   const double low = fmin(own, given), high = fmax(own, given);
   const double snap = 1e-6 * FA_STEP + 4 * 2.220446049250313e-16 * fabs(high);
   for (;;) {
-    const int64_t next = fa_next_instant(s->tick);
-    const double at = fa_instant(s, next);
+    const int64_t next = fa_next_tick(s->tick);
+    const double at = fa_tick_time(s, next);
     if (at > high + snap) {
       if (given > s->sim.t && fa_integrate(&s->sim, given)) return s->sim.status;
       break;
@@ -172,21 +173,21 @@ static int fa_advance(fa_core *c, double from, double length) {
     s->tick = next;
     if (at >= low - snap) {
       double fire[FA_SIZE(FA_NC)];
-      if (fa_due(next, fire)) s->pending |= FA_CLOCKED;
+      if (fa_due_clocks(next, fire)) s->pending |= FA_PENDING_CLOCKS;
       break;
     }
-    if (fa_fire(s)) return s->sim.status;
+    if (fa_tick_clocks(s)) return s->sim.status;
   }
   for (int i = 0; i < FA_NU; i++)
     if (s->slope[i] != 0) {                                  /* a slope lasts one step; then the input holds */
       s->u[i] += s->slope[i] * (s->sim.t - began);
       s->slope[i] = 0;
-      s->pending |= FA_DRIVEN;
+      s->pending |= FA_PENDING_INPUTS;
     }
   return FA_OK;
 }
 
-static const char *fa_explain(fa_core *c) {
+static const char *fa_simulation_message(fa_core *c) {
   const fa_sim *s = &c->now.sim;
   const char *mode = FA_NM && s->status != FA_NOT_FINITE ? fa_mode_name[s->culprit] : "";
   if (s->status == FA_NOT_FINITE)
@@ -203,36 +204,36 @@ static const char *fa_explain(fa_core *c) {
 
 #define FA_HYSTERESIS 1e-9                       /* a guard that is exactly zero after its event is not at its event */
 
-static double fa_next_clock(const fa_state *s, int64_t *tick) {
+static double fa_next_clock_time(const fa_state *s, int64_t *tick) {
   *tick = INT64_MAX;
   for (int k = 0; k < FA_NC; k++) {
     const int64_t since = s->tick - fa_clock_offset[k], period = fa_clock_period[k];
     const int64_t hit = since < 0 ? fa_clock_offset[k] : s->tick - since % period + period;
     if (hit < *tick) *tick = hit;
   }
-  return FA_NC ? fa_instant(s, *tick) : HUGE_VAL;
+  return FA_NC ? fa_tick_time(s, *tick) : HUGE_VAL;
 }
 
 /* Let everything happen that is due at the present time: knots, time events, switches, clocks. */
-static int fa_events(fa_core *c) {
+static int fa_process_events(fa_core *c) {
   fa_state *s = &c->now;
   int64_t next;
-  if (fa_depart(c)) return s->sim.status;
+  if (fa_commit(c)) return s->sim.status;
   s->stale = 0;
   fa_table_knots(&s->sim);
   if (fa_time_events(&s->sim) && s->sim.status) return s->sim.status;
   if (fa_settle(&s->sim)) return s->sim.status;
-  while (fa_next_clock(s, &next) <= s->sim.t + 1e-9 * FA_STEP) {
+  while (fa_next_clock_time(s, &next) <= s->sim.t + 1e-9 * FA_STEP) {
     s->tick = next;
-    if (fa_fire(s)) return s->sim.status;
+    if (fa_tick_clocks(s)) return s->sim.status;
   }
   return FA_OK;
 }
 
-static double fa_next_event(const fa_state *s) {
+static double fa_next_event_time(const fa_state *s) {
   int event;
   int64_t tick;
-  return fmin(fa_next_knot(&s->sim, &event), fa_next_clock(s, &tick));
+  return fmin(fa_next_knot(&s->sim, &event), fa_next_clock_time(s, &tick));
 }
 
 /* -- values by reference ---------------------------------------------------------------------------------------- */
@@ -242,13 +243,13 @@ static int fa_is_input(unsigned vr) { return vr >= FA_VR_U && vr < FA_VR_Y; }
 static int fa_is_given(unsigned vr) { return vr < FA_VR_Y; }    /* readable without evaluating the model */
 
 /* Of an evaluated instant, or of what was given. */
-static double fa_value(fa_core *c, unsigned vr) {
+static double fa_get_value(fa_core *c, unsigned vr) {
   const fa_state *s = &c->now;
-  if (vr == 0) return s->phase < FA_INITIALISING || (s->pending & FA_STARTING) ? s->start : s->sim.t;
+  if (vr == 0) return s->fmi_state < FA_INITIALIZATION_MODE || (s->pending & FA_PENDING_START) ? s->start : s->sim.t;
   if (vr < FA_VR_U) return s->p[vr - FA_VR_P];
   if (vr < FA_VR_Y) return s->u[vr - FA_VR_U];
   if (vr < FA_VR_X) {
-    if (!c->read) fa_read(&s->sim, c->y);
+    if (!c->read) fa_read_outputs(&s->sim, c->y);
     c->read = 1;
     return c->y[vr - FA_VR_Y];
   }
@@ -260,7 +261,7 @@ static double fa_value(fa_core *c, unsigned vr) {
 }
 
 /* Why the value may not be given to an input or parameter, or NULL. */
-static const char *fa_refusal(fa_core *c, unsigned vr, double value) {
+static const char *fa_value_error(fa_core *c, unsigned vr, double value) {
   if (!(value - value == 0)) {
     snprintf(c->message, sizeof c->message, "%s cannot be %g: it must be finite", fa_name[vr], value);
     return c->message;
@@ -276,44 +277,44 @@ static const char *fa_refusal(fa_core *c, unsigned vr, double value) {
   return c->message;
 }
 
-static void fa_give(fa_core *c, unsigned vr, double value) {
+static void fa_set_value(fa_core *c, unsigned vr, double value) {
   fa_state *s = &c->now;
-  if (s->phase == FA_CONTINUOUS) {                           /* the integrator will meet the guards */
+  if (s->fmi_state == FA_CONTINUOUS_TIME_MODE) {                           /* the integrator will meet the guards */
     s->u[vr - FA_VR_U] = value;
     fa_set_input(&s->sim, (int)vr - FA_VR_U, value, 0);
     s->stale = 1;
   } else if (fa_is_input(vr)) {
     const int i = (int)vr - FA_VR_U;
     if (s->u[i] == value && s->slope[i] == 0) return;
-    fa_recall(c);
+    fa_undo_evaluation(c);
     s->u[i] = value;
     s->slope[i] = 0;
-    s->pending |= FA_DRIVEN;
+    s->pending |= FA_PENDING_INPUTS;
   } else {
     const int i = (int)vr - FA_VR_P;
     if (s->p[i] == value) return;
-    fa_recall(c);
-    if (s->phase > FA_INITIALISING && (s->pending & FA_STARTING)) {   /* the start belongs to the old value */
-      fa_arrive(s);
+    fa_undo_evaluation(c);
+    if (s->fmi_state > FA_INITIALIZATION_MODE && (s->pending & FA_PENDING_START)) { /* start belongs to the old value */
+      fa_apply_pending(s);
       s->pending = 0;
     }
     s->p[i] = value;
-    if (!(s->pending & FA_STARTING)) s->pending |= FA_TUNED;
+    if (!(s->pending & FA_PENDING_START)) s->pending |= FA_PENDING_PARAMETERS;
   }
 }
 
-static void fa_give_slope(fa_core *c, unsigned vr, double slope) {
+static void fa_set_input_derivative(fa_core *c, unsigned vr, double slope) {
   const int i = (int)vr - FA_VR_U;
   if (c->now.slope[i] == slope) return;
-  fa_recall(c);
+  fa_undo_evaluation(c);
   c->now.slope[i] = slope;
-  c->now.pending |= FA_DRIVEN;
+  c->now.pending |= FA_PENDING_INPUTS;
 }
 
 /* -- tangents --------------------------------------------------------------------------------------------------- */
 
 /* d(derivatives, outputs, guards) for d(time), d(states) and d(inputs), with modes and memories held. */
-static void fa_along(const fa_core *c, const double *seed, double *result) {
+static void fa_directional_derivative(const fa_core *c, const double *seed, double *result) {
   const fa_sim *s = &c->now.sim;
   double u[FA_SIZE(FA_NI)];
   fa_inputs(s, s->t, u);
@@ -322,25 +323,25 @@ static void fa_along(const fa_core *c, const double *seed, double *result) {
 }
 
 /* Where a reference stands in the seed, or in the result; -1 if it has no place there. */
-static int fa_known(unsigned vr) {
+static int fa_known_index(unsigned vr) {
   if (vr >= FA_VR_X && vr < FA_VR_DX) return 1 + (int)vr - FA_VR_X;
   return fa_is_input(vr) ? 1 + FA_NX + (int)vr - FA_VR_U : -1;
 }
 
-static int fa_unknown(unsigned vr) {
+static int fa_unknown_index(unsigned vr) {
   if (vr >= FA_VR_DX && vr < FA_VR_D) return (int)vr - FA_VR_DX;
   if (vr >= FA_VR_G && vr < FA_VR_END) return FA_NX + FA_NY + (int)vr - FA_VR_G;
   return vr >= FA_VR_Y && vr < FA_VR_X ? FA_NX + (int)vr - FA_VR_Y : -1;
 }
 
 /* Time derivatives of the outputs, shape (outputs,), from an evaluated instant. */
-static void fa_output_rates(const fa_core *c, double *rate) {
+static void fa_output_derivatives(const fa_core *c, double *rate) {
   const fa_sim *s = &c->now.sim;
   double seed[FA_SIZE(1 + FA_NX + FA_NI)], result[FA_SIZE(FA_NX + FA_NY + FA_NG)];
   seed[0] = 1;
   for (int i = 0; i < FA_NX; i++) seed[1 + i] = s->full[i];
   for (int i = 0; i < FA_NI; i++) seed[1 + FA_NX + i] = s->slope[i];
-  fa_along(c, seed, result);
+  fa_directional_derivative(c, seed, result);
   for (int i = 0; i < FA_NY; i++) rate[i] = result[FA_NX + i];
 }
 
@@ -351,33 +352,33 @@ static void fa_output_rates(const fa_core *c, double *rate) {
 typedef struct {
   uint64_t magic, model, size, sum;
   fa_state state;
-} fa_saved;
+} fa_fmu_state;
 
-static uint64_t fa_sum(const fa_saved *saved) {
+static uint64_t fa_checksum(const fa_fmu_state *saved) {
   const unsigned char *bytes = (const unsigned char *)&saved->state;
   uint64_t sum = UINT64_C(1469598103934665603);
   for (size_t i = 0; i < sizeof saved->state; i++) sum = (sum ^ bytes[i]) * UINT64_C(1099511628211);
   return sum;
 }
 
-static void fa_save(const fa_core *c, fa_saved *saved) {
+static void fa_save(const fa_core *c, fa_fmu_state *saved) {
   saved->magic = FA_MAGIC;
   saved->model = FA_MODEL_HASH;
   saved->size = sizeof *saved;
   memcpy(&saved->state, c->kept ? &c->before : &c->now, sizeof saved->state);
-  saved->sum = fa_sum(saved);
+  saved->sum = fa_checksum(saved);
 }
 
 /* Why a saved state cannot be used, or NULL. */
-static const char *fa_flaw(const fa_saved *saved) {
+static const char *fa_fmu_state_error(const fa_fmu_state *saved) {
   if (saved->magic != FA_MAGIC) return "it is not a state of a flexarm FMU";
   if (saved->model != FA_MODEL_HASH) return "it belongs to another model or export";
   if (saved->size != sizeof *saved) return "its size is wrong";
-  if (saved->sum != fa_sum(saved)) return "it is damaged";
+  if (saved->sum != fa_checksum(saved)) return "it is damaged";
   return 0;
 }
 
-static void fa_restore(fa_core *c, const fa_saved *saved) {
+static void fa_restore(fa_core *c, const fa_fmu_state *saved) {
   memcpy(&c->now, &saved->state, sizeof c->now);
   c->now.sim.log = 0;
   c->now.sim.listener = 0;

@@ -9,7 +9,7 @@ typedef struct {
   fmi3LogMessageCallback log;
 } fa_fmi3;
 
-static void fa_report(fa_instance *i, int status, const char *category, const char *line) {
+static void fa_log_message(fa_instance *i, int status, const char *category, const char *line) {
   const fa_fmi3 *own = (fa_fmi3 *)i;
   if (own->log) own->log(own->environment, (fmi3Status)status, category, line);
 }
@@ -19,38 +19,38 @@ static void *fa_allocate(fa_instance *i, size_t size) {
   return calloc(1, size);
 }
 
-static void fa_release(fa_instance *i, void *made) {
+static void fa_free(fa_instance *i, void *made) {
   (void)i;
   free(made);
 }
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
 
-static fmi3Instance fa_refuse_instance(fmi3LogMessageCallback log, fmi3InstanceEnvironment environment,
+static fmi3Instance fa_instantiation_failed(fmi3LogMessageCallback log, fmi3InstanceEnvironment environment,
                                        const char *function, const char *why) {
   char line[300];
-  fa_line(line, sizeof line, function, why);
+  fa_format_message(line, sizeof line, function, why);
   if (log) log(environment, fmi3Error, "logStatusError", line);
   return 0;
 }
 
-static fmi3Instance fa_make(const char *function, const char *wrong, fmi3String name, fmi3String token,
+static fmi3Instance fa_instantiate(const char *function, const char *wrong, fmi3String name, fmi3String token,
                             fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
                             int exchange) {
-  if (!wrong) wrong = fa_no_instance(name, token);
+  if (!wrong) wrong = fa_instantiation_error(name, token);
   fa_fmi3 *made = wrong ? 0 : calloc(1, sizeof *made);
-  if (!made) return fa_refuse_instance(log, environment, function, wrong ? wrong : "out of memory");
+  if (!made) return fa_instantiation_failed(log, environment, function, wrong ? wrong : "out of memory");
   fa_instance *i = &made->base;
   made->environment = environment;
   made->log = log;
   i->alive = FA_ALIVE;
   i->exchange = exchange;
   i->logging = logging ? -1 : 0;
-  i->report = fa_report;
+  i->log_message = fa_log_message;
   i->allocate = fa_allocate;
-  i->release = fa_release;
+  i->release = fa_free;
   snprintf(i->name, sizeof i->name, "%s", name);
-  fa_fresh(&i->core);
+  fa_reset_core(&i->core);
   return made;
 }
 
@@ -62,135 +62,138 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
   (void)resources; (void)visible; (void)early_return; (void)intermediate; (void)update;
   const char *wrong = event_mode ? "Co-Simulation has no event mode here"
                       : n_intermediate ? "this FMU has no intermediate updates" : 0;
-  return fa_make(__func__, wrong, name, token, logging, environment, log, 0);
+  return fa_instantiate(__func__, wrong, name, token, logging, environment, log, 0);
 }
 
 fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                           fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                           fmi3LogMessageCallback log) {
   (void)resources; (void)visible;
-  return fa_make(__func__, 0, name, token, logging, environment, log, 1);
+  return fa_instantiate(__func__, 0, name, token, logging, environment, log, 1);
 }
 
 void fmi3FreeInstance(fmi3Instance c) {
-  fa_instance *i = fa_of(c);
+  fa_instance *i = fa_as_instance(c);
   if (!i) return;
   i->alive = 0;
   free(i);
 }
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t n, const fmi3String categories[]) {
-  FA_IN(FA_ANY)
-  return fa_do_logging(i, __func__, on, n, categories);
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  return fa_set_debug_logging(i, __func__, on, n, categories);
 }
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean with_tolerance, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean with_stop, fmi3Float64 stop) {
   (void)with_tolerance; (void)tolerance;
-  FA_IN(FA_BIT(FA_INSTANTIATED))
-  const int status = fa_do_setup(i, __func__, start, with_stop, stop);
-  if (status == FA_STATUS_OK) i->core.now.phase = FA_INITIALISING;
+  FA_ALLOWED_IN(FA_BIT(FA_INSTANTIATED))
+  const int status = fa_setup_experiment(i, __func__, start, with_stop, stop);
+  if (status == FA_STATUS_OK) i->core.now.fmi_state = FA_INITIALIZATION_MODE;
   return status;
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
-  FA_IN(FA_BIT(FA_INITIALISING))
-  return fa_do_phase(i, __func__, i->exchange ? FA_EVENT : FA_RUNNING);
+  FA_ALLOWED_IN(FA_BIT(FA_INITIALIZATION_MODE))
+  return fa_enter_state(i, __func__, i->exchange ? FA_EVENT_MODE : FA_STEP_MODE);
 }
 
 fmi3Status fmi3Terminate(fmi3Instance c) {
-  FA_IN(FA_BIT(FA_RUNNING) | FA_EXCHANGING)
-  return fa_do_phase(i, __func__, FA_TERMINATED);
+  FA_ALLOWED_IN(FA_BIT(FA_STEP_MODE) | FA_MODEL_EXCHANGE_MODES)
+  return fa_enter_state(i, __func__, FA_TERMINATED);
 }
 
 fmi3Status fmi3Reset(fmi3Instance c) {
-  FA_IN(FA_ANY)
-  return fa_do_reset(i);
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  return fa_reset(i);
 }
 
-static int fa_count(fa_instance *i, const char *f, size_t n, size_t values) {
-  return n == values ? FA_STATUS_OK : fa_no(i, f, "there must be one value for each reference: all variables are scalar");
+static int fa_check_count(fa_instance *i, const char *f, size_t n, size_t values) {
+  return n == values ? FA_STATUS_OK
+                     : fa_error(i, f, "there must be one value for each reference: all variables are scalar");
 }
 
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t m) {
-  FA_IN(FA_ANY)
-  if (fa_count(i, __func__, n, m)) return fmi3Error;
-  return n && !values ? fa_no(i, __func__, "values is NULL") : fa_do_get(i, __func__, vr, n, values, 0);
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  if (fa_check_count(i, __func__, n, m)) return fmi3Error;
+  return n && !values ? fa_error(i, __func__, "values is NULL") : fa_get_values(i, __func__, vr, n, values, 0);
 }
 
 fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Int32 values[], size_t m) {
-  FA_IN(FA_ANY)
-  return fa_count(i, __func__, n, m) ? fmi3Error : fa_do_get(i, __func__, vr, n, 0, values);
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  return fa_check_count(i, __func__, n, m) ? fmi3Error : fa_get_values(i, __func__, vr, n, 0, values);
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 values[],
                           size_t m) {
-  FA_IN(FA_SETTING)
-  return fa_count(i, __func__, n, m) ? fmi3Error : fa_do_set(i, __func__, vr, n, values);
+  FA_ALLOWED_IN(FA_SETTABLE)
+  return fa_check_count(i, __func__, n, m) ? fmi3Error : fa_set_values(i, __func__, vr, n, values);
 }
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state) {
-  FA_IN(FA_ANY & ~FA_BIT(FA_FAILED))
-  return fa_do_save(i, __func__, state);
+  FA_ALLOWED_IN(FA_ANY_STATE & ~FA_BIT(FA_ERROR_STATE))
+  return fa_get_fmu_state(i, __func__, state);
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state) {
-  FA_IN(FA_ANY)
-  return fa_do_restore(i, __func__, state);
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  return fa_set_fmu_state(i, __func__, state);
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state) {
-  FA_IN(FA_ANY)
-  return fa_do_forget(i, state);
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  return fa_free_fmu_state(i, state);
 }
 
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size) {
-  FA_IN(FA_ANY)
-  return fa_do_size(i, __func__, state, size);
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  return fa_serialized_fmu_state_size(i, __func__, state, size);
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
-  FA_IN(FA_ANY)
-  return fa_do_serialise(i, __func__, state, bytes, size);
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  return fa_serialize_fmu_state(i, __func__, state, bytes, size);
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
-  FA_IN(FA_ANY)
-  return fa_do_deserialise(i, __func__, bytes, size, state);
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  return fa_deserialize_fmu_state(i, __func__, bytes, size, state);
 }
 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                         const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
-  FA_IN(FA_DEFINED)
-  if (fa_count(i, __func__, n_knowns, n_seed) || fa_count(i, __func__, n_unknowns, n_sensitivity)) return fmi3Error;
-  return fa_do_directional(i, __func__, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity, 0);
+  FA_ALLOWED_IN(FA_READABLE)
+  if (fa_check_count(i, __func__, n_knowns, n_seed) ||
+      fa_check_count(i, __func__, n_unknowns, n_sensitivity)) return fmi3Error;
+  return fa_get_directional_derivative(i, __func__, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity, 0);
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                     const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                     size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
-  FA_IN(FA_DEFINED)
-  if (fa_count(i, __func__, n_unknowns, n_seed) || fa_count(i, __func__, n_knowns, n_sensitivity)) return fmi3Error;
-  return fa_do_directional(i, __func__, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity, 1);
+  FA_ALLOWED_IN(FA_READABLE)
+  if (fa_check_count(i, __func__, n_unknowns, n_seed) ||
+      fa_check_count(i, __func__, n_knowns, n_sensitivity)) return fmi3Error;
+  return fa_get_directional_derivative(i, __func__, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity, 1);
 }
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Int32 orders[],
                                     fmi3Float64 values[], size_t m) {
-  FA_IN(FA_BIT(FA_RUNNING) | FA_BIT(FA_TERMINATED))
-  return fa_count(i, __func__, n, m) ? fmi3Error : fa_do_rates(i, __func__, vr, n, orders, values);
+  FA_ALLOWED_IN(FA_BIT(FA_STEP_MODE) | FA_BIT(FA_TERMINATED))
+  return fa_check_count(i, __func__, n, m) ? fmi3Error : fa_get_output_derivatives(i, __func__, vr, n, orders, values);
 }
 
 fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance c, size_t *n) {
-  FA_IN(FA_ANY)
-  if (!n) return fa_no(i, __func__, "the count is NULL");
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  if (!n) return fa_error(i, __func__, "the count is NULL");
   *n = FA_NX;
   return fmi3OK;
 }
 
 fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *n) {
-  FA_IN(FA_ANY)
-  if (!n) return fa_no(i, __func__, "the count is NULL");
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  if (!n) return fa_error(i, __func__, "the count is NULL");
   *n = FA_NG;
   return fmi3OK;
 }
@@ -198,7 +201,7 @@ fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance c, size_t *n) {
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 now, fmi3Float64 length, fmi3Boolean no_return, fmi3Boolean *event,
                       fmi3Boolean *end, fmi3Boolean *early, fmi3Float64 *last) {
   (void)no_return;
-  FA_IN(FA_BIT(FA_RUNNING))
+  FA_ALLOWED_IN(FA_BIT(FA_STEP_MODE))
   const int status = fa_do_step(i, __func__, now, length);
   if (event) *event = fmi3False;
   if (end) *end = fmi3False;
@@ -210,18 +213,18 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 now, fmi3Float64 length, fmi3B
 /* -- Model Exchange --------------------------------------------------------------------------------------------- */
 
 fmi3Status fmi3EnterEventMode(fmi3Instance c) {
-  FA_IN(FA_EXCHANGING)
-  i->core.now.phase = FA_EVENT;
+  FA_ALLOWED_IN(FA_MODEL_EXCHANGE_MODES)
+  i->core.now.fmi_state = FA_EVENT_MODE;
   return fmi3OK;
 }
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *again, fmi3Boolean *end, fmi3Boolean *nominals,
                                     fmi3Boolean *values, fmi3Boolean *timed, fmi3Float64 *time) {
-  FA_IN(FA_BIT(FA_EVENT))
+  FA_ALLOWED_IN(FA_BIT(FA_EVENT_MODE))
   int moved = 0;
   double next = 0;
-  if (!again || !end || !nominals || !values || !timed || !time) return fa_no(i, __func__, "an argument is NULL");
-  const int status = fa_do_discrete(i, __func__, &moved, &next);
+  if (!again || !end || !nominals || !values || !timed || !time) return fa_error(i, __func__, "an argument is NULL");
+  const int status = fa_update_discrete_states(i, __func__, &moved, &next);
   if (status) return status;
   *again = *end = *nominals = fmi3False;
   *values = moved != 0;
@@ -231,35 +234,35 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *again, fmi3Bool
 }
 
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance c) {
-  FA_IN(FA_BIT(FA_EVENT))
-  return fa_do_continuous(i, __func__);
+  FA_ALLOWED_IN(FA_BIT(FA_EVENT_MODE))
+  return fa_enter_continuous_time_mode(i, __func__);
 }
 
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance c, fmi3Boolean final, fmi3Boolean *event, fmi3Boolean *end) {
   (void)final;
-  FA_IN(FA_BIT(FA_CONTINUOUS))
-  if (!event || !end) return fa_no(i, __func__, "an argument is NULL");
+  FA_ALLOWED_IN(FA_BIT(FA_CONTINUOUS_TIME_MODE))
+  if (!event || !end) return fa_error(i, __func__, "an argument is NULL");
   *event = *end = fmi3False;
   return fmi3OK;
 }
 
 fmi3Status fmi3SetTime(fmi3Instance c, fmi3Float64 time) {
-  FA_IN(FA_EXCHANGING)
-  return fa_do_time(i, __func__, time);
+  FA_ALLOWED_IN(FA_MODEL_EXCHANGE_MODES)
+  return fa_set_time(i, __func__, time);
 }
 
 fmi3Status fmi3SetContinuousStates(fmi3Instance c, const fmi3Float64 x[], size_t n) {
-  FA_IN(FA_BIT(FA_CONTINUOUS))
-  return fa_do_array(i, __func__, FA_GIVE_X, 0, x, n);
+  FA_ALLOWED_IN(FA_BIT(FA_CONTINUOUS_TIME_MODE))
+  return fa_get_or_set_array(i, __func__, FA_SET_STATES, 0, x, n);
 }
 
-#define FA_ARRAY(name, what)                                         \
+#define FA_GET_ARRAY(name, what)                                         \
   fmi3Status name(fmi3Instance c, fmi3Float64 values[], size_t n) {  \
-    FA_IN(FA_STARTED | FA_BIT(FA_TERMINATED))                        \
-    return fa_do_array(i, __func__, what, values, 0, n);             \
+    FA_ALLOWED_IN(FA_ANY_MODE | FA_BIT(FA_TERMINATED))                        \
+    return fa_get_or_set_array(i, __func__, what, values, 0, n);             \
   }
 
-FA_ARRAY(fmi3GetContinuousStateDerivatives, FA_TAKE_RATES)
-FA_ARRAY(fmi3GetEventIndicators, FA_TAKE_GUARDS)
-FA_ARRAY(fmi3GetContinuousStates, FA_TAKE_X)
-FA_ARRAY(fmi3GetNominalsOfContinuousStates, FA_TAKE_NOMINALS)
+FA_GET_ARRAY(fmi3GetContinuousStateDerivatives, FA_GET_DERIVATIVES)
+FA_GET_ARRAY(fmi3GetEventIndicators, FA_GET_EVENT_INDICATORS)
+FA_GET_ARRAY(fmi3GetContinuousStates, FA_GET_STATES)
+FA_GET_ARRAY(fmi3GetNominalsOfContinuousStates, FA_GET_NOMINALS)

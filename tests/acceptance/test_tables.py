@@ -1,4 +1,4 @@
-"""Published tables of paper 002 against simulation and linear models: referee's notes 3.1 to 3.4."""
+"""[Gao J. n.d., Tables 2.2, A.1, A.2] against simulation and linear models, with independently computed errors."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def linear(scenario: str, table: str, column: str, *changes: str) -> tuple[float
 
 @pytest.mark.parametrize("table", TABLES)
 def test_printed_gain_is_friction_compensated(table: str) -> None:
-    """3.1: the printed gain is 20 log10(speed / 1.8951 V) on every row."""
+    """The printed gain is 20 log10(speed / 1.8951 V) on every row."""
     data = columns(table)
     assert len(data["amplitude_V"]) == TABLES[table][1]
     speed = data["max_motor_speed_rad_per_s"]
@@ -72,7 +72,7 @@ def test_printed_gain_is_friction_compensated(table: str) -> None:
     ],
 )
 def test_ladder_of_table_a2(changes: list[str], expected: float, largest: float | None) -> None:
-    """3.4: what the flexible link's table needs beyond the linear two masses of Table B.3."""
+    """What the flexible link's table needs beyond the linear two masses of Table B.3."""
     rms, most = measure("srv02-2mass-b3", "table_a2", *changes)
     assert rms == pytest.approx(expected, abs=0.1)
     if largest is not None:
@@ -83,7 +83,7 @@ def test_ladder_of_table_a2(changes: list[str], expected: float, largest: float 
     ("changes", "expected"), [([COULOMB], 8.86), ([COULOMB, PUSH], 8.76), ([COULOMB, PUSH, GAP], 6.87)]
 )
 def test_ladder_of_table_a1(changes: list[str], expected: float) -> None:
-    """3.4: Table B.1 does not describe Table A.1, whatever is added."""
+    """Table B.1 does not describe Table A.1, whatever is added."""
     assert measure("srv02-2mass-b1", "table_a1", *changes)[0] == pytest.approx(expected, abs=0.1)
 
 
@@ -101,7 +101,7 @@ def test_ladder_of_table_a1(changes: list[str], expected: float) -> None:
     ],
 )
 def test_linear_models(scenario: str, table: str, column: str, expected: float) -> None:
-    """3.4: linear models against printed and raw gains."""
+    """Linear models against printed and raw gains."""
     assert linear(scenario, table, column)[0] == pytest.approx(expected, abs=0.05)
 
 
@@ -123,7 +123,7 @@ def test_simulation_meets_the_linear_response() -> None:
     ],
 )
 def test_table_2_2_linear(changes: list[str], column: str, expected: float, largest: float) -> None:
-    """3.2: one mass, equation (2.10)."""
+    """One mass, equation (2.10)."""
     rms, most = linear("srv02-bare", "2.2", column, *changes)
     assert rms == pytest.approx(expected, abs=0.01)
     assert most == pytest.approx(largest, abs=0.01)
@@ -139,14 +139,14 @@ def test_table_2_2_linear(changes: list[str], column: str, expected: float, larg
     ],
 )
 def test_table_2_2_simulated(changes: list[str], expected: float, largest: float) -> None:
-    """3.2: time simulation at 2 V."""
+    """Time simulation at 2 V."""
     rms, most = measure("srv02-bare", "table_2_2", *changes)
     assert rms == pytest.approx(expected, abs=0.02)
     assert most == pytest.approx(largest, abs=0.02)
 
 
 def test_friction_at_low_frequency() -> None:
-    """3.2: peak at 0.1 Hz 227.7 rad/s with dry friction, 241.0 without; the quasi-static value."""
+    """Peak at 0.1 Hz 227.7 rad/s with dry friction, 241.0 without; the quasi-static value."""
     error = compare(load("srv02-bare"), "table_2_2").signals[SPEED]
     assert error.simulated[0] == pytest.approx(227.7, abs=0.05)
     free = compare(load("srv02-bare", ["friction.coulomb_friction=0"]), "table_2_2").signals[SPEED]
@@ -157,7 +157,7 @@ def test_friction_at_low_frequency() -> None:
 
 
 def test_bare_motor_constants() -> None:
-    """3.2: DC gain 120.508 rad/s/V = 41.620 dB, corner 36.72 rad/s."""
+    """DC gain 120.508 rad/s/V = 41.620 dB, corner 36.72 rad/s."""
     model = linearise(load("srv02-bare"))
     speed = model.outputs.index(SPEED)
     poles = model.poles()
@@ -172,7 +172,7 @@ def test_bare_motor_constants() -> None:
     [("srv02-2mass-b1", 15.79, 162.2, 40.798), ("srv02-2mass-b3", 16.27, 168.8, 40.659)],
 )
 def test_two_mass_features(scenario: str, antiresonance: float, resonance: float, dc: float) -> None:
-    """3.4: undamped antiresonance and resonance, and DC gain."""
+    """Undamped antiresonance and resonance, and DC gain."""
     model = linearise(load(scenario))
     assert 20 * np.log10(abs(model.gain(1e-6)[0, 0])) == pytest.approx(dc, abs=0.001)
     undamped = ["contact.damping=0", "motor.viscous_friction=0", "bearing.viscous_friction=0"]

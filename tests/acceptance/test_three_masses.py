@@ -1,4 +1,4 @@
-"""Paper 002, two and three masses: corrected transfer functions, features, rows of the ladder (referee 3.3, 3.4)."""
+"""[Gao J. n.d., ch. 2], two and three masses: corrected transfer functions, features, rows of the ladder."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def by_determinant(masses: int) -> tuple[Any, Any]:
 
 
 def corrected(masses: int) -> tuple[Any, Any]:
-    """The polynomials as repaired by the referee's 3.3, printed (2.15) and (2.20) being wrong."""
+    """[Gao J. n.d., eqs. 2.15, 2.20] with their misprints repaired (docs/errata.md)."""
     a, W, Jm, Ja, da, ka, Ba, Jl, dl, kl, Bl, s = symbols().values()
     if masses == 2:
         top = a * (Ja * s**2 + (da + Ba) * s + ka)
@@ -174,7 +174,7 @@ def test_the_scenario_is_the_transfer_function(scenario: str) -> None:
     ],
 )
 def test_undamped_features(scenario: str, antiresonances: list[float], resonances: list[float], dc: float) -> None:
-    """Referee's 3.4: undamped zeros and poles to 0.1 %, DC gain to 0.001 dB."""
+    """Independent values: undamped zeros and poles to 0.1 %, DC gain to 0.001 dB."""
     model = linearise(scenario)
     assert 20 * np.log10(abs(model.gain(1e-6)[0, 0])) == pytest.approx(dc, abs=1e-3)
     changes = [
@@ -236,7 +236,7 @@ LADDER = [
 def test_nonlinear_ladder(
     scenario: str, recording: str, changes: list[str], expected: float, largest: float | None
 ) -> None:
-    """Referee's 3.4, rows with three masses, best gaps and refits: RMS to 0.1 dB."""
+    """Independent values, rows with three masses, best gaps and refits: RMS to 0.1 dB."""
     rms, most = measure(scenario, recording, *changes)
     assert rms == pytest.approx(expected, abs=0.1)
     if largest is not None:

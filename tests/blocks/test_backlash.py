@@ -101,7 +101,7 @@ def test_open_gap_lets_the_bodies_alone() -> None:
 
 
 def shaken(law: str, gap: float, spring: bool = False, step: float | None = None) -> Result:
-    """Two-mass drive of paper 002, Table B.3, shaken at its motor."""
+    """Two-mass drive of [Gao J. n.d., Table B.3], shaken at its motor."""
     middle = (
         SpringDamper(stiffness=0.013, damping=2e-4)
         if spring

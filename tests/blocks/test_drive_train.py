@@ -9,6 +9,7 @@ import pytest
 
 from blocks.actuators.dc_motor import DCMotor
 from blocks.actuators.effort import Force, Torque
+from blocks.actuators.friction import BearingFriction
 from blocks.actuators.gear import Gear
 from blocks.actuators.spring_damper import SpringDamper, TranslationalSpringDamper
 from blocks.links.fixed import Fixed, TranslationalFixed
@@ -18,7 +19,7 @@ from blocks.sources.constant import Constant
 from blocks.sources.sine import Sine
 from blocks.sources.step import Step
 from engine.block import Block
-from engine.errors import SimulationError, StructureError
+from engine.errors import ParameterError, SimulationError, StructureError
 from engine.simulate import Result
 from engine.tangent import tangents
 from tests.blocks.assembly import linear, model, run
@@ -40,7 +41,7 @@ def balance(result: Result) -> float:
 
 
 def test_bare_srv02_motor() -> None:
-    """Referee's notes 3.2: gain, corner and DC gain of the published single-mass model."""
+    """[Gao J. n.d., eq. 2.10]: gain, corner and DC gain."""
     found = linear({"motor": DCMotor(**SRV02)}, inputs=["motor.voltage"], outputs=["motor.shaft.speed"])
     gain = abs(complex(found.gain(1e-6)[0, 0]))
     assert gain == pytest.approx(120.508, abs=5e-4)
@@ -113,12 +114,12 @@ def test_motor_energy_balance(inductance: float) -> None:
     assert result["energy.dissipated"][-1] == pytest.approx(heat, rel=1e-3)
 
 
-def geared(eta: float, inertia: float = 0.02) -> Result:
+def geared(eta: float, inertia: float = 0.02, ratio: float = 14) -> Result:
     parts: dict[str, Block] = {
         "push": Constant(value="0.3 N.m"),
         "torque": Torque(),
         "rotor": Inertia(inertia=1e-4),
-        "gear": Gear(ratio=14, efficiency=eta, inertia=0.005),
+        "gear": Gear(ratio=ratio, efficiency=eta, inertia=0.005),
         "load": Inertia(inertia=inertia),
     }
     wires = ["push.out torque.torque", "torque.shaft rotor.shaft gear.input", "gear.output load.shaft"]
@@ -127,7 +128,7 @@ def geared(eta: float, inertia: float = 0.02) -> Result:
 
 @pytest.mark.parametrize("eta", [1.0, 0.9, 0.5])
 def test_gear_reflects_the_rotor(eta: float) -> None:
-    """Referee's notes 1.3: Jeq = eta n^2 Jm + Jl, driven by eta n tau."""
+    """Jeq = eta n^2 Jm + Jl, driven by eta n tau."""
     result = geared(eta)
     rate = eta * 14 * 0.3 / (eta * 14**2 * 1e-4 + 0.025)
     np.testing.assert_allclose(result["load.shaft.speed"], rate * result.time, rtol=1e-12)
@@ -138,8 +139,50 @@ def test_gear_reflects_the_rotor(eta: float) -> None:
     assert balance(result) < 1e-9
 
 
-def test_motor_gear_and_link_of_paper_000() -> None:
-    """Referee's notes 1.4: the motor constant and the back-emf damping at the link."""
+@pytest.mark.parametrize("eta", [1.0, 0.9])
+def test_a_gear_that_reverses(eta: float) -> None:
+    """n < 0: the load turns the other way, Jeq = eta n^2 Jm + Jl, and the loss is positive while the motor drives."""
+    result = geared(eta, ratio=-14)
+    rate = -eta * 14 * 0.3 / (eta * 14**2 * 1e-4 + 0.025)
+    np.testing.assert_allclose(result["load.shaft.speed"], rate * result.time, rtol=1e-12)
+    np.testing.assert_array_equal(result["rotor.shaft.speed"], -14 * result["load.shaft.speed"])
+    entering = (0.3 - 1e-4 * -14 * rate) * result["rotor.shaft.angle"][-1]
+    assert entering > 0
+    assert result["energy.dissipated"][-1] == pytest.approx((1 - eta) * entering, rel=1e-9, abs=1e-12)
+    assert balance(result) < 1e-9
+
+
+@pytest.mark.parametrize("ratio", [14.0, -14.0])
+def test_dry_friction_behind_a_gear_opposes_the_motion(ratio: float) -> None:
+    """Against friction Tc at the load the motor sticks while |n| T < Tc; beyond, the load gains |n| T - Tc."""
+    parts: dict[str, Block] = {
+        "torque": Torque(),
+        "rotor": Inertia(inertia=1e-4),
+        "gear": Gear(ratio=ratio),
+        "load": Inertia(inertia=0.02),
+        "dry": BearingFriction(coulomb_friction=1.4),
+    }
+    wires = ["torque.shaft rotor.shaft gear.input", "gear.output load.shaft dry.shaft"]
+    for push, expected in ((0.09, 0.0), (0.3, (14 * 0.3 - 1.4) / (0.02 + 14**2 * 1e-4))):
+        result = run({**parts, "push": Constant(value=push)}, "push.out torque.torque", *wires, stop=0.2)
+        rate = np.sign(ratio) * expected
+        np.testing.assert_allclose(result["load.shaft.speed"], rate * result.time, rtol=1e-9, atol=1e-12)
+        lost = 1.4 * abs(result["load.shaft.angle"][-1])
+        assert result["energy.dissipated"][-1] == pytest.approx(lost, rel=1e-9, abs=1e-12)
+
+
+def test_a_ratio_is_not_zero_and_a_model_keeps_its_sign() -> None:
+    with pytest.raises(ParameterError, match="0 is out of range: ratio must be other than 0"):
+        Gear(ratio=0)
+    for ratio, other, limit in ((14.0, -14.0, "> 0"), (-14.0, 14.0, "< 0")):
+        parts: dict[str, Block] = {"a": Inertia(inertia=1), "gear": Gear(ratio=ratio), "b": Inertia(inertia=1)}
+        made = model(parts, "a.shaft gear.input", "gear.output b.shaft", energy=False)
+        with pytest.raises(ParameterError, match=f"ratio must be {limit}"):
+            made.parameter_vector({"gear.ratio": other})
+
+
+def test_motor_gear_and_link_of_the_quanser_arm() -> None:
+    """[Gao X. n.d., text below eq. 11]: the motor constant and the back-emf damping at the link."""
     motor = {k: v for k, v in SRV02.items() if k not in ("rotor_inertia", "viscous_friction")}
     parts: dict[str, Block] = {
         "motor": DCMotor(**motor),
@@ -204,7 +247,7 @@ def test_translational_twin() -> None:
 
 
 def test_two_mass_antiresonance_and_resonance() -> None:
-    """Referee's notes 3.4, Table B.3: undamped 16.27 and 168.8 rad/s."""
+    """[Gao J. n.d., Table B.3]: undamped 16.27 and 168.8 rad/s."""
     parts: dict[str, Block] = {
         "torque": Torque(),
         "rotor": Inertia(inertia=4.606e-7),

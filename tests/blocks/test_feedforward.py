@@ -1,4 +1,4 @@
-"""Inverse dynamics against the plant it inverts, and against the corrected formulas (2.16) and (2.21) of paper 002."""
+"""Inverse dynamics against the plant it inverts, and against the corrected [Gao J. n.d., eqs. 2.16, 2.21]."""
 
 from __future__ import annotations
 
@@ -11,8 +11,12 @@ from blocks.actuators.dc_motor import DCMotor
 from blocks.actuators.friction import BearingFriction
 from blocks.actuators.gear import Gear
 from blocks.actuators.spring_damper import SpringDamper
-from blocks.controllers.feedforward import FeedForward
+from blocks.controllers.inverse_dynamics import InverseDynamics
+from blocks.controllers.rigid_feedforward import RigidFeedForward
+from blocks.controllers.three_mass_feedforward import ThreeMassFeedForward
+from blocks.controllers.two_mass_feedforward import TwoMassFeedForward
 from blocks.links.inertia import Inertia
+from blocks.registry import find
 from blocks.sources.trajectory import Trajectory
 from engine.block import Block
 from engine.errors import ParameterError
@@ -35,6 +39,7 @@ SPRING = {"stiffness": KA, "damping": DA}
 LOAD = {"load_inertia": JA, "load_viscous_friction": BA}
 LINK = {"link_inertia": JL, "link_viscous_friction": BL, "link_stiffness": KL, "link_damping": DL}
 ORDERS = ("position", "velocity", "acceleration", "jerk", "snap")
+KINDS: dict[int, type[InverseDynamics]] = {1: RigidFeedForward, 2: TwoMassFeedForward, 3: ThreeMassFeedForward}
 MOVE = {"end_position": 2.4, "velocity_limit": 2.4, "acceleration_limit": 4.8, "jerk_limit": 19.2, "snap_limit": 76.8}
 
 
@@ -42,7 +47,7 @@ def tracked(masses: int, forward: dict[str, Any], plant: dict[str, Block], wires
     """The plant driven by the feed-forward alone."""
     parts: dict[str, Block] = {
         "move": Trajectory(**MOVE, start=0.1),
-        "ff": FeedForward(masses=masses, ratio=N, **MOTOR, **forward),
+        "ff": KINDS[masses](ratio=N, **MOTOR, **forward),
         "motor": DCMotor(**MOTOR),
         "gear": Gear(ratio=N),
         **plant,
@@ -109,8 +114,8 @@ def test_an_undamped_spring_needs_the_snap() -> None:
 
 
 def test_a_model_with_too_few_masses_does_not_follow() -> None:
-    forward, plant, wires, _ = PLANTS[2]
-    rigid = tracked(1, forward, plant, wires)
+    _, plant, wires, _ = PLANTS[2]
+    rigid = tracked(1, LOAD, plant, wires)
     error = np.abs(rigid["load.shaft.angle"] - rigid["move.position"]).max()
     assert error > 1e-3
 
@@ -130,7 +135,7 @@ def test_dry_friction_is_compensated_while_the_reference_moves() -> None:
     assert np.abs(without["load.shaft.angle"] - without["move.position"]).max() > 0.1
 
 
-# Corrected (2.15)-(2.21), motor-referred; see the referee's 3.3.
+# [Gao J. n.d., eqs. 2.15 to 2.21] corrected (docs/errata.md), motor-referred.
 
 
 def impedances(s: complex, masses: int) -> tuple[complex, complex]:
@@ -154,7 +159,7 @@ def impedances(s: complex, masses: int) -> tuple[complex, complex]:
 @pytest.mark.parametrize("w", [0.3, 5.0, 40.0, 300.0])
 def test_the_corrected_formulas(masses: int, w: float) -> None:
     forward = PLANTS[masses][0]
-    parts: dict[str, Block] = {"ff": FeedForward(masses=masses, ratio=N, **MOTOR, **forward)}
+    parts: dict[str, Block] = {"ff": KINDS[masses](ratio=N, **MOTOR, **forward)}
     found = linear(
         parts, inputs=[f"ff.{o}" for o in ORDERS], outputs=["ff.voltage", "ff.motor.angle", "ff.motor.speed"]
     )
@@ -167,32 +172,68 @@ def test_the_corrected_formulas(masses: int, w: float) -> None:
 
 
 def test_load_side_values_are_motor_side_values_times_the_ratio_squared() -> None:
-    """Referee's 0.3: (Ja, da, ka, Ba) / n^2 and a reference n times larger give the same voltage."""
+    """(Ja, da, ka, Ba) / n^2 and a reference n times larger give the same voltage."""
     near = {name: value / N**2 for name, value in (LOAD | SPRING).items()}
     gains = []
     for ratio, values in ((N, LOAD | SPRING), (1.0, near)):
-        block = FeedForward(masses=2, ratio=ratio, **MOTOR, **values)
+        block = TwoMassFeedForward(ratio=ratio, **MOTOR, **values)
         found = linear({"ff": block}, inputs=[f"ff.{order}" for order in ORDERS], outputs=["ff.voltage"])
         gains.append(found.gain(11.0)[0] * (1.0 if ratio == N else N))
     np.testing.assert_allclose(gains[0], gains[1], rtol=1e-12)
 
 
-def test_no_masses_is_no_feed_forward() -> None:
-    parts: dict[str, Block] = {"move": Trajectory(**MOVE), "ff": FeedForward(masses=0, ratio=N, **MOTOR)}
+@pytest.mark.parametrize("masses", KINDS)
+def test_a_block_that_is_not_active_gives_the_rigid_reference_and_no_voltage(masses: int) -> None:
+    block = KINDS[masses](ratio=N, active=False, **MOTOR, **PLANTS[masses][0])
+    parts: dict[str, Block] = {"move": Trajectory(**MOVE), "ff": block}
     result = run(parts, *[f"move.{o} ff.{o}" for o in ORDERS], stop=2.0, step=0.01, energy=False)
     assert not result["ff.voltage"].any()
     np.testing.assert_allclose(result["ff.motor.speed"], N * result["move.velocity"], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("values", "message"),
+    ("kind", "values", "message"),
     [
-        ({"masses": 2}, "stiffness is 0, but masses = 2 needs it above 0"),
-        ({"masses": 3, **LOAD, **SPRING, **LINK, "damping": 0.0}, "damping is 0, but masses = 3 needs it"),
-        ({"masses": 3, **LOAD, **SPRING, **LINK, "link_damping": 0.0}, "link_damping is 0.*\n.*beyond snap"),
-        ({"masses": 4}, "4 is out of range: masses"),
+        (RigidFeedForward, {}, "RigidFeedForward needs 'load_inertia'"),
+        (TwoMassFeedForward, LOAD, "TwoMassFeedForward needs 'stiffness'"),
+        (TwoMassFeedForward, LOAD | SPRING | {"stiffness": 0.0}, "0.0 is out of range: stiffness must be > 0"),
+        (ThreeMassFeedForward, LOAD | LINK | {"stiffness": KA}, "ThreeMassFeedForward needs 'damping'"),
+        (ThreeMassFeedForward, LOAD | LINK | SPRING | {"link_damping": 0.0}, "out of range: link_damping must be > 0"),
     ],
 )
-def test_refusals(values: dict[str, Any], message: str) -> None:
+def test_refusals(kind: type[InverseDynamics], values: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
-        FeedForward(**MOTOR, **values)
+        kind(**MOTOR, **values)
+
+
+def test_a_rigid_model_needs_no_jerk() -> None:
+    parts: dict[str, Block] = {"move": Trajectory(**MOVE), "ff": RigidFeedForward(ratio=N, **MOTOR, **LOAD)}
+    with_jerk, without = [
+        run(parts, *[f"move.{o} ff.{o}" for o in orders], stop=2.0, step=0.01, energy=False)["ff.voltage"]
+        for orders in (ORDERS, ORDERS[:3])
+    ]
+    np.testing.assert_array_equal(with_jerk, without)
+
+
+def test_a_reversing_gear_turns_the_motor_the_other_way() -> None:
+    """The plant behind a gear of -14 follows the same trajectory without feedback."""
+    forward, plant, wires, last = PLANTS[2]
+    parts: dict[str, Block] = {
+        "move": Trajectory(**MOVE, start=0.1),
+        "ff": TwoMassFeedForward(ratio=-N, **MOTOR, **forward),
+        "motor": DCMotor(**MOTOR),
+        "gear": Gear(ratio=-N),
+        **plant,
+    }
+    signals = [f"move.{order} ff.{order}" for order in ORDERS]
+    every = [*signals, "ff.voltage motor.voltage", *wires]
+    result = run(parts, *every, stop=2.5, step=0.005, internal_step=5e-4, energy=False)
+    np.testing.assert_allclose(result[f"{last}.shaft.angle"], result["move.position"], rtol=0, atol=2e-8)
+    assert result["motor.shaft.angle"][-1] == pytest.approx(-N * 2.4, abs=1e-5)
+
+
+def test_the_block_of_earlier_versions_is_named_with_its_successors() -> None:
+    with pytest.raises(ParameterError) as caught:
+        find("FeedForward")
+    for said in ("RigidFeedForward", "TwoMassFeedForward", "ThreeMassFeedForward", "active: false"):
+        assert said in str(caught.value)

@@ -39,7 +39,7 @@ def through(block: Block, values: Any, step: float = 0.01) -> Result:
 
 @pytest.mark.parametrize("depth", [0.0, 0.05])
 def test_notch_response(depth: float) -> None:
-    """Paper 002, section 3.5.2: 68 rad/s."""
+    """[Gao J. n.d., sec. 3.5.2]: 68 rad/s."""
     w, d = 68.0, 0.6
     found = linear({"n": Notch(frequency=w, damping_ratio=d, depth_ratio=depth)}, inputs=["n.in"], outputs=["n.out"])
     for frequency in (1e-3, 10.0, 67.0, 68.0, 300.0, 1e6):

@@ -1,4 +1,4 @@
-"""Harmonic drive: eq (1) of paper 001 written out, its rigid limit (2), losses and the energy balance."""
+"""Harmonic drive: [One-link n.d., eq. 1] written out, its rigid limit (eq. 2), losses and the energy balance."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ N, ROTOR, LOAD = 100.0, 1.5e-6, 0.012
 WIRES = ["torque.shaft rotor.shaft drive.input", "drive.output load.shaft"]
 
 
-def parts(**drive: Any) -> dict[str, Block]:
+def parts(ratio: float = N, **drive: Any) -> dict[str, Block]:
     return {
         "torque": Torque(),
         "rotor": Inertia(inertia=ROTOR),
-        "drive": HarmonicDrive(ratio=N, **drive),
+        "drive": HarmonicDrive(ratio=ratio, **drive),
         "load": Inertia(inertia=LOAD),
     }
 
@@ -80,7 +80,7 @@ def test_rigid_limit_over_time() -> None:
 
 
 def test_motor_referred_model_is_the_same() -> None:
-    """Referee's notes 0.3: (Ja, da, ka) / n^2 and n = 1."""
+    """(Ja, da, ka) / n^2 and n = 1."""
     geared = plant(stiffness=800.0, damping=0.3)
     alone: dict[str, Block] = {
         "torque": Torque(),
@@ -127,9 +127,9 @@ def test_constant_efficiency_is_a_lossy_gear_and_a_spring(eta: float) -> None:
     assert balance(one) < 1e-6
 
 
-def driven(loss: str, torque: float, load: float) -> Result:
+def driven(loss: str, torque: float, load: float, ratio: float = N) -> Result:
     """Constant torques on both sides, from rest."""
-    blocks = parts(stiffness=2e3, damping=5.0, efficiency=0.6, loss=loss) | {"pull": Torque()}
+    blocks = parts(ratio, stiffness=2e3, damping=5.0, efficiency=0.6, loss=loss) | {"pull": Torque()}
     wires = [WIRES[0], "drive.output load.shaft pull.shaft"]
     drive = Drive([0.0], [[torque, load]])
     return run(blocks, *wires, inputs=["torque.torque", "pull.torque"], drive=drive, stop=0.5)
@@ -151,6 +151,33 @@ def test_directed_loss_when_the_motor_drives_and_when_the_load_does() -> None:
         motor["load.shaft.acceleration"][-1], rel=1e-6
     )
     assert driven("constant", 0.0, 0.5)["energy.dissipated"][-1] < 0, "a constant efficiency gains when the load drives"
+
+
+def test_a_drive_that_reverses_loses_what_its_twin_loses() -> None:
+    """n < 0, as with the circular spline held: eta n^2 Jr while the motor drives, n^2 Jr / eta while the load does."""
+    eta = 0.6
+    motor = driven("directed", 4e-3, 0.0, -N)
+    rate = -eta * N * 4e-3 / (eta * N**2 * ROTOR + LOAD)
+    assert motor["load.shaft.acceleration"][-1] == pytest.approx(rate, rel=1e-6)
+    assert motor["rotor.shaft.acceleration"][-1] == pytest.approx(-N * rate, rel=1e-6)
+    load = driven("directed", 0.0, 0.5, -N)
+    assert load["load.shaft.acceleration"][-1] == pytest.approx(0.5 / (LOAD + N**2 * ROTOR / eta), rel=1e-6)
+    for result, twin in ((motor, driven("directed", 4e-3, 0.0)), (load, driven("directed", 0.0, 0.5))):
+        assert (np.diff(result["energy.dissipated"]) >= -1e-15).all()
+        assert balance(result) < 1e-6
+        assert result["energy.dissipated"][-1] == pytest.approx(twin["energy.dissipated"][-1], rel=1e-9)
+
+
+def test_a_swinging_drive_that_reverses_balances() -> None:
+    source: dict[str, Block] = {"push": Sine(amplitude="6 mN.m", frequency=7)}
+    runs = []
+    for ratio in (N, -N):
+        blocks = source | parts(ratio, stiffness=700.0, damping=0.1, efficiency=0.75, loss="directed")
+        runs.append(run(blocks, "push.out torque.torque", *WIRES, stop=0.5, internal_step=5e-5))
+    forward, reversed_ = runs
+    assert balance(reversed_) < 1e-6
+    np.testing.assert_allclose(reversed_["rotor.shaft.angle"], forward["rotor.shaft.angle"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(reversed_["load.shaft.angle"], -forward["load.shaft.angle"], rtol=0, atol=1e-11)
 
 
 def test_directed_loss_holds_the_input_within_its_band() -> None:

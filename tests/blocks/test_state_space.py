@@ -132,8 +132,8 @@ class _Trap:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("k.pkl", pickle.dumps(_Trap()), "of no kind that is read here\n  give a .json or .mat file"),
-        ("k.npz", b"PK", "of no kind that is read here"),
+        ("k.pkl", pickle.dumps(_Trap()), "is not a .json or .mat file\n  save the matrices as one of these"),
+        ("k.npz", b"PK", "is not a .json or .mat file"),
         ("k.json", b"[1, 2", "is not JSON"),
         ("k.json", b"[1, 2]", "holds no JSON object"),
         ("k.json", b'{"A": [[1, 2], [3]], "B": 1}', "'C' is missing|no matrix is given"),

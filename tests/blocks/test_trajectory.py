@@ -1,4 +1,4 @@
-"""Fourth-order trajectories: referee's 3.5, limits, end states, shortest times, and the block's exact instants."""
+"""Trajectories of [Gao J. n.d., sec. 3.2]: limits, end states, shortest times, and the block's exact instants."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIGNS = [1, -1, -1, 1, -1, 1, 1, -1]
 
 @pytest.mark.parametrize("triangular", [True, False])
 def test_the_papers_trajectory(triangular: bool) -> None:
-    """Referee's 3.5: D = 2.4 in T = 2.000 s, where all four limits are met together."""
+    """D = 2.4 in T = 2.000 s, where all four limits are met together."""
     made = plan(State(), State(2.4), PAPER, triangular=triangular)
     assert made.duration == pytest.approx(2.0, abs=1e-9)
     np.testing.assert_allclose(made.instants, np.arange(9) / 4, atol=1e-9)

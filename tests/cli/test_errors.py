@@ -41,7 +41,7 @@ BAD = {
     "misspelled record": ("load.shaft.angle]}\nan", "load.shaft.angel]}\nan", ["base.yaml:15", "record[2]", "did you"]),
     "missing parameter": ("ratio: 70", "inertia: 0", ["base.yaml:8", "needs 'ratio'", "give ratio"]),
     "missing setting": ("stop: 0.1 s, ", "", ["base.yaml:15", "simulate.stop", "missing", "give stop"]),
-    "out of range": ("ratio: 70", "ratio: -3", ["base.yaml:8", "blocks.gear.ratio", "must be > 0"]),
+    "out of range": ("ratio: 70", "ratio: 0", ["base.yaml:8", "blocks.gear.ratio", "must be other than 0"]),
     "NaN": ("ratio: 70", "ratio: .nan", ["base.yaml:8", "blocks.gear.ratio", "not a finite number"]),
     "no number": ("ratio: 70", "ratio: yes", ["base.yaml:8", "'yes' is not a number", "write"]),
     "empty value": ("ratio: 70", "ratio: null", ["base.yaml:8", "blocks.gear.ratio", "no value"]),
@@ -123,7 +123,7 @@ HOSTILE = {
     "two documents": ("schema: 1\n---\nschema: 1\n", "bad.yaml:2"),
     "empty": ("", "'schema' is missing"),
     "a word": ("hello\n", "mapping"),
-    "itself": ("schema: 1\nname: s\nblocks:\n  a: {type: ./bad.yaml}\n", "takes itself in"),
+    "itself": ("schema: 1\nname: s\nblocks:\n  a: {type: ./bad.yaml}\n", "includes itself"),
 }
 
 

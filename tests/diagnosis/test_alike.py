@@ -19,7 +19,7 @@ from diagnosis.search.equivalent_effects import same_laws
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import exchanged
 from diagnosis.thresholds import EXCHANGE, INTERVALS
-from diagnosis.verdict import verdict
+from diagnosis.verdict import verdict, wording
 from engine.errors import FlexarmError
 from scenarios.load import load
 from tests.diagnosis import plants
@@ -103,7 +103,7 @@ def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain: float, 
         effects=(Candidate("sensor_scale", "arm.shaft.angle", "arm", "found", lambda values: []),),
     )
     study: Any = SimpleNamespace(chosen=trial, trials=(trial,))
-    rows = verdict._units(study)
+    rows = wording._units(study)
     assert rows == (
         [f"a scale of {gain:.4g} at arm.shaft.angle is near that between {told}: is its unit right?"] * bool(told)
     )

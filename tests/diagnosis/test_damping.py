@@ -16,7 +16,7 @@ from diagnosis.recordings.columns import RecordingError
 from engine.errors import ParameterError
 from tests.diagnosis.decays import coulomb, viscous
 
-FREQUENCY = 0.96  # Hz, the pendulum of paper 003
+FREQUENCY = 0.96  # Hz, the pendulum of [Mohan 2010, Table 1]
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def test_the_reported_error_is_the_scatter_over_seeds() -> None:
 
 
 def test_the_pendulum_of_the_paper_returns_its_ratio() -> None:
-    # REFEREE 4.1: release from 7 deg with kappa = 1.242e-3 N.m.s/rad.
+    # Release from 7 deg with kappa = 1.242e-3 N.m.s/rad.
     mass, length, hub, gravity, kappa = 0.5455 * 0.33, 0.33, 2.95e-5, 9.81, 1.242e-3
     inertia = mass * length**2 / 3 + hub
     time = np.arange(0, 12, 2e-3)

@@ -1,4 +1,4 @@
-"""The numbers of REFEREE 4.1: what paper 003 prints for its pendulum, and what they mean."""
+"""What [Mohan 2010, sec. 3.1.1, Table 1] prints for its pendulum, and what they mean."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_an_overdamped_reading_is_said_to_creep() -> None:
 
 
 def test_modal_damping_of_the_clamped_link() -> None:
-    # REFEREE 4.2: M = 0.06 kg, K = 137.600 and 5404.11 N/m.
+    # [Mohan 2010, Table 2]: M = 0.06 kg, K = 137.600 and 5404.11 N/m.
     assert modal_damping(1.0, 0.06, 137.600) == pytest.approx(5.7464, rel=1e-4)
     assert modal_damping(0.198, 0.06, 137.600) == pytest.approx(1.1378, rel=1e-4)
     assert modal_damping(0.0428, 0.06, 5404.11) == pytest.approx(1.5413, rel=1e-4)

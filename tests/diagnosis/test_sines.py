@@ -1,4 +1,4 @@
-"""Frequency-response tables: simulated against independent oracles, and the three tables of paper 002 diagnosed."""
+"""Frequency-response tables: independent oracles, and [Gao J. n.d., Tables 2.2, A.1, A.2] diagnosed."""
 
 from __future__ import annotations
 

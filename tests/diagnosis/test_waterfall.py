@@ -1,4 +1,4 @@
-"""Evolving spectra against decays of known damping: the table of REFEREE 4.6, its tolerances, and the refusals."""
+"""Evolving spectra against decays of known damping: a table computed independently, and the refusals."""
 
 from __future__ import annotations
 

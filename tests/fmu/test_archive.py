@@ -1,4 +1,4 @@
-"""The archive: valid, reproducible, self-contained, rebuildable; and exports that must fail (checks 1, 2, 17)."""
+"""The archive: valid, reproducible, self-contained, rebuildable; and exports that must fail."""
 
 from __future__ import annotations
 

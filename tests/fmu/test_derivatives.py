@@ -1,4 +1,4 @@
-"""Directional derivatives and ModelStructure: against differences, the linear model, and values (check 11)."""
+"""Directional derivatives and ModelStructure: against differences, the linear model, and values."""
 
 from __future__ import annotations
 

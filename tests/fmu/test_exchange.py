@@ -1,4 +1,4 @@
-"""Model Exchange: another integrator on the same equations agrees with Co-Simulation (check 16)."""
+"""Model Exchange: another integrator on the same equations agrees with Co-Simulation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The linux64 binary in a host without Python: numbers, instances, threads, reloading, memory (checks 3, 7, 8)."""
+"""The linux64 binary in a host without Python: numbers, instances, threads, reloading, memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other importers: libcosimpy and ecospy give what FMPy gives (check 4) and run the SSP of a split scenario (check 18).
+"""Other importers: libcosimpy and ecospy give what FMPy gives and run the SSP of a split scenario.
 
 They are skipped where they are not installed or do not load.
 """

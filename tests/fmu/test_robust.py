@@ -1,4 +1,4 @@
-"""Calls that cannot be obeyed: a defined status, one message, nothing changed, no crash (checks 12, 13, 15)."""
+"""Calls that cannot be obeyed: a defined status, one message, nothing changed, no crash."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Generated C, integrator and FMI heads under the address and undefined-behaviour sanitizers (checks 8, 10, 12).
+"""Generated C, integrator and FMI heads under the address and undefined-behaviour sanitizers.
 
 A C host with the FMU's sources compiled in calls every function of the standard with good and bad arguments, in right
 and wrong order; see sanitized.c.

@@ -1,4 +1,4 @@
-"""A scenario split into FMUs and an SSP: it converges to the scenario as the step shrinks (check 18)."""
+"""A scenario split into FMUs and an SSP: it converges to the scenario as the step shrinks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Saved states, reset and tuning (checks 9, 10, 14)."""
+"""Saved states, reset and tuning."""
 
 from __future__ import annotations
 

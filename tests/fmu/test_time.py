@@ -1,4 +1,4 @@
-"""An FMU's results over time: equal to the runner, independent of how the importer divides time (checks 5, 6)."""
+"""An FMU's results over time: equal to the runner, independent of how the importer divides time."""
 
 from __future__ import annotations
 

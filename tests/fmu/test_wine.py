@@ -1,4 +1,4 @@
-"""The win64 binary gives what FMPy gives with the linux64 one (check 4), under Wine where it is installed."""
+"""The win64 binary gives what FMPy gives with the linux64 one, under Wine where it is installed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errata of the papers 000, 001 and 003 (docs/errata.md), settled by derivations and numbers that use no product code.
+"""Errata of [Gao X. n.d.], [One-link n.d.] and [Mohan 2010] (docs/errata.md), by derivations that use no product code.
 
 The files that are read hold the papers' own tables.
 """
@@ -36,7 +36,7 @@ def cantilever(mode: Any, x: Any, derivative: int = 0) -> Any:
     return shape(BETA[mode], -sigma(BETA[mode]), x, derivative)
 
 
-# -- 000: single-link arm ----------------------------------------------------------------------------------------------
+# -- Gao et al.: single-link arm ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("mode", "printed"), [(0, 0.6131), (1, 1.0178)])
@@ -114,7 +114,7 @@ def test_000_16_the_stiffness_integral_of_q_squared_puts_the_mode_at_0_15_hz() -
 
 
 def final_angle(height: Any, zone: Any) -> Any:
-    """Degrees, 1 s after a step of 1 s: equation (11) with one mode, parameter set A of REFEREE 1.3."""
+    """Degrees, 1 s after a step of 1 s: equation (11) with one mode, parameter set A."""
     efficiency, ratio, motor, kt, resistance, km = 0.9, 70, 0.69, 7.68e-3, 2.6, 7.68e-3
     gain, friction = efficiency * ratio * motor * kt / resistance, 0.004
     inertia = HUB + DENSITY * LENGTH**3 / 3
@@ -151,7 +151,7 @@ def test_000_12_the_third_branch_of_the_dead_zone() -> None:
     assert final_angle(1.0, right) == pytest.approx(82.607, abs=0.005)
 
 
-# -- 001: harmonic drive and lumped-mass link --------------------------------------------------------------------------
+# -- One-link manipulator: harmonic drive and lumped-mass link ---------------------------------------------------------
 
 
 def test_001_2_the_inertia_is_the_total_and_the_torque_that_of_the_load_side() -> None:
@@ -196,7 +196,7 @@ def test_001_table_2_the_first_zero_and_the_third_mode() -> None:
     assert abs(76.19 / second - 1) < 0.005 < 0.15 < 247.89 / third - 1
 
 
-# -- 003: damping ------------------------------------------------------------------------------------------------------
+# -- Mohan et al.: damping ---------------------------------------------------------------------------------------------
 
 LINK, EI, RHO = 0.33, 0.4, 0.060 / 0.33
 

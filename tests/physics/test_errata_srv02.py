@@ -1,4 +1,4 @@
-"""Errata of paper 002 (docs/errata.md), settled by derivations and numbers that use no product code."""
+"""Errata of [Gao J. n.d.] (docs/errata.md), settled by derivations and numbers that use no product code."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def only(folder: Any) -> Any:
     return row
 
 
-# Newcombe, Statistics in Medicine 17 (1998) 857-872, table I, method 3.
+# [Newcombe 1998, Table I, method 3]
 @pytest.mark.parametrize(
     ("hits", "total", "low", "high"),
     [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],

@@ -170,9 +170,9 @@ def test_entities(use: Use, doctype: bytes, text: bytes, tmp_path: Path) -> None
         (b"<a>" * 200_000, "nested more than 100 levels deep"),
         (b"<a>" + b"<b/>" * 1_100_000 + b"</a>", "more than 1000000 elements"),
         (b"<a>" + b" " * 70_000_000 + b"</a>", "MB; at most 64 MB are read"),
-        (b"\xff\xfe<\0a\0/\0", "is no XML"),
-        (b"<?xml version='1.0' encoding='utf-7'?><a/>", "is no XML"),
-        (b"", "is no XML"),
+        (b"\xff\xfe<\0a\0/\0", "is not XML"),
+        (b"<?xml version='1.0' encoding='utf-7'?><a/>", "is not XML"),
+        (b"", "is not XML"),
     ],
     ids=["deep", "many", "large", "half a character", "odd encoding", "empty"],
 )
@@ -195,7 +195,7 @@ def test_a_binary_outside_of_the_fmu(tmp_path: Path) -> None:
     files = dict(fmu())
     files[DESCRIPTION] = files[DESCRIPTION].replace(b'modelIdentifier="', b'modelIdentifier="../../../outer/')
     for use in (as_fmu,):
-        refused(use, packed(files), tmp_path, "is no name of C")
+        refused(use, packed(files), tmp_path, "is not a C identifier")
 
 
 @pytest.mark.parametrize(

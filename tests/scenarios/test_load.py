@@ -143,6 +143,17 @@ def test_set_reaches_into_a_sub_assembly(whole: Path) -> None:
     assert blocks["right.link"].values["mass"] == pytest.approx(0.1)
 
 
+def test_set_replaces_a_whole_block() -> None:
+    """Its wires stay; a block of an unknown type is refused, and so is a mapping without a type."""
+    blocks = load("srv02-bare", ["motor={type: DCMotor, resistance: 3 ohm, torque_constant: 0.01}"]).system.blocks
+    assert blocks["motor"].values["resistance"] == 3
+    assert blocks["motor"].values["efficiency"] == 1
+    with pytest.raises(FlexarmError, match="there is no block type 'DCMotro'"):
+        load("srv02-bare", ["motor={type: DCMotro}"])
+    with pytest.raises(FlexarmError, match=r"(?s)'motor' is a block, not a value.*the whole block: motor={type"):
+        load("srv02-bare", ["motor={resistance: 3 ohm}"])
+
+
 @pytest.mark.parametrize(
     ("old", "new", "pieces"),
     [

@@ -13,10 +13,15 @@ from flexarm.api import simulate
 from scenarios.load import load
 
 TARGET = Path(__file__).resolve().parents[2] / "docs" / "systems" / "figures" / "feed-forward.png"
+RIGID = (
+    "feedforward={type: RigidFeedForward, ratio: 14, resistance: 2.6 ohm, torque_constant: 7.68 mN.m/A, "
+    "efficiency: 0.69, rotor_inertia: 4.606e-7 kg.m2, viscous_friction: 1.26e-6 N.m.s/rad, coulomb_friction: "
+    "2.25e-4 N.m, load_inertia: 9.4276e-3 kg.m2, load_viscous_friction: 3.2928e-4 N.m.s/rad}"
+)
 CASES = {
-    "PI, reference not filtered": ("feedforward.masses=0", "compensation.active=false"),
-    "PI": ("feedforward.masses=0",),
-    "PI and rigid feed-forward": ("feedforward.masses=1",),
+    "PI, reference not filtered": ("feedforward.active=false", "compensation.active=false"),
+    "PI": ("feedforward.active=false",),
+    "PI and rigid feed-forward": (RIGID,),
     "PI and two-mass feed-forward": (),
     "the same, plant's inertia +20 %": ("load.inertia=0.01131312",),
 }

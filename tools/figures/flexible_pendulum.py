@@ -1,4 +1,4 @@
-"""Draw docs/systems/figures/flexible-pendulum.png: the flexible link of paper 003 clamped, falling, and braked.
+"""Draw docs/systems/figures/flexible-pendulum.png: the flexible link of [Mohan 2010] clamped, falling, and braked.
 
 Run ``python -m tools.figures.flexible_pendulum``.
 """

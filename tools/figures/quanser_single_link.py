@@ -1,4 +1,4 @@
-"""Draw docs/systems/figures/quanser-single-link.png: the arm of paper 000 with and without its dead zone.
+"""Draw docs/systems/figures/quanser-single-link.png: the arm of [Gao X. n.d.] with and without its dead zone.
 
 Run ``python -m tools.figures.quanser_single_link``.
 """

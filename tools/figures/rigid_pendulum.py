@@ -1,4 +1,4 @@
-"""Draw docs/systems/figures/rigid-pendulum.png: the pendulum of paper 003 with its joint damping, right and as printed.
+"""Draw docs/systems/figures/rigid-pendulum.png: the pendulum of [Mohan 2010] with right and printed joint damping.
 
 Run ``python -m tools.figures.rigid_pendulum``.
 """

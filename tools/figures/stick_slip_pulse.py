@@ -1,4 +1,4 @@
-"""Draw docs/systems/figures/stick-slip-pulse.png: the two torque pulses of paper 001, and how the stuck arm rings.
+"""Draw docs/systems/figures/stick-slip-pulse.png: the two torque pulses of [One-link n.d.] and how the stuck arm rings.
 
 Run ``python -m tools.figures.stick_slip_pulse``.
 """

@@ -27,7 +27,7 @@ def draw(target: Path = TARGET) -> Path:
     outputs = [f"trajectory.{order}" for order in UNITS]
     trapezoidal = [f"trajectory.{name}_limit={value}" for name, value in LIMITS.items()]
     cases = {
-        "paper 002: all limits met together, triangular jerk": [],
+        "Gao: all limits met together, triangular jerk": [],
         "other limits, trapezoidal jerk": ["trajectory.profile=trapezoidal", *trapezoidal],
     }
     figure, panels = pyplot.subplots(5, 1, figsize=(8, 7.5), layout="constrained", sharex=True)

@@ -1,4 +1,4 @@
-"""Draw docs/systems/figures/two-link-arm.png: the two-link arm of paper 003 on made-up torques.
+"""Draw docs/systems/figures/two-link-arm.png: the two-link arm of [Mohan 2010] on made-up torques.
 
 Run ``python -m tools.figures.two_link_arm``.
 """

@@ -22,7 +22,7 @@ from benchmarks.concealed.plants.srv02 import ROOT, combined, flexible_link
 
 
 class HarmonicArm(Plant):
-    """Drive and arm of the size of paper 001; the drive taken to be rigid and without friction."""
+    """Drive and arm of the size of [One-link n.d.]; the drive taken to be rigid and without friction."""
 
     name = "harmonic-arm"
     title = "Harmonic drive with a flexible link"

@@ -24,7 +24,7 @@ G = 9.81
 
 
 class Pendulum(Plant):
-    """Arm of the size of paper 003's first rig, driven by belt, undamped as the simplest model has it."""
+    """Arm of the size of [Mohan 2010, Table 1], driven by belt, undamped as the simplest model has it."""
 
     name = "pendulum"
     title = "Pendulum driven by belt"

@@ -23,7 +23,7 @@ COUPLING, SHAFT = "motor.shaft -> gear.input", "shaft"
 
 
 class GearedTwoMass(Plant):
-    """SRV02 motor in low gear, load and shaft of the size of paper 002's Table B.3 seen from the load."""
+    """SRV02 motor in low gear, load and shaft of the size of [Gao J. n.d., Table B.3] seen from the load."""
 
     name = "geared-two-mass"
     title = "Geared motor with a load on an elastic shaft"

@@ -19,8 +19,6 @@ DRIVEN, MEASURED, RECORDED = "driven", "measured", "recorded"
 
 _OUTWARD = ("output", "b", "tip")
 _INWARD = ("input", "a", "hub")
-_HOLDING = ("Brake",)
-"""Blocks with a signal input that do not drive a mechanism but hold it."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +148,7 @@ def _distances(system: System, groups: Iterable[list[End]]) -> dict[str, int]:
         for end in ends:
             around[end.block] += [other.block for other in ends if other.block != end.block]
     fed = {system.split(end)[0] for c in system.connections for end in c.ends if system.is_input(end)}
-    driving = [n for n, b in system.blocks.items() if b.is_physical() and n in fed and type(b).__name__ not in _HOLDING]
+    driving = [n for n, b in system.blocks.items() if b.is_physical() and n in fed]
     found: dict[str, int] = {}
     for roots in (driving, *([name] for name in system.blocks)):
         queue = deque(name for name in roots if name not in found)

@@ -15,7 +15,7 @@ class EddyBrake(Block):
 
     Tm = greatest_torque, which it reaches at the critical speed wc = critical_speed. Far below it the brake is a
     viscous damper of 2 Tm / wc; far above, the currents push the field out of the disc and the torque falls as 1/w.
-    Wouterse, IEE Proceedings B 138 (1991) 153.
+    [Wouterse 1991]
     """
 
     greatest_torque = parameter("N.m", ..., "greatest torque Tm", gt=0, tolerance=0.2)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blocks.symbolic import sqrt
 from flexarm import Block, flange, parameter, signal_in, signal_out
+from flexarm.symbolic import sqrt
 
 if TYPE_CHECKING:
     from flexarm import Net

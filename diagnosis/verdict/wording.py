@@ -1,0 +1,157 @@
+"""What a verdict says: effects in words, a sentence for each finding, and what makes it less sure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.time_experiment import over_time
+from diagnosis.search.preference import accounted, beyond
+from diagnosis.search.scored_model import ScoredModel
+from diagnosis.search.study import Study
+from diagnosis.thresholds import PREFERENCE, WORDING
+from diagnosis.verdict.table_report import absorbed, remarks
+
+WORDS = {
+    "dead_zone": "a dead zone",
+    "saturation": "saturation",
+    "uneven_gain": "a gain that differs between the directions",
+    "offset": "an offset",
+    "lag": "a first-order lag",
+    "delay": "a delay",
+    "coulomb_friction": "Coulomb friction",
+    "stribeck_friction": "Stribeck friction",
+    "direction_dependent_friction": "friction that differs between the directions",
+    "viscous_friction": "viscous friction",
+    "quadratic_drag": "quadratic drag",
+    "joint_flexibility": "a flexible joint",
+    "one_sided_contact": "a contact that only pushes, without play,",
+    "hardening_spring": "a hardening spring",
+    "extra_mode": "a further bending mode",
+    "torque_ripple": "torque ripple",
+    "stray_spring": "a stray spring",
+}
+
+SCALES = {
+    "degrees and radians": math.degrees(1),
+    "thousands": 1000.0,
+    "rpm and rad/s": 60 / math.tau,
+    "turns and radians": math.tau,
+    "inches and millimetres": 25.4,
+}
+"""Factors between units that are taken for one another."""
+
+
+def name_of(effect: str) -> str:
+    """An effect in words."""
+    return WORDS.get(effect, effect.replace("_", " "))
+
+
+def finding_sentence(
+    effect: str, place: str, status: str, explained: float, study: Study, rivals: Sequence[ScoredModel]
+) -> str:
+    """The finding as a sentence, with the held-out error before and after.
+
+    Args:
+        effect: machine name of what was found.
+        place: where it was found.
+        status: of the finding.
+        explained: share of the held-out excess that it explains.
+        study: what was tried.
+        rivals: that the recordings cannot tell from it.
+    """
+    what = name_of(effect)
+    before, after = study.refit.hold_out, study.chosen.hold_out
+    numbers = f"the held-out error falls from {before:.3g} to {after:.3g} times the noise floor"
+    if status == "wrong_parameter":
+        return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
+    if status == "tie":
+        others = "; ".join(t.label for t in rivals[:8])
+        left = f" {numbers.capitalize()}." if after > WORDING.left else ""
+        return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}.{left}"
+    if effect == "unknown":
+        return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
+    if status == "unknown" and explained >= PREFERENCE.explains:
+        what = f"{what.capitalize()} at {place} would explain {explained:.0%}"
+        if accounted(study.recordings, study.refit, study.chosen):
+            return f"{what}, but a recording looks wrong: see the warnings."
+        far = beyond(study.refit, study.chosen)
+        if far:
+            return f"{what}, but only with {', '.join(far)} far from what it can be: something like it is missing."
+        return f"{what}, but leaves more than noise ({after:.3g} times the floor): something like it is missing."
+    if status == "unknown":
+        return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."
+    return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."
+
+
+def nothing_sentence(study: Study, status: str, near: Candidate | None) -> str:
+    """What is said where nothing was found: nothing is missing, or nothing that has a name.
+
+    Args:
+        study: what was tried.
+        status: ``none`` or ``unknown``.
+        near: the effect that did best, if something is missing.
+    """
+    error = study.refit.hold_out
+    if status == "none":
+        return (
+            f"Nothing is missing that these recordings show: with its parameters fitted within their tolerances the "
+            f"model stands at {error:.2f} times the noise floor on held-out data, and no effect of the catalogue "
+            f"accounts for more."
+        )
+    best = f"; the best, {name_of(near.effect)}, is at {near.place}" if near else ""
+    return (
+        f"Something is missing (held-out error {error:.1f} times the floor), but no effect of the catalogue accounts "
+        f"for it{best}."
+    )
+
+
+def traits(trial: ScoredModel) -> tuple[str, str]:
+    """When and at which frequency the residual of a model is large, in words."""
+    problem = trial.fit.problem
+    e = problem.judged[0]
+    return e.large_where(problem.residual(trial.fit.x, e), [v.name for v in problem.model.outputs])
+
+
+def warnings_of(study: Study) -> tuple[str, ...]:
+    """What makes a verdict less sure, in sentences."""
+    rows: list[str] = []
+    problem = study.refit.fit.problem
+    drives = [np.asarray(e.drive.values) for e in over_time(problem.training) if e.drive is not None]
+    if drives and (all((d >= 0).all() for d in drives) or all((d <= 0).all() for d in drives)):
+        rows.append(
+            "the training recordings drive in one direction only: names given from one direction deserve distrust"
+        )
+    if drives and len({round(float(np.abs(d).max()), 6) for d in drives}) == 1 and len(drives) > 1:
+        rows.append(
+            "all training recordings have one amplitude: effects that depend on amplitude are hard to tell apart"
+        )
+    rows += remarks(problem) + absorbed(study) + _units(study)
+    if not problem.held_out:
+        rows.append("no recording was held out: gains are judged on the data that were fitted")
+    if not study.refit.fit.converged:
+        rows.append("the fit of the model's own parameters did not converge")
+    if not study.chosen.fit.converged:
+        rows.append("the fit of the chosen model did not converge")
+    pairs = zip(study.chosen.fit.problem.free, study.chosen.fit.x, strict=True)
+    beyond = [f.name for f, x in pairs if f.prior and abs(x) > 3]
+    if beyond:
+        rows.append(f"fitted more than three tolerances away: {', '.join(beyond)}")
+    return tuple(rows)
+
+
+def _units(study: Study) -> list[str]:
+    """What a sensor's or input's scale that is near the factor between two units suggests."""
+    rows = []
+    for trial in (study.chosen, *study.trials[:1]):
+        for key, value in trial.added().items():
+            if key == "sensor_scale.gain" and value:
+                off = {what: abs(abs(math.log(abs(value))) / math.log(factor) - 1) for what, factor in SCALES.items()}
+                what = min(off, key=lambda k: off[k])
+                if off[what] < 0.02:
+                    place = next((c.place for c in trial.effects), "")
+                    rows.append(f"a scale of {value:.4g} at {place} is near that between {what}: is its unit right?")
+    return list(dict.fromkeys(rows))
