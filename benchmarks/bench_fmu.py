@@ -51,7 +51,7 @@ def _started(path: Path, stack: contextlib.ExitStack) -> Host:
     return instance
 
 
-def _seconds(run: Callable[[], None]) -> float:
+def _seconds(run: Callable[[], object]) -> float:
     begun = time.perf_counter()
     run()
     return time.perf_counter() - begun
@@ -72,7 +72,7 @@ def measure() -> dict[str, Any]:
         begun = time.perf_counter()
         both = fmu.export(arm, folder / "both.fmu", step=STEP)
         first = time.perf_counter() - begun
-        warm = _seconds(lambda: fmu.export(arm, folder / "again.fmu", step=STEP) and None)
+        warm = _seconds(lambda: fmu.export(arm, folder / "again.fmu", step=STEP))
         instance, hand = _started(both, stack), ByHand()
         loop = Loop(instance)
         loop.run(1000)

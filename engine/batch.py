@@ -12,7 +12,7 @@ import json
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -61,7 +61,7 @@ def batch(
     workers: int | None = None,
     progress: Progress | None = None,
     log_capacity: int = 1000,
-) -> Iterator[Result | Failure]:
+) -> Generator[Result | Failure, None, None]:
     """Run the cases and yield their results in the order of the cases.
 
     Args:
@@ -140,7 +140,7 @@ def resumable(
     *,
     reduce: Callable[[Result], dict[str, float]],
     **settings: Any,
-) -> Iterator[dict[str, float]]:
+) -> Generator[dict[str, float], None, None]:
     """A batch whose rows are kept in a folder; started again after an interruption, it computes only what is missing.
 
     Args:

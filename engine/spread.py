@@ -15,7 +15,7 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection, wait
@@ -74,7 +74,7 @@ class Spread:
             reader, self._alive = context.Pipe(duplex=False)
             self._pool = ProcessPoolExecutor(self.workers, context, initializer=_begin, initargs=(reader,))
 
-    def map(self, function: Callable[[Task], Answer], tasks: Iterable[Task]) -> Iterator[Answer]:
+    def map(self, function: Callable[[Task], Answer], tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Yield ``function(task)`` for every task, in order; tasks are taken as they are needed.
 
         Raises:
@@ -138,7 +138,7 @@ class Spread:
 
     def kept(
         self, function: Callable[[Task], Any], tasks: Iterable[tuple[str, Task]], store: Store
-    ) -> Iterator[tuple[str, Any]]:
+    ) -> Generator[tuple[str, Any], None, None]:
         """Like `map` for tasks with keys, except that what the store holds is not computed again.
 
         Args:

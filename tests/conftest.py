@@ -1,5 +1,10 @@
 """Shared test settings."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
 import pytest
 from hypothesis import settings
 
@@ -9,7 +14,7 @@ settings.load_profile("flexarm")
 
 
 @pytest.fixture(scope="session")
-def cluster():
+def cluster() -> Iterator[Any]:
     """The address of a dask cluster of two processes on this machine."""
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ import flexarm
 README = Path(__file__).parent.parent / "README.md"
 
 
-def test_the_scenario_in_the_readme_runs(tmp_path):
+def test_the_scenario_in_the_readme_runs(tmp_path: Path) -> None:
     text = README.read_text(encoding="utf-8")
     indented = re.search(r"(?m)^    schema: 1\n(?:    .*\n)+", text)
     assert indented is not None
@@ -29,11 +30,12 @@ def test_the_scenario_in_the_readme_runs(tmp_path):
     assert abs(slope / speed - 1) < 0.2
 
 
-def test_every_command_of_the_readme_exists():
+def test_every_command_of_the_readme_exists() -> None:
     from typer.main import get_command
 
     from flexarm.cli import app
 
     named = set(re.findall(r"`flexarm (\w+)", README.read_text(encoding="utf-8")))
     assert named >= {"run", "check", "linearise", "export", "compare"}
-    assert named <= set(get_command(app).commands)
+    group: Any = get_command(app)
+    assert named <= set(group.commands)

@@ -6,6 +6,7 @@ import ctypes
 import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -101,9 +102,15 @@ def _control_linear(s: p.StateSpace) -> list[Tool]:
     first = "forced_response, input linear between rows, so that a step becomes a ramp of 1 ms"
     second = "sample_system with the input held, then forced_response: exact for this input"
     return [
-        Tool("python-control", how, lambda plant=x: np.asarray(control.forced_response(plant, instants, u).outputs))
+        Tool("python-control", how, partial(_response, x, instants, u))
         for how, x in ((first, plant), (second, sampled))
     ]
+
+
+def _response(plant: Any, instants: Any, u: Any) -> Any:
+    import control
+
+    return np.asarray(control.forced_response(plant, instants, u).outputs)
 
 
 def _pathsim_linear(s: p.StateSpace) -> Tool:

@@ -20,7 +20,7 @@ STYLE: dict[str, Any] = {"svg.fonttype": "none", "font.family": "sans-serif", "s
 
 def power(rows: Sequence[Score], path: Path) -> None:
     """Rates against effect size, and the distribution of held-out errors, as SVG."""
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(STYLE):  # type: ignore[arg-type]
         figure = Figure(figsize=(9, 3.6), layout="constrained")
         left, right = figure.subplots(1, 2)
         table = by_size(rows)

@@ -1,6 +1,9 @@
 """The 8-state reference arm as pythonfmu has it: a Python class; equations as in arm8.c."""
 
+from __future__ import annotations
+
 import math
+from typing import Any
 
 from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
 
@@ -13,7 +16,7 @@ DAMPING = [2 * XI * math.sqrt(k * M) for k in STIFFNESS]
 INERTIA = GEAR * N**2 * J + JG + M * L**2 / 3 - sum(c**2 / M for c in COUPLING)
 
 
-def rates(x, voltage):
+def rates(x: Any, voltage: Any) -> list[Any]:
     """The derivative of the state."""
     w, a, v = x[4], x[1:4], x[5:]
     held = INERTIA + M * (a[0] ** 2 + a[1] ** 2 + a[2] ** 2)
@@ -24,10 +27,10 @@ def rates(x, voltage):
     return [w, *v, acceleration, *((force[i] - COUPLING[i] * acceleration) / M for i in range(3))]
 
 
-class Arm8(Fmi2Slave):
+class Arm8(Fmi2Slave):  # type: ignore[misc]
     """Voltage in; angle of the hub and deflection of the tip out."""
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self.voltage = 0.0
         self.x = [0.0] * 8
@@ -36,7 +39,7 @@ class Arm8(Fmi2Slave):
         for name, getter in outputs.items():
             self.register_variable(Real(name, causality=Fmi2Causality.output, getter=getter))
 
-    def do_step(self, current_time, step_size):
+    def do_step(self, current_time: Any, step_size: Any) -> bool:
         """One step of the classical Runge-Kutta method."""
         x, u, h = self.x, self.voltage, step_size
         k1 = rates(x, u)

@@ -72,7 +72,7 @@ def test_the_scenarios_hold_the_fit() -> None:
     np.testing.assert_allclose([arm.hub_inertia, arm.hub_damping], [0.09928, 0.74192], rtol=1e-4)
     np.testing.assert_allclose(arm.damping, [1.246e-4, 1.258e-2, 1.002e-5], rtol=0.02)
     for name in ("lumped-arm", "lumped-arm-pulse", "harmonic-drive-arm"):
-        link = load(name).system.blocks["link"]
+        link: Any = load(name).system.blocks["link"]
         assert link.mass * link.length**2 == pytest.approx(0.15, rel=1e-12)
         np.testing.assert_allclose(link.joint_stiffness, 0.15 * arm.stiffness, rtol=1e-5)
         np.testing.assert_allclose(link.joint_damping, 0.15 * arm.damping, rtol=1e-4)

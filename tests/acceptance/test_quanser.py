@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -33,23 +35,23 @@ MATRICES = {
 }
 
 
-def _plant(which, *more, outputs=("link.hub.angle",)):
+def _plant(which: Any, *more: Any, outputs: Any = ("link.hub.angle",)) -> Any:
     return load(NAME, [*SETS[which], *more]).build(["motor.voltage"], outputs)
 
 
-def _sorted(values):
+def _sorted(values: Any) -> list[Any]:
     return sorted(np.asarray(values, dtype=complex), key=lambda z: (round(abs(z), 3), z.imag))
 
 
 @pytest.mark.parametrize("which", SETS)
-def test_poles_of_angle_over_voltage(which):
+def test_poles_of_angle_over_voltage(which: Any) -> None:
     found = _sorted(linearise(_plant(which)).poles())
     for pole, expected in zip(found, POLES[which], strict=True):
         assert abs(pole - expected) < 1e-3 * max(abs(expected), 1.0)
 
 
 @pytest.mark.parametrize("which", SETS)
-def test_zeros_are_the_clamped_mode(which):
+def test_zeros_are_the_clamped_mode(which: Any) -> None:
     zeros = linearise(_plant(which)).zeros()
     assert len(zeros) == 2
     rigidity = 0.10332 if which == "B" else 0.137422
@@ -62,7 +64,7 @@ def test_zeros_are_the_clamped_mode(which):
 
 
 @pytest.mark.parametrize("which", SETS)
-def test_mass_and_stiffness_read_off_the_linear_model(which):
+def test_mass_and_stiffness_read_off_the_linear_model(which: Any) -> None:
     """A of the undamped, currentless plant holds -M^-1 K; its response to a torque holds M^-1."""
     model = load(NAME, [*SETS[which], "bearing.viscous_friction=0", "motor.resistance=1e9 ohm"]).build(
         ["motor.voltage"], ["link.hub.acceleration", "link.mode1.amplitude"]
@@ -78,7 +80,7 @@ def test_mass_and_stiffness_read_off_the_linear_model(which):
 
 
 @pytest.mark.parametrize("which", SETS)
-def test_poles_without_back_emf(which):
+def test_poles_without_back_emf(which: Any) -> None:
     """With a huge resistance the motor is a torque source: poles of theta/tau, computed independently."""
     linear = linearise(_plant(which, "motor.resistance=1e9 ohm"))
     for pole, expected in zip(_sorted(linear.poles()), TORQUE_POLES[which], strict=True):
@@ -86,12 +88,12 @@ def test_poles_without_back_emf(which):
 
 
 @pytest.mark.parametrize(("which", "hertz"), [("A", 4.9156), ("B", 4.6529)])
-def test_undamped_hinged_frequency(which, hertz):
+def test_undamped_hinged_frequency(which: str, hertz: float) -> None:
     linear = linearise(_plant(which, "motor.resistance=1e9 ohm", "bearing.viscous_friction=0"))
     assert np.abs(linear.poles()).max() / (2 * np.pi) == pytest.approx(hertz, rel=1e-4)
 
 
-def test_motor_constant_and_back_emf_damping():
+def test_motor_constant_and_back_emf_damping() -> None:
     """On the hub's acceleration with the arm's mass as in the scenario: forces per volt and per speed, by the gears."""
     linear = linearise(_plant("A", "bearing.viscous_friction=0"))
     n = len(linear.A) // 2
@@ -105,7 +107,7 @@ def test_motor_constant_and_back_emf_damping():
     assert linear.A[n, n] / linear.B[n, 0] == pytest.approx(-damping / constant, rel=1e-12)
 
 
-def _step(name, *overrides, voltage=1.0):
+def _step(name: Any, *overrides: Any, voltage: float = 1.0) -> tuple[Any, Any]:
     run = flexarm.simulate(load(name, [f"source.height={voltage} V", "simulate.stop=2 s", *overrides]))
     return np.degrees(run["link.hub.angle"]), run["link.tip.deflection"]
 
@@ -113,7 +115,7 @@ def _step(name, *overrides, voltage=1.0):
 @pytest.mark.parametrize(
     ("damping", "free", "dead", "difference"), [(0.004, 100.741, 82.607, 18.133), (0.015, 87.553, 71.794, 15.760)]
 )
-def test_step_with_and_without_dead_zone(damping, free, dead, difference):
+def test_step_with_and_without_dead_zone(damping: float, free: float, dead: float, difference: float) -> None:
     setting = f"bearing.viscous_friction={damping}"
     without, _ = _step(NAME, setting)
     within, _ = _step("quanser-single-link", setting)
@@ -122,7 +124,7 @@ def test_step_with_and_without_dead_zone(damping, free, dead, difference):
     assert without[-1] - within[-1] == pytest.approx(difference, abs=0.05)
 
 
-def test_the_dead_zone_takes_the_same_angle_at_any_voltage_and_the_ratio_of_the_thresholds():
+def test_the_dead_zone_takes_the_same_angle_at_any_voltage_and_the_ratio_of_the_thresholds() -> None:
     for voltage, threshold in ((1.0, 0.18), (2.0, 0.18), (-1.0, 0.09)):
         linear = ("link.nonlinear=false",)
         without, _ = _step(NAME, *linear, voltage=voltage)
@@ -131,7 +133,7 @@ def test_the_dead_zone_takes_the_same_angle_at_any_voltage_and_the_ratio_of_the_
     assert np.degrees(1.75824 * 0.18) == pytest.approx(18.133, abs=0.002)
 
 
-def test_peak_tip_deflection():
+def test_peak_tip_deflection() -> None:
     _, without = _step(NAME)
     _, within = _step("quanser-single-link")
     assert np.abs(without).max() == pytest.approx(26.1e-3, abs=0.2e-3)
@@ -139,19 +141,19 @@ def test_peak_tip_deflection():
 
 
 @pytest.mark.parametrize(("voltage", "degrees"), [(2.0, 0.088), (5.0, 1.48)])
-def test_nonlinear_minus_linear(voltage, degrees):
+def test_nonlinear_minus_linear(voltage: float, degrees: float) -> None:
     full, _ = _step(NAME, voltage=voltage)
     linear, _ = _step(NAME, "link.nonlinear=false", voltage=voltage)
     assert np.abs(full - linear).max() == pytest.approx(degrees, rel=0.1)
 
 
-def test_linearisation_is_harmless_at_one_volt():
+def test_linearisation_is_harmless_at_one_volt() -> None:
     full, _ = _step(NAME)
     linear, _ = _step(NAME, "link.nonlinear=false")
     assert np.abs(full - linear).max() < 0.011
 
 
-def test_energy_closes_on_the_smooth_arm():
+def test_energy_closes_on_the_smooth_arm() -> None:
     model = load(NAME).build(energy=True)
     run = flexarm.simulate(model, 4.0, 1e-3)
     books = run["energy.residual"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,15 +14,15 @@ from benchmarks.peers.__main__ import main
 from benchmarks.peers.sindy import judge
 
 
-def apart(y, exact):
+def apart(y: Any, exact: Any) -> Any:
     return np.sqrt(np.mean((y - exact) ** 2) / np.mean(exact**2))
 
 
-def named(chosen, name):
+def named(chosen: Any, name: Any) -> Any:
     return next(tool for tool in chosen if tool.name == name)
 
 
-def test_linear_problem():
+def test_linear_problem() -> None:
     space = problems.state_space()
     exact = problems.linear_solution(space)
     # While the voltage is on, the speed tends to the gain at zero frequency.
@@ -32,7 +34,7 @@ def test_linear_problem():
         assert apart(named(chosen, name).run(), exact) < bound, name
 
 
-def test_sliding_problem():
+def test_sliding_problem() -> None:
     exact = problems.sliding_solution()
     # Nothing moves until the torque reaches the friction.
     first = np.arcsin(problems.FRICTION / problems.TORQUE) / (2 * np.pi * problems.FREQUENCY)
@@ -46,7 +48,7 @@ def test_sliding_problem():
         assert apart(named(chosen, name).run(), exact) < bound, name
 
 
-def test_exponent_of_a_power_law():
+def test_exponent_of_a_power_law() -> None:
     assert scaling.exponent([1, 2, 4, 8], [3.0, 12.0, 48.0, 192.0]) == pytest.approx(2)
 
 
@@ -63,12 +65,14 @@ def test_exponent_of_a_power_law():
         (["1", "sin 70 q0"], ["offset", "torque_ripple"], True, True, True),
     ],
 )
-def test_what_counts_as_selected(terms, effects, applies, selected, alone):
+def test_what_counts_as_selected(
+    terms: list[Any] | list[str], effects: list[Any] | list[str], applies: bool, selected: bool, alone: bool
+) -> None:
     told = judge(terms, effects)
     assert (told["applies"], told["selected"], told["alone"]) == (applies, selected, alone)
 
 
-def test_page_of_what_was_measured(tmp_path):
+def test_page_of_what_was_measured(tmp_path: Path) -> None:
     row = {"how": "RK4", "repeats": 3, "error": 1e-7}
     rows = [{"tool": "flexarm", "seconds": 0.002, **row}, {"tool": "other", "seconds": 0.5, **row}]
     growth = {"what": "modes", "unit": "us", "sizes": [1, 2], "costs": [1.0, 2.0], "exponent": 1.0, "over": 1}

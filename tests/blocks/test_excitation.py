@@ -51,7 +51,7 @@ def test_chirp_edges_are_met_between_steps() -> None:
     result = run(parts, "source.out torque.torque", "torque.shaft body.shaft", stop=2.0, step=0.005, energy=False)
 
     def wave(t: float) -> float:
-        return 2.0 * np.sin(2 * np.pi * 1.111 * (t / 1.111 + (t / 1.111) ** 2))
+        return 2.0 * float(np.sin(2 * np.pi * 1.111 * (t / 1.111 + (t / 1.111) ** 2)))
 
     area = integrate.quad(wave, 0, 1.111, epsabs=1e-13)[0]
     assert result["body.shaft.speed"][-1] == pytest.approx(area / 0.5, abs=1e-8)

@@ -27,7 +27,7 @@ BRISTLE = {**LEVELS, "bristle_stiffness": 50.0, "bristle_damping": 0.05}
 
 
 def steady(v: float) -> float:
-    return 0.03 + 0.02 * np.exp(-((v / 0.2) ** 2)) + 0.02 * v
+    return 0.03 + 0.02 * float(np.exp(-((v / 0.2) ** 2))) + 0.02 * v
 
 
 def pushed(friction: Block, drive: Drive, stop: float, step: float = 1e-4, **rest: Any) -> Result:

@@ -222,7 +222,7 @@ def test_two_links_by_sympy() -> None:
         root = end
     rates = [x.diff(t) for x in q]
     symbols, speeds = sympy.symbols("q0:4"), sympy.symbols("v0:4")
-    plain = energy.subs(dict(zip(rates, speeds, strict=True))).subs(dict(zip(q, symbols, strict=True)))
+    plain = sympy.sympify(energy).subs(dict(zip(rates, speeds, strict=True))).subs(dict(zip(q, symbols, strict=True)))
     momentum = [sympy.diff(plain, s) for s in speeds]
     M = sympy.Matrix([[sympy.diff(p, s) for s in speeds] for p in momentum])
     f = sympy.Matrix(

@@ -28,11 +28,11 @@ def test_the_papers_trajectory(triangular: bool) -> None:
     made = plan(State(), State(2.4), PAPER, triangular=triangular)
     assert made.duration == pytest.approx(2.0, abs=1e-9)
     np.testing.assert_allclose(made.instants, np.arange(9) / 4, atol=1e-9)
-    np.testing.assert_allclose(made.snap, 76.8 * np.array(SIGNS), rtol=1e-12)
+    np.testing.assert_allclose(made.snap, 76.8 * np.array(SIGNS, dtype=float), rtol=1e-12)
     np.testing.assert_allclose(made.peaks(), [2.4, 4.8, 19.2, 76.8], rtol=1e-9)
     np.testing.assert_allclose(made.at(2.0 - 1e-12), [2.4, 0, 0, 0, -76.8], atol=1e-9)
     np.testing.assert_allclose(made.at(1.0)[:4], [1.2, 2.4, 0, 0], atol=1e-9)
-    np.testing.assert_allclose(made.at([-1.0, 3.0]), [[0, 0, 0, 0, 0], [2.4, 0, 0, 0, 0]], atol=1e-15)
+    np.testing.assert_allclose(made.at([-1.0, 3.0]), np.array([[0, 0, 0, 0, 0], [2.4, 0, 0, 0, 0]]), atol=1e-15)
 
 
 def test_each_limit_alone_gives_the_same_time() -> None:

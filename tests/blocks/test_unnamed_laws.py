@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -227,7 +229,7 @@ simulate: {stop: 10 ms, step: 1 ms, record: [law.out]}
 """
 
 
-def test_a_characteristic_has_the_units_of_its_signal(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_a_characteristic_has_the_units_of_its_signal(tmp_path: Path) -> None:
     path = tmp_path / "amplifier.yaml"
     path.write_text(AMPLIFIER.replace("HEIGHT", "mV"))
     scenario = load(path)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 
-def test_run_writes_every_kind_with_units(base: Path, command: Callable) -> None:
+def test_run_writes_every_kind_with_units(base: Path, command: Callable[..., Any]) -> None:
     import pyarrow.parquet
     from scipy.io import loadmat
 
@@ -37,7 +38,7 @@ def test_run_writes_every_kind_with_units(base: Path, command: Callable) -> None
     assert values[1, 2] == pytest.approx(1.0 - 0.18)
 
 
-def test_run_takes_changes(base: Path, command: Callable) -> None:
+def test_run_takes_changes(base: Path, command: Callable[..., Any]) -> None:
     answer = command(
         "run", base.name, "--set", "supply=500 mV", "--set", "zone.upper=0.1", "--stop", "20 ms", "--step", "1 ms"
     )
@@ -47,7 +48,7 @@ def test_run_takes_changes(base: Path, command: Callable) -> None:
     assert "0.02 s in 21 rows" in answer.out
 
 
-def test_plot_is_a_figure(base: Path, command: Callable) -> None:
+def test_plot_is_a_figure(base: Path, command: Callable[..., Any]) -> None:
     assert command("run", base.name, "--plot").code == 0
     assert command("run", "--plot", "other.svg", base.name).code == 0
     assert (base.parent / "base.png").read_bytes().startswith(b"\x89PNG")
@@ -55,7 +56,7 @@ def test_plot_is_a_figure(base: Path, command: Callable) -> None:
     assert {path.name for path in base.parent.iterdir()} == {"base.yaml", "base.png", "other.svg"}
 
 
-def test_check_says_what_there_is(base: Path, command: Callable) -> None:
+def test_check_says_what_there_is(base: Path, command: Callable[..., Any]) -> None:
     answer = command("check", base.name)
     assert answer.code == 0
     assert "5 blocks, 4 connections, 2 states" in answer.out
@@ -63,7 +64,7 @@ def test_check_says_what_there_is(base: Path, command: Callable) -> None:
     assert "no problems found" in answer.out
 
 
-def test_blocks(command: Callable) -> None:
+def test_blocks(command: Callable[..., Any]) -> None:
     listed = command("blocks").out
     assert "AssumedModesLink" in listed
     page = command("blocks", "DCMotor").out
@@ -79,7 +80,7 @@ def test_blocks(command: Callable) -> None:
     assert "Gear" not in part.err
 
 
-def test_a_picture_of_another_kind_is_refused_by_name(base: Path, command: Callable) -> None:
+def test_a_picture_of_another_kind_is_refused_by_name(base: Path, command: Callable[..., Any]) -> None:
     answer = command("run", base.name, "--plot", "step.jpg")
     assert answer.code == 1
     assert "'step.jpg' is of no kind that can be written here\n  end it in .png, .pdf, .svg" in answer.err
@@ -95,13 +96,13 @@ def test_signals_of_very_different_size_get_panels_of_their_own() -> None:
     assert panels(units, sizes) == [("rad", ["motor", "load", "none"]), ("rad", ["twist"]), ("V", ["u"])]
 
 
-def test_schema_is_json(base: Path, command: Callable) -> None:
+def test_schema_is_json(base: Path, command: Callable[..., Any]) -> None:
     assert "$defs" in json.loads(command("schema").out)
     assert command("schema", "-o", "s.json").code == 0
     assert "$defs" in json.loads((base.parent / "s.json").read_text())
 
 
-def test_linearise(base: Path, command: Callable) -> None:
+def test_linearise(base: Path, command: Callable[..., Any]) -> None:
     """Motor and gear: 0 and -km kt / (R J) with J the inertia seen by the motor."""
     from scipy.io import loadmat
 
@@ -120,7 +121,7 @@ def test_linearise(base: Path, command: Callable) -> None:
     assert "InputName = {'motor.voltage'};" in (base.parent / "p.m").read_text()
 
 
-def test_linearise_through_the_dead_zone(base: Path, command: Callable) -> None:
+def test_linearise_through_the_dead_zone(base: Path, command: Callable[..., Any]) -> None:
     free = ["linearise", base.name, "--inputs", "zone.in", "--outputs", "load.shaft.speed"]
     inside = command(*free, "-o", "a.json")
     above = command(*free, "--mode", "zone.zone=above", "-o", "b.json")
@@ -134,13 +135,13 @@ def test_linearise_through_the_dead_zone(base: Path, command: Callable) -> None:
     assert "did you mean 'above'?" in wrong.err
 
 
-def test_an_input_that_feeds_nothing_is_refused(base: Path, command: Callable) -> None:
+def test_an_input_that_feeds_nothing_is_refused(base: Path, command: Callable[..., Any]) -> None:
     answer = command("linearise", base.name, "--inputs", "zone.in,motor.voltage", "--outputs", "load.shaft.angle")
     assert answer.code == 1
     assert "leave 'zone.in' out" in answer.err
 
 
-def test_export(base: Path, command: Callable) -> None:
+def test_export(base: Path, command: Callable[..., Any]) -> None:
     """The FMU stands at the scenario's step, says what it bypasses, and passes FMPy's validation."""
     import fmu
 
@@ -156,7 +157,7 @@ def test_export(base: Path, command: Callable) -> None:
     assert {path.name for path in base.parent.iterdir()} == {"base.yaml", "arm.fmu", "arm_linear.mat", "arm_linear.m"}
 
 
-def test_version(command: Callable) -> None:
+def test_version(command: Callable[..., Any]) -> None:
     answer = command("--version")
     assert answer.code == 0
     assert answer.out.startswith("flexarm ")
@@ -188,7 +189,8 @@ def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: p
     }
     refit, chosen = Made(fit=Made(chi2=3.0), hold_out=2.0), Made(effects=())
     study = Made(scenario=Made(name="arm"), nominal=(9.0, 8.0), refit=refit, chosen=chosen)
-    text = page(Made(verdict="named", findings=[finding], study=study, proposal=None, warnings=()))
+    made: Any = Made(verdict="named", findings=[finding], study=study, proposal=None, warnings=())
+    text = page(made)
     assert "    gain = 58.4  (95 %: 29.2 " in text
     assert "    share = 0.5  (95 %: 0.25 " in text
     assert "    torque = 2.5 N.m  (95 %: 1.25 to 5)" in text
@@ -197,7 +199,7 @@ def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: p
     assert "    the mismatch: half of it within 1 s of 6 s, from 0.20-1.20 s; strongest at 0.7 Hz, in tip\n" in text
 
 
-def test_a_figure_leaves_the_backend_of_a_notebook_alone(tmp_path) -> None:
+def test_a_figure_leaves_the_backend_of_a_notebook_alone(tmp_path: Path) -> None:
     """A backend that nothing here would choose is the same after every kind of figure that a model gives."""
     import matplotlib as mpl
 
@@ -216,7 +218,7 @@ def test_a_figure_leaves_the_backend_of_a_notebook_alone(tmp_path) -> None:
     assert {p.name for p in tmp_path.iterdir()} == {"run.png", "bode.png"}
 
 
-def test_check_names_flanges_that_nothing_is_connected_to(tmp_path, command) -> None:
+def test_check_names_flanges_that_nothing_is_connected_to(tmp_path: Path, command: Any) -> None:
     """A gear whose input was forgotten can be built and turns freely: that is worth a word."""
     (tmp_path / "loose.yaml").write_text(
         "schema: 1\nname: loose\nblocks:\n  gear: {type: Gear, ratio: 5, inertia: 1 g.m2}\n"

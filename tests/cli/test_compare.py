@@ -5,19 +5,22 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from diagnosis.recordings.types import Recording
 from engine.errors import FlexarmError
 
 
-def errors(answer: object) -> dict[str, dict[str, float]]:
+def errors(answer: Any) -> dict[str, dict[str, float]]:
     assert answer.code == 0, answer.err
-    return json.loads(answer.out)["recordings"][0]["signals"]
+    found: dict[str, dict[str, float]] = json.loads(answer.out)["recordings"][0]["signals"]
+    return found
 
 
-def test_own_recording_is_met(recorded: Path, command: Callable) -> None:
+def test_own_recording_is_met(recorded: Path, command: Callable[..., Any]) -> None:
     """Encoder counts with the wrong sign and an arbitrary zero, a tachometer in volts, time in ms, input in mV."""
     found = errors(command("compare", recorded.name, "one", "--json"))
     for name in ("motor.shaft.angle", "motor.shaft.speed"):
@@ -27,7 +30,7 @@ def test_own_recording_is_met(recorded: Path, command: Callable) -> None:
     assert by_file == found
 
 
-def test_all_recordings_by_default(recorded: Path, command: Callable) -> None:
+def test_all_recordings_by_default(recorded: Path, command: Callable[..., Any]) -> None:
     assert errors(command("compare", recorded.name, "--json")) == errors(
         command("compare", recorded.name, "one", "--json")
     )
@@ -38,7 +41,7 @@ def test_all_recordings_by_default(recorded: Path, command: Callable) -> None:
     assert "recorded describes no recordings" in answer.err
 
 
-def test_check_says_that_no_input_was_recorded(recorded: Path, command: Callable) -> None:
+def test_check_says_that_no_input_was_recorded(recorded: Path, command: Callable[..., Any]) -> None:
     said = "no input was recorded; the scenario's own sources drive the simulation"
     assert said not in command("check", recorded.name).out
     lines = recorded.read_text().splitlines(keepends=True)
@@ -54,7 +57,9 @@ def test_check_says_that_no_input_was_recorded(recorded: Path, command: Callable
         ("motor.shaft", "names no signal"),
     ],
 )
-def test_a_measurement_of_no_signal_is_placed(wrong: str, message: str, recorded: Path, command: Callable) -> None:
+def test_a_measurement_of_no_signal_is_placed(
+    wrong: str, message: str, recorded: Path, command: Callable[..., Any]
+) -> None:
     recorded.write_text(recorded.read_text().replace("      motor.shaft.speed:", f"      {wrong}:"))
     for name in ("compare", "check"):
         answer = command(name, recorded.name)
@@ -62,7 +67,7 @@ def test_a_measurement_of_no_signal_is_placed(wrong: str, message: str, recorded
         assert f"recorded.yaml:17: recordings.one.measurements.{wrong}: '{wrong}' {message}" in answer.err
 
 
-def test_a_model_that_cannot_be_built_does_not_blame_a_measurement(recorded: Path, command: Callable) -> None:
+def test_a_model_that_cannot_be_built_does_not_blame_a_measurement(recorded: Path, command: Callable[..., Any]) -> None:
     text = recorded.read_text().replace("  motor:", "  push: {type: Torque}\n  motor:", 1)
     recorded.write_text(text.replace("      motor.shaft.speed:", "      motor.shaft.sped:"))
     answer = command("compare", recorded.name)
@@ -71,7 +76,9 @@ def test_a_model_that_cannot_be_built_does_not_blame_a_measurement(recorded: Pat
     assert "measurements" not in answer.err
 
 
-def test_a_response_of_no_signal_is_placed(command: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_response_of_no_signal_is_placed(
+    command: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     Path("table.csv").write_text("w,y\n1,1\n2,1\n")
     Path("s.yaml").write_text(
@@ -86,7 +93,7 @@ def test_a_response_of_no_signal_is_placed(command: Callable, tmp_path: Path, mo
     assert "did you mean 'arm.shaft.speed'?" in answer.err
 
 
-def test_errors_are_what_they_say(recorded: Path, command: Callable) -> None:
+def test_errors_are_what_they_say(recorded: Path, command: Callable[..., Any]) -> None:
     """rmse and nrmse = 100 (1 - |e| / |y - mean y|), against a direct computation."""
     from diagnosis.compare import compare
     from scenarios.load import load
@@ -103,7 +110,7 @@ def test_errors_are_what_they_say(recorded: Path, command: Callable) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "mat"])
-def test_results_can_be_read_back_without_a_mapping(suffix: str, recorded: Path, command: Callable) -> None:
+def test_results_can_be_read_back_without_a_mapping(suffix: str, recorded: Path, command: Callable[..., Any]) -> None:
     assert command("run", recorded.name, "-o", f"r.{suffix}").code == 0
     answer = command("compare", recorded.name, f"r.{suffix}")
     assert answer.code == 0, answer.err
@@ -113,7 +120,7 @@ def test_results_can_be_read_back_without_a_mapping(suffix: str, recorded: Path,
     assert all(signal["rmse"] < 1e-12 for signal in found.values())
 
 
-def test_units_of_headers_are_heeded(recorded: Path, command: Callable) -> None:
+def test_units_of_headers_are_heeded(recorded: Path, command: Callable[..., Any]) -> None:
     assert command("run", recorded.name, "-o", "r.csv").code == 0
     _, *lines = (recorded.parent / "r.csv").read_text().splitlines()
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines])
@@ -131,7 +138,7 @@ def test_units_of_headers_are_heeded(recorded: Path, command: Callable) -> None:
     assert "'rad' is expected" in wrong.err
 
 
-def test_uneven_samples_and_gaps(recorded: Path, command: Callable) -> None:
+def test_uneven_samples_and_gaps(recorded: Path, command: Callable[..., Any]) -> None:
     """Rows left out by ``gaps: skip`` make the time axis uneven; the simulation still meets the rest.
 
     A measurement without a number is not compared there, and needs no leave to be so.
@@ -168,6 +175,7 @@ def test_wrapped_angle(tmp_path: Path) -> None:
         "      load.shaft.angle: {column: enc, unit: count, counts_per_rev: 4096, wrap: true}\n"
     )
     recording = from_scenario(load(tmp_path / "w.yaml"), "w")
+    assert isinstance(recording, Recording)
     np.testing.assert_allclose(recording.measurements[0].values, 2 * np.pi * turns, atol=1e-12)
 
 
@@ -190,7 +198,7 @@ BAD_ROWS = {
 
 
 @pytest.mark.parametrize("name", BAD_ROWS)
-def test_bad_recording(name: str, recorded: Path, command: Callable) -> None:
+def test_bad_recording(name: str, recorded: Path, command: Callable[..., Any]) -> None:
     old, new, pieces = BAD_ROWS[name]
     path = recorded.parent / "one.csv"
     text = path.read_text()
@@ -205,7 +213,7 @@ def test_bad_recording(name: str, recorded: Path, command: Callable) -> None:
 
 
 @pytest.mark.parametrize(("rows", "piece"), [(0, "empty"), (1, "empty"), (2, "at least two")])
-def test_too_short(rows: int, piece: str, recorded: Path, command: Callable) -> None:
+def test_too_short(rows: int, piece: str, recorded: Path, command: Callable[..., Any]) -> None:
     path = recorded.parent / "one.csv"
     path.write_text("\n".join(path.read_text().splitlines()[:rows]))
     answer = command("compare", recorded.name, "one")
@@ -213,7 +221,7 @@ def test_too_short(rows: int, piece: str, recorded: Path, command: Callable) -> 
     assert piece in answer.err
 
 
-def test_dead_column(recorded: Path, command: Callable) -> None:
+def test_dead_column(recorded: Path, command: Callable[..., Any]) -> None:
     path = recorded.parent / "one.csv"
     header, *lines = path.read_text().splitlines()
     path.write_text("\n".join([header, *(",".join([*line.split(",")[:2], "3", line.split(",")[3]]) for line in lines)]))
@@ -241,7 +249,7 @@ BAD_MAPS = {
 
 
 @pytest.mark.parametrize("name", BAD_MAPS)
-def test_bad_mapping(name: str, recorded: Path, command: Callable) -> None:
+def test_bad_mapping(name: str, recorded: Path, command: Callable[..., Any]) -> None:
     old, new, pieces = BAD_MAPS[name]
     text = recorded.read_text()
     assert old in text
@@ -253,7 +261,7 @@ def test_bad_mapping(name: str, recorded: Path, command: Callable) -> None:
             assert piece in answer.err
 
 
-def test_unknown_recording(recorded: Path, command: Callable) -> None:
+def test_unknown_recording(recorded: Path, command: Callable[..., Any]) -> None:
     answer = command("compare", recorded.name, "oen")
     assert answer.code == 1
     assert "did you mean 'one'?" in answer.err

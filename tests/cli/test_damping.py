@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def swing(tmp_path: Path) -> Path:
     )
 
 
-def test_ratios_as_json(command, link):
+def test_ratios_as_json(command: Any, link: Path) -> None:
     answer = command("damping", link, "--json", "-f", "7.6 Hz", "-f", "48", "--window", "400 ms", "--hop", "50 ms")
     assert answer.code == 0
     found = json.loads(answer.out)
@@ -56,7 +57,7 @@ def test_ratios_as_json(command, link):
         assert mode["reliable"]
 
 
-def test_a_page_for_people(command, link):
+def test_a_page_for_people(command: Any, link: Path) -> None:
     answer = command("damping", link)
     assert answer.code == 0
     assert "modes found in the spectrum: 7.6" in answer.out
@@ -64,7 +65,7 @@ def test_a_page_for_people(command, link):
     assert "no logarithmic decrement: the record holds 2 modes" in answer.out
 
 
-def test_figures_and_numbers_go_into_the_folder(command, swing, tmp_path):
+def test_figures_and_numbers_go_into_the_folder(command: Any, swing: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out"
     answer = command("damping", swing, "-c", "wet", "-o", folder)
     assert answer.code == 0
@@ -85,7 +86,7 @@ def test_figures_and_numbers_go_into_the_folder(command, swing, tmp_path):
     assert command("damping", swing, "-c", "wet", "-o", folder).code == 0
 
 
-def test_dry_friction_is_said(command, swing):
+def test_dry_friction_is_said(command: Any, swing: Path) -> None:
     answer = command("damping", swing, "--column", "dry")
     assert answer.code == 0
     assert "dry (Coulomb) friction" in answer.out
@@ -93,7 +94,7 @@ def test_dry_friction_is_said(command, swing):
     assert "Coulomb" in answer.err
 
 
-def test_a_window_too_short_is_warned_of(command, link):
+def test_a_window_too_short_is_warned_of(command: Any, link: Path) -> None:
     answer = command("damping", link, "-f", "7.62", "-f", "47.8", "--window", "0.05", "--hop", "0.05", "--windows", "4")
     assert answer.code == 0
     assert "warning: window too short" in answer.err
@@ -119,7 +120,9 @@ def test_a_window_too_short_is_warned_of(command, link):
         (["-c", "wet", "-o", "no/such/folder"], ["no folder"]),
     ],
 )
-def test_bad_input_ends_with_1_and_the_cause(command, swing, arguments, words):
+def test_bad_input_ends_with_1_and_the_cause(
+    command: Any, swing: Path, arguments: list[Any] | list[str], words: list[str]
+) -> None:
     answer = command("damping", swing, *arguments)
     assert answer.code == 1
     assert answer.out == ""
@@ -128,7 +131,7 @@ def test_bad_input_ends_with_1_and_the_cause(command, swing, arguments, words):
     assert "Traceback" not in answer.err
 
 
-def test_a_record_that_does_not_decay(command, tmp_path):
+def test_a_record_that_does_not_decay(command: Any, tmp_path: Path) -> None:
     time = np.arange(0, 10, 1e-3)
     driven = write(tmp_path / "driven.csv", "time,angle", time, np.sin(12 * time))
     answer = command("damping", driven, "-o", tmp_path / "out")
@@ -150,7 +153,7 @@ def test_a_record_that_does_not_decay(command, tmp_path):
         ("time [V],a\n" + "".join(f"{i},{i % 3}\n" for i in range(40)), ["'V'"]),
     ],
 )
-def test_files_that_cannot_be_used(command, tmp_path, text, words):
+def test_files_that_cannot_be_used(command: Any, tmp_path: Path, text: Any, words: list[str]) -> None:
     import re
 
     path = tmp_path / "bad.csv"
@@ -162,7 +165,7 @@ def test_files_that_cannot_be_used(command, tmp_path, text, words):
     assert "Traceback" not in answer.err
 
 
-def test_rows_without_a_number_are_left_out_and_named(command, swing):
+def test_rows_without_a_number_are_left_out_and_named(command: Any, swing: Path) -> None:
     lines = swing.read_text().splitlines()
     lines[50] = lines[50].split(",")[0] + ",,,"
     swing.write_text("\n".join(lines) + "\n")
@@ -171,5 +174,5 @@ def test_rows_without_a_number_are_left_out_and_named(command, swing):
     assert "1 of 10000 rows hold no number" in answer.out
 
 
-def test_wrong_usage_ends_with_2(command):
+def test_wrong_usage_ends_with_2(command: Any) -> None:
     assert command("damping").code == 2

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -63,7 +64,7 @@ BAD = {
 }
 
 
-def refused(answer: object, pieces: list[str], folder: Path, before: set[str]) -> None:
+def refused(answer: Any, pieces: list[str], folder: Path, before: set[str]) -> None:
     assert answer.code == 1, answer.err
     assert answer.err.startswith("error: ")
     assert "Traceback" not in answer.err
@@ -73,7 +74,7 @@ def refused(answer: object, pieces: list[str], folder: Path, before: set[str]) -
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_scenario(name: str, base: Path, command: Callable) -> None:
+def test_bad_scenario(name: str, base: Path, command: Callable[..., Any]) -> None:
     old, new, pieces = BAD[name]
     text = base.read_text()
     assert old in text
@@ -84,7 +85,7 @@ def test_bad_scenario(name: str, base: Path, command: Callable) -> None:
     refused(command(verb, base.name, "-o", output), pieces, base.parent, before)
 
 
-def test_algebraic_loop(base: Path, command: Callable) -> None:
+def test_algebraic_loop(base: Path, command: Callable[..., Any]) -> None:
     base.write_text(
         """\
 schema: 1
@@ -127,14 +128,14 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_file(name: str, base: Path, command: Callable) -> None:
+def test_hostile_file(name: str, base: Path, command: Callable[..., Any]) -> None:
     text, piece = HOSTILE[name]
     (base.parent / "bad.yaml").write_text(text)
     before = {path.name for path in base.parent.iterdir()}
     refused(command("check", "bad.yaml"), ["bad.yaml", piece], base.parent, before)
 
 
-def test_not_utf8(base: Path, command: Callable) -> None:
+def test_not_utf8(base: Path, command: Callable[..., Any]) -> None:
     (base.parent / "bad.yaml").write_bytes("schema: 1\nname: Möbel\n".encode("latin-1"))
     refused(command("check", "bad.yaml"), ["bad.yaml:2", "UTF-8"], base.parent, {"base.yaml", "bad.yaml"})
 
@@ -159,22 +160,22 @@ def test_not_utf8(base: Path, command: Callable) -> None:
         (["--plot", "nowhere/out.png"], ["'nowhere'"]),
     ],
 )
-def test_bad_option(arguments: list[str], pieces: list[str], base: Path, command: Callable) -> None:
+def test_bad_option(arguments: list[str], pieces: list[str], base: Path, command: Callable[..., Any]) -> None:
     refused(command("run", base.name, *arguments), pieces, base.parent, {base.name})
 
 
-def test_no_such_scenario(base: Path, command: Callable) -> None:
+def test_no_such_scenario(base: Path, command: Callable[..., Any]) -> None:
     refused(command("run", "quanser-singel-link"), ["did you mean 'quanser-single-link'?"], base.parent, {base.name})
 
 
-def test_diverging_simulation_writes_nothing(base: Path, command: Callable) -> None:
+def test_diverging_simulation_writes_nothing(base: Path, command: Callable[..., Any]) -> None:
     text = base.read_text().replace("simulate: {", "simulate: {internal_step: 0.2, ").replace("0.1 s", "90 s")
     base.write_text(text.replace("record", "step: 200 ms, record"))
     refused(command("run", base.name, "-o", "out.csv"), ["diverged", "t ="], base.parent, {base.name})
 
 
 @pytest.mark.parametrize("arguments", [[], ["run"], ["rum"], ["run", "a.yaml", "--nonsense"], ["compare"]])
-def test_wrong_usage(arguments: list[str], command: Callable) -> None:
+def test_wrong_usage(arguments: list[str], command: Callable[..., Any]) -> None:
     assert command(*arguments).code == 2
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from scenarios.load import load
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "mat"])
-def test_results_come_back(base: Path, ending: str, command) -> None:
+def test_results_come_back(base: Path, ending: str, command: Any) -> None:
     assert command("run", base, "--set", "gear.ratio=14", "-o", f"results.{ending}").code == 0
     expected = flexarm.simulate(load(base, ["gear.ratio=14"]))
     found = flexarm.read(f"results.{ending}")
@@ -32,7 +33,7 @@ def test_results_come_back(base: Path, ending: str, command) -> None:
         assert found.metadata["flexarm"] == flexarm.version()
 
 
-def test_chosen_columns_and_a_frame(base: Path, command) -> None:
+def test_chosen_columns_and_a_frame(base: Path, command: Any) -> None:
     command("run", base, "-o", "results.parquet")
     found = flexarm.read("results.parquet", ["load.shaft.angle", "time"])
     assert found.names == ["load.shaft.angle", "time"]
@@ -41,7 +42,7 @@ def test_chosen_columns_and_a_frame(base: Path, command) -> None:
     assert next(iter(frame.columns)) == "time"
 
 
-def test_a_table_tells_what_it_holds(base: Path, command) -> None:
+def test_a_table_tells_what_it_holds(base: Path, command: Any) -> None:
     """Iterated it gives names, printed the range of each column: 1 V before and 0.82 V behind the dead zone."""
     command("run", base, "-o", "results.csv")
     found = flexarm.read("results.csv")
@@ -55,7 +56,7 @@ def test_a_table_tells_what_it_holds(base: Path, command) -> None:
     assert shown["load.shaft.angle"][:2] == ["rad", "0"]
     assert float(shown["load.shaft.angle"][2]) == pytest.approx(found["load.shaft.angle"].max(), rel=1e-5)
     with pytest.raises(FlexarmError, match="has no column '0'"):
-        _ = found[0]
+        _ = found[0]  # type: ignore[index]
 
 
 def test_a_table_of_texts_and_gaps_can_be_printed() -> None:
@@ -68,7 +69,7 @@ def test_a_table_of_texts_and_gaps_can_be_printed() -> None:
     ]
 
 
-def test_what_is_refused(base: Path, command) -> None:
+def test_what_is_refused(base: Path, command: Any) -> None:
     command("run", base, "-o", "results.parquet")
     with pytest.raises(FlexarmError, match=r"there is no file 'result\.parquet'") as caught:
         flexarm.read("result.parquet")

@@ -13,6 +13,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,7 +48,7 @@ def spin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_grid_against_newton(spin: Path, command) -> None:
+def test_grid_against_newton(spin: Path, command: Any) -> None:
     """Constant torque T on inertia J: speed T t / J, angle T t^2 / 2J; its mean square over [0, 1] is (T/2J)^2 / 5."""
     answer = command(
         "sweep", spin, "-v", "wheel.inertia=0.5:2:4", "-v", "push=1 N.m,3 N.m", "-o", "out", "--workers", 1
@@ -181,11 +182,11 @@ def test_failures_are_rows(spin: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_same_bytes_whatever_does_the_work(spin: Path, cluster: str, command) -> None:
+def test_the_same_bytes_whatever_does_the_work(spin: Path, cluster: str, command: Any) -> None:
     """One process, two processes, a cluster, other threads and hash seeds: files equal byte for byte."""
     asked = ["sweep", "spin.yaml", "-v", "wheel.inertia=1:2:3", "-v", "simulate.step=5 ms,10 ms", "-v", "push~10%"]
     asked += ["-n", "40", "--keep", "50 ms"]
-    for name, extra in {"one": ["--workers", 1], "two": ["--workers", 2], "dask": ["--scheduler", cluster]}.items():
+    for name, extra in {"one": ("--workers", "1"), "two": ("--workers", "2"), "dask": ("--scheduler", cluster)}.items():
         answer = command(*asked, "-o", name, *extra)
         assert answer.code == 0, answer.err
     for k, seed in enumerate(("1", "2")):
@@ -198,7 +199,7 @@ def test_the_same_bytes_whatever_does_the_work(spin: Path, cluster: str, command
             assert Path(name, file).read_bytes() == wanted, f"{name}/{file}"
 
 
-def test_a_cluster_that_does_not_answer(spin: Path, command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cluster_that_does_not_answer(spin: Path, command: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("engine.spread.CONNECT", "0.5s")
     answer = command("sweep", spin, "-v", "push=1,2", "-o", "out", "--scheduler", "tcp://127.0.0.1:9")
     assert answer.code == 1
@@ -257,7 +258,7 @@ def test_resuming_computes_what_is_missing(spin: Path) -> None:
     assert flexarm.sweep(spin, vary, "cut.parquet", workers=1).computed == 0
 
 
-def test_another_plan_is_refused(spin: Path, command) -> None:
+def test_another_plan_is_refused(spin: Path, command: Any) -> None:
     assert command("sweep", spin, "-v", "push=1,2", "-o", "out", "--workers", 1).code == 0
     answer = command("sweep", spin, "-v", "push=1,3", "-o", "out", "--workers", 1)
     assert answer.code == 1

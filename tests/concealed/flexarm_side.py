@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from benchmarks.concealed.scenario import text, write
 from benchmarks.concealed.truth import MAXWELL_BAND, Nuisance, fine
 from diagnosis.binding import bind, grid
 from diagnosis.recordings.mapping import from_scenario
+from diagnosis.recordings.types import Recording
 from engine.simulate import simulate
 from scenarios.amend import AtFlange, Between, InSignal, OnSensor, Replace, Set, amended
 from scenarios.load import load
@@ -17,7 +19,7 @@ from scenarios.load import load
 NOT_IN_THE_LIBRARY = frozenset({"rectified_sensor"})
 
 
-def edits_for(concealed, plant):
+def edits_for(concealed: Any, plant: Any) -> Any:
     """The effect in flexarm's words."""
     p, place, effect = concealed.parameters, concealed.place, concealed.effect
     unit, ground = plant.drive_unit, f"{plant.drive}"
@@ -26,12 +28,12 @@ def edits_for(concealed, plant):
     corner = f"{p.get('corner_frequency')} rad/s"
     spring = {"stiffness": f"{p.get('stiffness')} N.m/rad", "damping": f"{p.get('damping', 0.0)} N.m.s/rad"}
 
-    def joint(type_, parameters, drop=()):
+    def joint(type_: Any, parameters: Any, drop: Any = ()) -> list[Between] | list[Replace]:
         if " -> " in place:
             return [Between("x", type_, place.split(" -> ")[0], "a", "b", parameters)]
         return [Replace(place, type_, parameters, drop)]
 
-    def friction(**levels):
+    def friction(**levels: Any) -> list[AtFlange]:
         return [AtFlange("x", "BearingFriction", place, "shaft", levels)]
 
     if effect in ("dead_zone", "saturation"):
@@ -96,7 +98,7 @@ def edits_for(concealed, plant):
     return [OnSensor("x", "LowPass", place, {"corner_frequency": corner})]
 
 
-def simulated(case, folder, concealed=(), internal_step=None):
+def simulated(case: Any, folder: Any, concealed: Any = (), internal_step: Any = None) -> Any:
     """flexarm's outputs for the case's recordings, in units of the floor, one array per recording."""
     exact = replace(case, nominal=dict(case.truth.parameters))
     write(exact, folder / "case", folder / "answers")
@@ -114,6 +116,7 @@ def simulated(case, folder, concealed=(), internal_step=None):
     out = []
     for recorded in case.recordings:
         recording = from_scenario(scenario, recorded.name)
+        assert isinstance(recording, Recording)
         made = bind(scenario, recording)
         step, every = grid(recording.time, 1e-3)
         stop = step * every * (len(recording.time) - 1)
@@ -122,7 +125,7 @@ def simulated(case, folder, concealed=(), internal_step=None):
     return out
 
 
-def _driven(source, edit):
+def _driven(source: Any, edit: Any) -> Any:
     """A source block on an input that nothing drives yet."""
     import io
 
@@ -137,12 +140,12 @@ def _driven(source, edit):
     return out.getvalue()
 
 
-def clean(case):
+def clean(case: Any) -> Any:
     """The truth's own outputs without noise and disturbances, in units of the floor."""
     truth = replace(case.truth, nuisance=Nuisance())
     return case.bench.outputs(truth, fine(truth))
 
 
-def difference(a, b):
+def difference(a: Any, b: Any) -> float:
     """Root mean square difference, in floors."""
     return float(np.sqrt(np.mean(np.concatenate([np.ravel(x - y) for x, y in zip(a, b, strict=True)]) ** 2)))

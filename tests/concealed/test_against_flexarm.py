@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ QUIET = Options(nuisance=0.0)
 
 
 @pytest.mark.parametrize("plant", list(PLANTS))
-def test_nothing_concealed_and_true_parameters_leave_the_noise_alone(plant, tmp_path):
+def test_nothing_concealed_and_true_parameters_leave_the_noise_alone(plant: Any, tmp_path: Path) -> None:
     """Without noise the codes agree to a thousandth of a floor; with it what is left is the noise."""
     sensors = tuple(s.column for s in PLANTS[plant].sensors)
     case = draw(plant, [], [], 21, replace(QUIET, sensors=sensors))
@@ -28,7 +30,7 @@ def test_nothing_concealed_and_true_parameters_leave_the_noise_alone(plant, tmp_
     write(replace(case, nominal=dict(case.truth.parameters)), tmp_path / "noisy", tmp_path / "answers")
     scenario = load(str(tmp_path / "noisy" / "scenario.yaml"))
     sigma = {s.signal: s.sigma for s in case.sensors}
-    left = {signal: [] for signal in sigma}
+    left: dict[str, list[Any]] = {signal: [] for signal in sigma}
     for recorded in case.recordings:
         for signal, error in compare(scenario, recorded.name).signals.items():
             left[signal].append(error.rmse / sigma[signal])
@@ -46,7 +48,7 @@ SITES = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("plant", "site"), SITES)
-def test_every_effect_means_the_same_on_both_sides(plant, site, tmp_path):
+def test_every_effect_means_the_same_on_both_sides(plant: Any, site: Any, tmp_path: Path) -> None:
     """The effect put into the scenario as one of flexarm's blocks, with the true numbers: a twentieth of a floor.
 
     A payload is kept out: the truth bends in the mode of the loaded arm, the scenario in that of the bare one.

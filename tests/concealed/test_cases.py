@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ QUIET = Options(nuisance=0.0)
 SHORT = Options(seconds=1.0)
 
 
-def files(folder):
+def files(folder: Any) -> dict[Any, Any]:
     return {p.name: p.read_bytes() for p in sorted(folder.iterdir())}
 
 
@@ -42,7 +43,7 @@ def files(folder):
 
 
 @pytest.mark.parametrize("file", sorted(FOLDER.rglob("*.py")), ids=lambda p: str(p.relative_to(FOLDER)))
-def test_no_module_imports_anything_of_ours(file):
+def test_no_module_imports_anything_of_ours(file: Any) -> None:
     for node in ast.walk(ast.parse(file.read_text())):
         names = []
         if isinstance(node, ast.Import):
@@ -55,7 +56,7 @@ def test_no_module_imports_anything_of_ours(file):
         assert not {name.split(".")[0] for name in names} & OURS
 
 
-def test_nothing_of_ours_is_loaded_while_a_case_is_made():
+def test_nothing_of_ours_is_loaded_while_a_case_is_made() -> None:
     code = (
         "import sys; from benchmarks.concealed.case import draw; draw('pendulum', ['backlash'], [3], 1);"
         f"print({sorted(OURS)!r}, [m for m in sys.modules if m.split('.')[0] in {sorted(OURS)!r}])"
@@ -69,7 +70,7 @@ def test_nothing_of_ours_is_loaded_while_a_case_is_made():
 # -- what a case is ---------------------------------------------------------------------------------------------------
 
 
-def test_the_same_seed_gives_the_same_bytes(tmp_path):
+def test_the_same_seed_gives_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a", "b"):
         write(draw("geared-two-mass", ["backlash"], [3.0], 7, SHORT), tmp_path / name, tmp_path / f"answers-{name}")
     assert files(tmp_path / "a") == files(tmp_path / "b")
@@ -79,7 +80,7 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path):
     assert files(tmp_path / "a")["rec1.csv"] != files(tmp_path / "c")["rec1.csv"]
 
 
-def test_a_case_can_be_drawn_again_from_its_answers():
+def test_a_case_can_be_drawn_again_from_its_answers() -> None:
     case = draw("pendulum", ["torque_ripple"], [10.0], 3, Options(seconds=2.0))
     again = from_answers(json.loads(json.dumps(case.answers())))
     assert again.truth == case.truth
@@ -88,7 +89,7 @@ def test_a_case_can_be_drawn_again_from_its_answers():
 
 
 @pytest.mark.parametrize("plant", list(PLANTS))
-def test_the_folder_says_nothing_about_what_is_concealed(plant, tmp_path):
+def test_the_folder_says_nothing_about_what_is_concealed(plant: Any, tmp_path: Path) -> None:
     """Whatever is concealed, the scenario is the same text; only the recordings' values differ."""
     options = Options(seconds=1.0, kinds=("multi_step", "chirp", "ramp", "prbs", "reversal", "coast"))
     plain = text(draw(plant, [], [], 4, options))
@@ -103,13 +104,13 @@ def test_the_folder_says_nothing_about_what_is_concealed(plant, tmp_path):
     assert not any(name in words for name in NAMES if name not in ("none", "inductance", "viscous_friction"))
 
 
-def test_answers_may_not_lie_in_the_case(tmp_path):
+def test_answers_may_not_lie_in_the_case(tmp_path: Path) -> None:
     case = draw("pendulum", [], [], 1, Options(seconds=0.5, nuisance=0))
     with pytest.raises(ValueError, match="must not lie"):
         write(case, tmp_path / "case", tmp_path / "case" / "answers")
 
 
-def test_columns_and_counts(tmp_path):
+def test_columns_and_counts(tmp_path: Path) -> None:
     case = draw("srv02-flexible", [], [], 2, Options(seconds=2.0))
     write(case, tmp_path / "case", tmp_path / "answers")
     with (tmp_path / "case" / "rec3.csv").open() as file:
@@ -123,14 +124,14 @@ def test_columns_and_counts(tmp_path):
     assert angle == pytest.approx(np.array(counts) * 2 * np.pi / 4096)
 
 
-def test_roles_and_kinds():
+def test_roles_and_kinds() -> None:
     case = draw("harmonic-arm", [], [], 5)
     assert [r.role for r in case.recordings] == ["train"] * 3 + ["hold_out"] * 3
     assert len({r.kind for r in case.recordings}) == 6
 
 
 @pytest.mark.parametrize("plant", list(PLANTS))
-def test_true_parameters_lie_within_their_tolerances(plant):
+def test_true_parameters_lie_within_their_tolerances(plant: Any) -> None:
     for seed in range(30):
         case = draw(plant, [], [], seed, Options(seconds=0.2, nuisance=0))
         for q in PLANTS[plant].parameters:
@@ -138,12 +139,12 @@ def test_true_parameters_lie_within_their_tolerances(plant):
             assert case.truth.parameters[q.name] <= q.ceiling
 
 
-def test_a_parameter_may_be_wrong_on_purpose():
+def test_a_parameter_may_be_wrong_on_purpose() -> None:
     case = draw("geared-two-mass", [], [], 1, Options(seconds=0.5, nuisance=0, wrong=(("load.inertia", 2.6),)))
     assert 2.3 < case.truth.parameters["load.inertia"] / case.nominal["load.inertia"] < 2.9
 
 
-def test_every_effect_of_the_catalogue_lives_somewhere():
+def test_every_effect_of_the_catalogue_lives_somewhere() -> None:
     everywhere = {s.effect.name for plant in PLANTS.values() for s in sites(plant)}
     assert everywhere == set(CATALOGUE)
     assert len(everywhere) == 28
@@ -151,7 +152,7 @@ def test_every_effect_of_the_catalogue_lives_somewhere():
         assert sum(any(s.effect.name == effect for s in sites(p)) for p in PLANTS.values()) >= 2
 
 
-def test_what_cannot_be_hidden_is_refused():
+def test_what_cannot_be_hidden_is_refused() -> None:
     with pytest.raises(ValueError, match="cannot hide 'inductance'"):
         draw("pendulum", ["inductance"], [3.0], 1)
     with pytest.raises(ValueError, match=r"it has dead_zone@source\.out"):
@@ -164,7 +165,7 @@ def test_what_cannot_be_hidden_is_refused():
         draw("pendulum", [], [], 1, Options(kinds=("sing",)))
 
 
-def test_places_have_synonyms():
+def test_places_have_synonyms() -> None:
     assert find(PLANTS["srv02-flexible"], "coulomb_friction@link.hub").place == "motor.shaft"
     assert "motor.voltage" in find(PLANTS["srv02-flexible"], "dead_zone").same
 
@@ -182,14 +183,14 @@ def test_places_have_synonyms():
         ("srv02-flexible", "extra_mode"),
     ],
 )
-def test_at_size_one_the_effect_is_as_large_as_the_floor(plant, effect):
+def test_at_size_one_the_effect_is_as_large_as_the_floor(plant: str, effect: str) -> None:
     case = draw(plant, [effect], [1.0], 6, QUIET)
     bare = replace(case.truth, nuisance=Nuisance())
     assert excess(case.bench, bare) == pytest.approx(1.0, abs=0.06)
     assert case.visible[0] == pytest.approx(1.0, abs=0.06)
 
 
-def test_sizes_are_multiples_of_the_threshold():
+def test_sizes_are_multiples_of_the_threshold() -> None:
     sizes = [
         draw("pendulum", ["stray_spring"], [m], 6, Options(seconds=1.0, nuisance=0.0)).sizes[0]
         for m in (1.0, 3.0, 10.0)
@@ -200,7 +201,7 @@ def test_sizes_are_multiples_of_the_threshold():
 
 @pytest.mark.parametrize("plant", list(PLANTS))
 @pytest.mark.parametrize("loop", ["open", pytest.param("closed", marks=pytest.mark.slow)])
-def test_without_effect_a_refit_reaches_the_floor(plant, loop):
+def test_without_effect_a_refit_reaches_the_floor(plant: Any, loop: Any) -> None:
     """Gain error, ripple, warm-up, drift and coloured noise stay in the background: on average below 1.1 floors."""
     left = []
     for seed in range(2):
@@ -212,7 +213,7 @@ def test_without_effect_a_refit_reaches_the_floor(plant, loop):
     assert max(left) < 1.2
 
 
-def test_closed_loop_logs_what_the_plant_got():
+def test_closed_loop_logs_what_the_plant_got() -> None:
     """The plant driven open loop with the logged input gives the recorded output."""
     case = draw("srv02-flexible", ["coulomb_friction"], [10.0], 2, Options(loop="closed", nuisance=0))
     outputs = case.bench.outputs(case.truth, 2e-5)
@@ -221,14 +222,14 @@ def test_closed_loop_logs_what_the_plant_got():
         assert np.abs(recorded.command).max() > 0.5
 
 
-def test_released_pendulum_starts_away_from_rest():
+def test_released_pendulum_starts_away_from_rest() -> None:
     case = draw("pendulum", [], [], 2, Options(kinds=("decay", "chirp", "prbs", "decay", "ramp", "coast"), nuisance=0))
     assert abs(case.recordings[0].measured[0, 0]) > 0.3
     assert np.all(case.recordings[0].command == 0)
     assert "free: [arm.shaft.angle]" in text(case)
 
 
-def test_noise_has_its_declared_size_and_colour():
+def test_noise_has_its_declared_size_and_colour() -> None:
     noise = sensor_noise(np.random.default_rng(1), 200_000, 1e-3, 0.7, (0.2, 0.02))
     assert np.std(noise) == pytest.approx(0.7, rel=0.02)
     lag = 10
@@ -236,7 +237,7 @@ def test_noise_has_its_declared_size_and_colour():
     assert correlation == pytest.approx(0.2 * np.exp(-lag * 1e-3 / 0.02), abs=0.015)
 
 
-def test_stated_noise_can_be_wrong():
+def test_stated_noise_can_be_wrong() -> None:
     case = draw("srv02-flexible", [], [], 1, Options(seconds=0.5, nuisance=0, sigma_error=1.3))
     assert "noise: 0.0065}" in text(case)
     assert f"noise: {1.3 / np.sqrt(12):.5g}}}" in text(case)
@@ -245,7 +246,7 @@ def test_stated_noise_can_be_wrong():
 # -- ties -------------------------------------------------------------------------------------------------------------
 
 
-def test_friction_and_offset_tie_when_driven_one_way_and_not_otherwise():
+def test_friction_and_offset_tie_when_driven_one_way_and_not_otherwise() -> None:
     tie = TIES[0]
     case = draw(tie.plant, tie.effects, tie.sizes, 1, tie.options)
     assert tie_class(case, [tie.rival])[0].tied
@@ -261,13 +262,15 @@ def test_friction_and_offset_tie_when_driven_one_way_and_not_otherwise():
         ("srv02-flexible", "gravity", "motor.shaft", ("torque_ripple",)),
     ],
 )
-def test_a_law_that_contains_the_truth_ties(plant, truth, place, rivals):
+def test_a_law_that_contains_the_truth_ties(
+    plant: str, truth: str, place: str, rivals: tuple[str, str] | tuple[str]
+) -> None:
     case = draw(plant, [f"{truth}@{place}"], [10.0], 3, Options(seconds=1.0))
     for rival in tie_class(case, [(f"{name}@{place}",) for name in rivals]):
         assert rival.distance < 0.02 * FLOOR, rival.name
 
 
-def test_the_background_is_small_on_recordings_of_its_own():
+def test_the_background_is_small_on_recordings_of_its_own() -> None:
     """Of each disturbance a refit leaves 0.06 to 0.16 floors on usual recordings, no more on those driven one way."""
     tie = TIES[0]
     case = draw(tie.plant, tie.effects, tie.sizes, 1, tie.options)
@@ -277,7 +280,7 @@ def test_the_background_is_small_on_recordings_of_its_own():
         assert 0 < small.size(case.bench.outputs(replace(base, nuisance=part))) < 1.1 * max(SHARES)
 
 
-def test_the_smaller_of_two_backgrounds():
+def test_the_smaller_of_two_backgrounds() -> None:
     one = Nuisance(ripple=((1e-3, 11.0, 0.5), (5e-4, 13.0, 0.1)), warm_up=(2e-4, 20.0), drift=3e-4, gain=0.02)
     other = Nuisance(ripple=((8e-4, 17.0, 0.2), (4e-4, 19.0, 0.3)), warm_up=(3e-4, 20.0), drift=1e-4, gain=-0.03)
     made = smaller(one, other)
@@ -291,7 +294,7 @@ each_tie = pytest.mark.parametrize("tie", TIES, ids=lambda t: f"{t.plant}: {'+'.
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @each_tie
-def test_designed_ties_are_ties(tie, seed):
+def test_designed_ties_are_ties(tie: Any, seed: int) -> None:
     case = draw(tie.plant, tie.effects, tie.sizes, seed, tie.options)
     rival, none = sorted(tie_class(case, [tie.rival, ("none",)]), key=lambda r: not r.effects)
     assert rival.tied
@@ -300,14 +303,14 @@ def test_designed_ties_are_ties(tie, seed):
 
 @pytest.mark.slow
 @each_tie
-def test_designed_ties_can_be_settled(tie):
+def test_designed_ties_can_be_settled(tie: Any) -> None:
     """Recorded beside the others, some input that is no larger makes the rival differ by more than the floor."""
     case = draw(tie.plant, tie.effects, tie.sizes, 1, tie.options)
     known = menu(max(float(np.abs(r.command).max()) for r in case.recordings), case.bench.interval)
     assert any(after(case, tie.rival, *known[kind][1:]) > FLOOR for kind in ("reversal", "prbs_20ms", "ramp", "push"))
 
 
-def after(case, rival, time, drive):
+def after(case: Any, rival: Any, time: Any, drive: Any) -> Any:
     """Distance of a rival on an input that is held out, once it was fitted to the same input and the training ones."""
     train, interval = case.bench.training(), case.bench.interval
     command = np.interp(interval * np.arange(round(time[-1] / interval)), time, drive)
@@ -323,7 +326,7 @@ def after(case, rival, time, drive):
     return tie_class(replace(case, bench=bench), [rival])[0].distance
 
 
-def test_pairs_can_be_drawn():
+def test_pairs_can_be_drawn() -> None:
     for plant, pairs in PAIRS.items():
         assert len(pairs) == 5
         for pair in pairs:
@@ -337,7 +340,7 @@ def test_pairs_can_be_drawn():
 # -- command line -----------------------------------------------------------------------------------------------------
 
 
-def test_command_line(tmp_path, capsys):
+def test_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = ["make", "--plant", "pendulum", "--effect", "offset", "--size", "3", "--seed", "7", "--seconds", "1"]
     assert main([*given, "-o", str(tmp_path / "c1"), "--answers", str(tmp_path / "answers")]) == 0
     assert json.loads((tmp_path / "answers" / "c1.json").read_text())["seed"] == 7

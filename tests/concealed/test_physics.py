@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ from benchmarks.concealed.truth import MAXWELL_BAND, MAXWELL_PER_DECADE, Truth, 
 DT, STEP = 1e-3, 2e-5
 
 
-def body(inertia=1.0, substeps=50, **chains):
+def body(inertia: float = 1.0, substeps: int = 50, **chains: Any) -> tuple[Any, Any, Callable[..., Any]]:
     """An inertia under the commanded torque; elements are added by the caller before it is discretised."""
     m = Mechanism()
     shaft = m.coordinate("body")
@@ -35,12 +37,12 @@ def body(inertia=1.0, substeps=50, **chains):
 
 
 @pytest.mark.parametrize("tip_mass", [0.0, 0.02, 0.3])
-def test_clamped_frequencies_are_those_of_the_transcendental_equation(tip_mass):
+def test_clamped_frequencies_are_those_of_the_transcendental_equation(tip_mass: float) -> None:
     """1 + cos b cosh b + mu b (cos b sinh b - sin b cosh b) = 0 with mu = tip mass / mass of the arm."""
     length, mass, rigidity = 0.419, 0.065, 0.1374
     mu = tip_mass / mass
 
-    def characteristic(b):
+    def characteristic(b: Any) -> Any:
         return 1 / math.cosh(b) + math.cos(b) + mu * b * (math.cos(b) * math.tanh(b) - math.sin(b))
 
     grid = np.linspace(0.1, 12, 4000)
@@ -51,7 +53,7 @@ def test_clamped_frequencies_are_those_of_the_transcendental_equation(tip_mass):
     assert found == pytest.approx(expected, rel=1e-5)
 
 
-def test_shapes_have_the_published_integrals():
+def test_shapes_have_the_published_integrals() -> None:
     """[Blevins 1979, Table 8-1], for Q with int Q^2 = L: here modes of mass 1, so everything carries 1 / sqrt(m)."""
     length, mass = 0.33, 0.06
     made = beam.modes(length, mass, 0.4, count=2)
@@ -66,7 +68,7 @@ def test_shapes_have_the_published_integrals():
     assert made.inertia == pytest.approx(mass * length**2 / 3, rel=1e-12)
 
 
-def test_a_tip_mass_counts_in_inertia_coupling_and_tension():
+def test_a_tip_mass_counts_in_inertia_coupling_and_tension() -> None:
     length, mass, tip_mass = 0.8, 0.234, 0.05
     made = beam.modes(length, mass, 1.42, tip_mass, 1)
     assert made.inertia == pytest.approx(mass * length**2 / 3 + tip_mass * length**2)
@@ -79,7 +81,7 @@ def test_a_tip_mass_counts_in_inertia_coupling_and_tension():
     assert 0.985 * bound < made.frequency[0] < bound
 
 
-def test_independent_values_of_the_quanser_arm():
+def test_independent_values_of_the_quanser_arm() -> None:
     """Notes 1.4, set A: angle one second after a step of 1 V for 1 s, without structural damping."""
     plant = PLANTS["srv02-flexible"]
     p = plant.nominal() | {"gear.inertia": 2.08e-3 - 0.9 * 70**2 * 4.606e-7, "link.damping_ratio": 0.0}
@@ -93,7 +95,7 @@ def test_independent_values_of_the_quanser_arm():
 
 
 @pytest.mark.parametrize("name", list(PLANTS))
-def test_runs_agree_with_scipy(name):
+def test_runs_agree_with_scipy(name: Any) -> None:
     """The bare plant, and the voltage plants with inductance, against an adaptive integrator."""
     plant = PLANTS[name]
     concealed = (Concealed("inductance", "motor", {"inductance": 4e-3}),) if plant.inductance else ()
@@ -102,7 +104,7 @@ def test_runs_agree_with_scipy(name):
     run = made.run(command, states=True)
     sense, _, kind, parameters = made.mechanism.rows(made.A, made.B)
 
-    def slope(t, x):
+    def slope(t: Any, x: Any) -> Any:
         f = np.zeros(made.B.shape[1])
         f[0] = command[min(int(t / DT + 1e-9), len(command) - 1)]
         for j, k in enumerate(kind):
@@ -112,11 +114,12 @@ def test_runs_agree_with_scipy(name):
 
     x = np.zeros(len(made.A))
     for k in range(len(command) - 1):
+        assert run.states is not None
         assert run.states[k] == pytest.approx(x, rel=1e-6, abs=1e-7)
         x = solve_ivp(slope, (k * DT, (k + 1) * DT - 1e-12), x, rtol=1e-10, atol=1e-13).y[:, -1]
 
 
-def test_a_free_pendulum_keeps_its_energy_and_period():
+def test_a_free_pendulum_keeps_its_energy_and_period() -> None:
     plant = PLANTS["pendulum"]
     made = simulator(Truth(plant, plant.nominal()), ["arm.shaft.angle", "arm.shaft.speed"], DT)
     start = 1.0
@@ -131,21 +134,22 @@ def test_a_free_pendulum_keeps_its_energy_and_period():
     assert np.mean(np.diff(when)) == pytest.approx(4 * math.sqrt(inertia / moment) * quarter, rel=1e-5)
 
 
-def test_whirling_arm_keeps_energy_and_angular_momentum():
+def test_whirling_arm_keeps_energy_and_angular_momentum() -> None:
     """Without torque and damping, T = 1/2 w^2 (J + a'Ha) + w c'a' + a''/2 ... : energy and dT/dw are constant."""
     made = beam.modes(0.8, 0.234, 1.42, count=2)
     m = Mechanism()
     hub, inertia = m.coordinate("hub"), made.inertia + 0.01
     m.inertia(hub, inertia)
     modes = [m.coordinate("a1"), m.coordinate("a2")]
-    for i, a in enumerate(modes):
-        m.inertia(a, 1.0)
-        m.couple(hub, a, float(made.coupling[i]))
-        m.spring(a, float(made.frequency[i] ** 2))
+    for i, mode in enumerate(modes):
+        m.inertia(mode, 1.0)
+        m.couple(hub, mode, float(made.coupling[i]))
+        m.spring(mode, float(made.frequency[i] ** 2))
     H = made.softening - made.stiffening
     m.whirl = Whirl(hub, modes, H)
     start = np.array([0.0, 0.02, 0.0, 8.0, 0.0, 0.1])
     x = Simulator(m, [Readout(hub.sense)], DT, 50).run(np.zeros(2000), initial=start, states=True).states
+    assert x is not None
     a, w, v = x[:, 1:3], x[:, 3], x[:, 4:6]
     added = np.einsum("ti,ij,tj->t", a, H, a)
     momentum = (inertia + added) * w + v @ made.coupling
@@ -159,7 +163,7 @@ def test_whirling_arm_keeps_energy_and_angular_momentum():
 # -- laws -------------------------------------------------------------------------------------------------------------
 
 
-def test_sliding_friction_stops_where_energy_says_and_holds_for_ever():
+def test_sliding_friction_stops_where_energy_says_and_holds_for_ever() -> None:
     """1/2 J w^2 = Fc d; then no creep at all under a torque below the level."""
     m, shaft, made = body(2.0)
     m.add(native.FRICTION, shaft, 0.5, 0.5, 0.5, 0.5, 1.0, 0.0, 1.0)
@@ -170,7 +174,7 @@ def test_sliding_friction_stops_where_energy_says_and_holds_for_ever():
     assert np.ptp(y[3000:, 0]) < 1e-15
 
 
-def test_levels_differ_by_direction_and_static_friction_must_be_overcome():
+def test_levels_differ_by_direction_and_static_friction_must_be_overcome() -> None:
     m, shaft, made = body(1.0)
     m.add(native.FRICTION, shaft, 0.2, 0.3, 0.4, 0.6, 0.05, 0.0, 1.0)
     ramp = np.concatenate([np.linspace(0, 1, 5000), np.zeros(15000), -np.linspace(0, 1, 5000)])
@@ -183,7 +187,7 @@ def test_levels_differ_by_direction_and_static_friction_must_be_overcome():
     assert ramp[backward] == pytest.approx(-0.6, abs=2e-3)
 
 
-def test_stribeck_stop_distance_is_the_integral_over_the_curve():
+def test_stribeck_stop_distance_is_the_integral_over_the_curve() -> None:
     """d = int_0^w0 J w dw / F(w)."""
     coulomb, peak, velocity = 0.3, 0.9, 0.2
     m, shaft, made = body(1.0)
@@ -194,7 +198,7 @@ def test_stribeck_stop_distance_is_the_integral_over_the_curve():
     assert y[-1, 0] == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_stray_spring_pulls_to_where_it_is_at_rest():
+def test_a_stray_spring_pulls_to_where_it_is_at_rest() -> None:
     plant = PLANTS["srv02-flexible"]
     spring = Concealed("stray_spring", "motor.shaft", {"stiffness": 1e-3, "rest_angle": -0.4})
     made = simulator(Truth(plant, plant.nominal(), concealed=(spring,)), ["link.hub.angle"], DT)
@@ -202,7 +206,7 @@ def test_a_stray_spring_pulls_to_where_it_is_at_rest():
     assert run.clean[-1, 0] == pytest.approx(-0.4 / 70, rel=1e-3)
 
 
-def test_two_frictions_on_one_spring_stick_together():
+def test_two_frictions_on_one_spring_stick_together() -> None:
     """Two bodies on a spring, both rubbing: the wound spring is held as long as neither level is exceeded."""
     m = Mechanism()
     a, b = m.coordinate("a"), m.coordinate("b")
@@ -221,7 +225,7 @@ def test_two_frictions_on_one_spring_stick_together():
     assert y.clean[-1, 1] > 1e-6
 
 
-def test_contact_bounces_as_the_damped_half_wave_says():
+def test_contact_bounces_as_the_damped_half_wave_says() -> None:
     """Free flight over the gap, then p = v/wd exp(-z w t) sin wd t until k p + d p' = 0, then free flight back."""
     stiffness, damping, gap, speed = 400.0, 3.0, 0.01, 0.5
     m, shaft, made = body(1.0, substeps=100)
@@ -229,10 +233,10 @@ def test_contact_bounces_as_the_damped_half_wave_says():
     y = made().run(np.zeros(400), initial=np.array([0.0, speed])).clean
     omega, decay = math.sqrt(stiffness - damping**2 / 4), damping / 2
 
-    def penetration(t):
+    def penetration(t: Any) -> Any:
         return speed / omega * math.exp(-decay * t) * math.sin(omega * t)
 
-    def rate(t):
+    def rate(t: Any) -> Any:
         return speed * math.exp(-decay * t) * (math.cos(omega * t) - decay / omega * math.sin(omega * t))
 
     away = brentq(lambda t: stiffness * penetration(t) + damping * rate(t), 0.5 * math.pi / omega, math.pi / omega)
@@ -241,7 +245,7 @@ def test_contact_bounces_as_the_damped_half_wave_says():
     assert y[after, 1] == pytest.approx(rate(away), rel=2e-5)
 
 
-def test_bouc_wen_follows_its_first_loading():
+def test_bouc_wen_follows_its_first_loading() -> None:
     """Sharpness 1: z = zy (1 - exp(-e / zy)) while e grows; the torque balance is read off the motion."""
     m, shaft, made = body(1e-3)
     stiffness, share, twist = 5.0, 0.3, 0.02
@@ -254,7 +258,7 @@ def test_bouc_wen_follows_its_first_loading():
     assert law + 0.05 * y[:, 1] + 1e-3 * y[:, 2] == pytest.approx(torque, abs=1e-6)
 
 
-def test_structural_damping_has_a_constant_loss_factor():
+def test_structural_damping_has_a_constant_loss_factor() -> None:
     m, shaft, _ = body(1.0)
     _structural(m, shaft, 7.0, 0.1)
     A, B = m.state_space()
@@ -268,7 +272,7 @@ def test_structural_damping_has_a_constant_loss_factor():
         assert dynamic.imag / 7.0 == pytest.approx(0.1, rel=0.06)
 
 
-def test_drag_gravity_ripple_cubic_and_warm_up():
+def test_drag_gravity_ripple_cubic_and_warm_up() -> None:
     """Each force at a known state, from the acceleration of the first step."""
     e, w = 0.3, -0.8
     cases = {
@@ -286,7 +290,7 @@ def test_drag_gravity_ripple_cubic_and_warm_up():
         assert y[0, 2] == pytest.approx(force, rel=1e-12), kind
 
 
-def test_input_chain_delay_lag_and_limits():
+def test_input_chain_delay_lag_and_limits() -> None:
     torque = np.where(np.arange(3000) < 1000, 0.0, 1.0)
     late = body(1.0, substeps=10, input=InputChain(delay=0.0123))[2]().run(torque).clean
     t = np.arange(3000) * DT
@@ -301,7 +305,7 @@ def test_input_chain_delay_lag_and_limits():
         assert y[0, 2] == pytest.approx(expected, abs=1e-12), command
 
 
-def test_sensor_chain():
+def test_sensor_chain() -> None:
     chains = [SensorChain(lag=0.02), SensorChain(scale=1.1, bias=0.3), SensorChain(rectified=True)]
     y = body(1.0, sensors=chains)[2]().run(np.full(500, -2.0)).clean
     plain = body(1.0)[2]().run(np.full(500, -2.0)).clean
@@ -312,20 +316,21 @@ def test_sensor_chain():
     assert y[:, 2] == pytest.approx(np.abs(plain[:, 2]))
 
 
-def test_a_lossy_gear_weighs_the_rotor_with_its_efficiency():
+def test_a_lossy_gear_weighs_the_rotor_with_its_efficiency() -> None:
     plant = PLANTS["srv02-flexible"]
     M = plant.assemble(plant.nominal(), {}, LinkOptions(), 0.0).mechanism.mass_matrix()
     arm = 0.065 * 0.419**2 / 3
     assert M[0, 0] == pytest.approx(0.9 * 70**2 * 4.606e-7 + 5.282e-5 + arm)
 
 
-def test_discretisation_is_the_matrix_exponential():
+def test_discretisation_is_the_matrix_exponential() -> None:
     plant = PLANTS["geared-two-mass"]
     A, B = plant.assemble(plant.nominal(), {}, LinkOptions(), 1e-3).mechanism.state_space()
     made = simulator(
         Truth(plant, plant.nominal(), (Concealed("inductance", "motor", {"inductance": 1e-3}),)), ["tacho.out"], DT
     )
     states = made.run(np.full(200, 2.0), states=True).states
+    assert states is not None
     steady = np.linalg.lstsq(A, -2.0 * B[:, 0], rcond=None)[0]
     assert len(states[0]) == len(steady) == 5
     block = np.zeros((6, 6))

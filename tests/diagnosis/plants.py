@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 RESISTANCE, TORQUE_CONSTANT, EFFICIENCY, INERTIA, VISCOUS = 2.6, 7.68e-3, 0.69, 4.606e-7, 1.26e-6
 
@@ -43,7 +45,7 @@ RECORDING = """\
 """
 
 
-def inputs(t):
+def inputs(t: Any) -> dict[str, Any]:
     """Three inputs to train on, two of another kind to hold out."""
     return {
         "steps": ("train", np.where(t % 1.0 < 0.5, 1.0, -0.8) * (t < 1.8)),
@@ -54,7 +56,16 @@ def inputs(t):
     }
 
 
-def speed(t, u, *, coulomb=0.0, dead=0.0, resistance=RESISTANCE, inertia=INERTIA, parts=100):
+def speed(
+    t: Any,
+    u: Any,
+    *,
+    coulomb: float = 0.0,
+    dead: float = 0.0,
+    resistance: Any = RESISTANCE,
+    inertia: Any = INERTIA,
+    parts: int = 100,
+) -> NDArray[Any]:
     """Motor speed by exponential steps of 20 us; Coulomb friction holds the rotor where the motor cannot turn it."""
     constant = EFFICIENCY * TORQUE_CONSTANT / resistance
     damping = VISCOUS + constant * TORQUE_CONSTANT
@@ -75,7 +86,15 @@ def speed(t, u, *, coulomb=0.0, dead=0.0, resistance=RESISTANCE, inertia=INERTIA
     return np.array(rows)
 
 
-def case(folder: Path, *, given_resistance=2.75, given_inertia=4.3e-7, noise=0.3, seed=0, **truth) -> Path:
+def case(
+    folder: Path,
+    *,
+    given_resistance: float = 2.75,
+    given_inertia: float = 4.3e-7,
+    noise: float = 0.3,
+    seed: int = 0,
+    **truth: Any,
+) -> Path:
     """A scenario with parameters a few per cent off, and recordings of a plant with ``truth`` in it."""
     random = np.random.default_rng(seed)
     t = np.arange(0.0, 2.0 + 1e-9, 2e-3)

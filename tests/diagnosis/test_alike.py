@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,22 +27,22 @@ from tests.diagnosis.plants import case
 
 
 @pytest.fixture(scope="module")
-def fitter(tmp_path_factory):
+def fitter(tmp_path_factory: pytest.TempPathFactory) -> CandidateFitter:
     scenario = load(case(tmp_path_factory.mktemp("bench"), seed=2))
     return CandidateFitter(scenario, gather(scenario, [], []), 1)
 
 
 @pytest.fixture(scope="module")
-def listed(fitter):
+def listed(fitter: CandidateFitter) -> Any:
     return candidates(operating_scales(fitter.base))
 
 
-def found(listed, effect, place="motor.shaft"):
+def found(listed: Any, effect: Any, place: str = "motor.shaft") -> Any:
     return next(c for c in listed if (c.effect, c.place) == (effect, place))
 
 
 @pytest.mark.parametrize("effect", ["gravity", "torque_ripple"])
-def test_gravity_and_a_ripple_of_order_one_are_one_law(fitter, listed, effect):
+def test_gravity_and_a_ripple_of_order_one_are_one_law(fitter: CandidateFitter, listed: Any, effect: str) -> None:
     """-m g sin(a - h) = m g sin(a + pi - h): residuals are the same where the twin starts, whichever was chosen."""
     sizes = {"gravity": {"mass": 3e-5, "hanging_angle": 0.7}, "torque_ripple": {"order": 1.0, "amplitude": 3e-4}}
     start = sizes[effect] | ({"phase": -0.4} if effect == "torque_ripple" else {})
@@ -56,13 +58,13 @@ def test_gravity_and_a_ripple_of_order_one_are_one_law(fitter, listed, effect):
         np.testing.assert_allclose(other, mine, rtol=0, atol=1e-5 * np.abs(mine).max())
 
 
-def test_a_ripple_of_another_order_has_no_twin(fitter, listed):
+def test_a_ripple_of_another_order_has_no_twin(fitter: CandidateFitter, listed: Any) -> None:
     ripple = replace(found(listed, "torque_ripple"), starts=({"order": 2.0, "amplitude": 3e-4, "phase": 0.1},))
     chosen = fitter.finish(fitter.partial_fit((ripple,), fitter.refit().fit), 0)
     assert same_laws(chosen, listed) == []
 
 
-def test_a_further_body_is_not_heavier_than_twice_what_it_hangs_on(listed):
+def test_a_further_body_is_not_heavier_than_twice_what_it_hangs_on(listed: Any) -> None:
     """Beyond that it stands still, and is a spring and a damper to the ground."""
     mode = found(listed, "extra_mode")
     free = next(f for f in mode.free(mode.starts[0]) if f.name.endswith(".inertia"))
@@ -71,19 +73,19 @@ def test_a_further_body_is_not_heavier_than_twice_what_it_hangs_on(listed):
     assert free.value(0.0) == mode.starts[0]["inertia"] < felt
 
 
-def test_static_friction_that_a_fit_left_below_the_sliding_friction_still_makes_a_block(listed):
+def test_static_friction_that_a_fit_left_below_the_sliding_friction_still_makes_a_block(listed: Any) -> None:
     crossed = {"coulomb_friction": 3e-4, "static_friction": 2.9e-4, "stribeck_velocity": 1.0}
     (edit,) = found(listed, "stribeck_friction").edits(crossed)
     assert edit.parameters["static_friction"] == edit.parameters["coulomb_friction"] == "0.0003 N.m"
 
 
-def test_the_inductance_is_fitted_like_any_other_size(listed):
+def test_the_inductance_is_fitted_like_any_other_size(listed: Any) -> None:
     coil = next(c for c in listed if c.effect == "inductance")
     assert [f.name for f in coil.free(coil.starts[0])] == ["motor.inductance"]
 
 
-def test_a_delay_is_known_as_well_as_the_timing_and_an_order_exactly():
-    study = SimpleNamespace(scales=SimpleNamespace(sample=2e-3))
+def test_a_delay_is_known_as_well_as_the_timing_and_an_order_exactly() -> None:
+    study: Any = SimpleNamespace(scales=SimpleNamespace(sample=2e-3))
     row = verdict._chosen_size(study, EffectParameter("delay", 1e-3, fixed=True, unit="s"), 5e-3)
     assert row["low"] == pytest.approx(5e-3 - 1.96 * INTERVALS.input_timing * 2e-3)
     assert row["high"] == pytest.approx(5e-3 + 1.96 * INTERVALS.input_timing * 2e-3)
@@ -94,20 +96,21 @@ def test_a_delay_is_known_as_well_as_the_timing_and_an_order_exactly():
 @pytest.mark.parametrize(
     ("gain", "told"), [(58.4, "degrees and radians"), (0.105, "rpm and rad/s"), (1e-3, "thousands"), (1.7, "")]
 )
-def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain, told):
+def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain: float, told: str) -> None:
     """A scale as large as the factor, or as small as its inverse, within what other parameters take up."""
     trial = SimpleNamespace(
         added=lambda: {"sensor_scale.gain": gain},
         effects=(Candidate("sensor_scale", "arm.shaft.angle", "arm", "found", lambda values: []),),
     )
-    rows = wording._units(SimpleNamespace(chosen=trial, trials=(trial,)))
+    study: Any = SimpleNamespace(chosen=trial, trials=(trial,))
+    rows = wording._units(study)
     assert rows == (
         [f"a scale of {gain:.4g} at arm.shaft.angle is near that between {told}: is its unit right?"] * bool(told)
     )
 
 
-def test_the_halves_of_a_recording_are_all_of_it_once(fitter):
-    whole = fitter.recordings[0]
+def test_the_halves_of_a_recording_are_all_of_it_once(fitter: CandidateFitter) -> None:
+    whole: Any = fitter.recordings[0]
     fitted, judged = whole.split(EXCHANGE.part)
     assert (fitted.role, judged.role) == ("train", "hold_out")
     a, b, y = (r.measurements[0].values for r in (fitted, judged, whole))
@@ -117,7 +120,7 @@ def test_the_halves_of_a_recording_are_all_of_it_once(fitter):
     assert fitted.drive == judged.drive == whole.drive
 
 
-def limited(t):
+def limited(t: Any) -> dict[str, Any]:
     """Small inputs to fit, and one large one to hold out."""
     return {
         "steps": ("train", np.where(t % 1.0 < 0.5, 0.6, -0.5)),
@@ -127,14 +130,18 @@ def limited(t):
     }
 
 
-def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(tmp_path, monkeypatch):
+def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """An amplifier that gives at most 1 V: only the large input meets it."""
     monkeypatch.setattr(plants, "inputs", limited)
     speed = plants.speed
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
     scenario = load(case(tmp_path, seed=5))
     fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
-    moved, told = exchanged(fitter, fitter.refit())
+    exchange = exchanged(fitter, fitter.refit())
+    assert exchange is not None
+    moved, told = exchange
     roles = {r.name: r.role for r in moved}
     assert roles == {
         "steps": "train",
@@ -146,7 +153,7 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(tmp_
     assert "every other 0.5 s" in told
 
 
-def test_counts_without_a_revolution_are_refused(tmp_path):
+def test_counts_without_a_revolution_are_refused(tmp_path: Path) -> None:
     path = case(tmp_path, seed=1)
     text = path.read_text().replace("{column: speed, unit: rad/s}", "{column: speed, unit: count}")
     path.write_text(text)
@@ -154,7 +161,9 @@ def test_counts_without_a_revolution_are_refused(tmp_path):
     with pytest.raises(FlexarmError, match="the counts per revolution are not given") as caught:
         gather(scenario, [], [])
     assert "counts_per_rev: 4096" in caught.value.remedy
-    assert caught.value.where.line > 0
+    where = caught.value.where
+    assert where is not None
+    assert where.line > 0
 
 
 @pytest.mark.parametrize(
@@ -166,7 +175,7 @@ def test_counts_without_a_revolution_are_refused(tmp_path):
         ("2024-03-01 10:00:00", 4, "give the time as a number of seconds"),
     ],
 )
-def test_what_is_no_number_is_told_with_a_remedy_that_fits(tmp_path, cell, row, remedy):
+def test_what_is_no_number_is_told_with_a_remedy_that_fits(tmp_path: Path, cell: str, row: int, remedy: str) -> None:
     path = case(tmp_path, seed=1)
     file = tmp_path / "steps.csv"
     lines = file.read_text().splitlines()
@@ -176,4 +185,5 @@ def test_what_is_no_number_is_told_with_a_remedy_that_fits(tmp_path, cell, row, 
     with pytest.raises(FlexarmError, match=f"holds '{cell}'") as caught:
         gather(load(path), ["steps"], [])
     assert caught.value.remedy.startswith(remedy)
+    assert caught.value.where is not None
     assert math.isfinite(caught.value.where.line)

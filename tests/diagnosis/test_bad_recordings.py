@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import resource
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from diagnosis.api import diagnose
 from diagnosis.binding import find_recording
+from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.problems import problem
 from diagnosis.recordings.columns import LONG_TEXT, read_columns
+from diagnosis.recordings.types import Recording
 from diagnosis.thresholds import FITTING
 from diagnosis.verdict.recording_checks import screen
 from engine.errors import FlexarmError
@@ -35,18 +39,18 @@ def store(folder: Path, name: str, values: np.ndarray) -> None:
     np.savetxt(folder / f"{name}.csv", values, delimiter=",", header="t,u,speed", comments="")
 
 
-def spoil(path: Path, change) -> Path:
+def spoil(path: Path, change: Any) -> Path:
     for name in NAMES:
         store(path.parent, name, change(table(path.parent, name)))
     return path
 
 
-def prepared(path: Path):
+def prepared(path: Path) -> Any:
     scenario = load(path)
     return problem(scenario, [find_recording(scenario, name) for name in scenario.recordings])
 
 
-def scaled(factor: float):
+def scaled(factor: float) -> Callable[..., Any]:
     return lambda rows: rows * [1.0, 1.0, factor]
 
 
@@ -54,7 +58,7 @@ def clipped(rows: np.ndarray) -> np.ndarray:
     return np.column_stack([rows[:, :2], np.clip(rows[:, 2], -60.0, 60.0)])
 
 
-def shifted(samples: int):
+def shifted(samples: int) -> Any:
     def change(rows: np.ndarray) -> np.ndarray:
         kept = np.column_stack([rows[:, :2], np.roll(rows[:, 2], samples)])
         return kept[5:-5]
@@ -85,7 +89,7 @@ def test_concealed_physics_is_no_fault_of_the_recording(tmp_path: Path) -> None:
         (shifted(4), "there is a delay, or a column is shifted"),
     ],
 )
-def test_what_no_physics_explains_is_remarked(change, piece: str, bench: Path) -> None:
+def test_what_no_physics_explains_is_remarked(change: Any, piece: str, bench: Path) -> None:
     found = [remark.text for remark in screen(prepared(spoil(bench, change)))]
     assert any(piece in text for text in found), found
 
@@ -143,6 +147,7 @@ def test_runs_of_nan_are_masked_and_told(bench: Path) -> None:
     rows[200:260, 2] = np.nan
     store(bench.parent, "steps", rows)
     recording = find_recording(load(bench), "steps")
+    assert isinstance(recording, Recording)
     assert len(recording.time) == len(rows)
     assert any("60 of 1001 rows" in note for note in recording.notes)
     made = prepared(bench)
@@ -162,9 +167,11 @@ def test_nan_in_a_drive_is_refused_unless_it_may_be_skipped(bench: Path) -> None
     assert "gaps: skip" in caught.value.remedy
     scenario = load(bench, ["recordings.steps.gaps=skip"])
     recording = find_recording(scenario, "steps")
+    assert isinstance(recording, Recording)
     assert len(recording.time) == len(rows) - 60
     assert any("gap in time" in note for note in recording.notes)
     experiment = problem(scenario, [recording]).experiments[0]
+    assert isinstance(experiment, TimeExperiment)
     assert experiment.uneven
     assert experiment.step == pytest.approx(2e-3)
     place = experiment.time / experiment.step

@@ -1,8 +1,12 @@
 """Whatever the record and the settings: a clear error or finite numbers; and the same decay from every kind of file."""
 
+from __future__ import annotations
+
 import json
 import math
 import warnings
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,9 +55,12 @@ settings_of = st.fixed_dictionaries(
     st.sampled_from([0.0, 1.0, -1e6]),
     settings_of,
 )
-def test_a_clear_error_or_finite_numbers(kind, samples, frequency, rate, power, offset, asked):
+def test_a_clear_error_or_finite_numbers(
+    kind: Any, samples: Any, frequency: Any, rate: Any, power: Any, offset: Any, asked: Any
+) -> None:
     time = np.arange(samples) * 1e-3
-    values = KINDS[kind](time, frequency, rate) * 10.0**power + offset
+    kinds: dict[Any, Any] = KINDS
+    values = kinds[kind](time, frequency, rate) * 10.0**power + offset
     try:
         with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
             warnings.simplefilter("ignore")
@@ -66,7 +73,7 @@ def test_a_clear_error_or_finite_numbers(kind, samples, frequency, rate, power, 
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mat", ".parquet"])
-def test_the_same_decay_from_every_kind_of_file(suffix, tmp_path):
+def test_the_same_decay_from_every_kind_of_file(suffix: str, tmp_path: Path) -> None:
     time, values = two_modes(1000, LIGHT)
     path = tmp_path / f"decay{suffix}"
     if suffix == ".csv":
@@ -84,16 +91,18 @@ def test_the_same_decay_from_every_kind_of_file(suffix, tmp_path):
     assert record.name == "tip"
     assert record.values == pytest.approx(values, rel=1e-12, abs=1e-15)
     found = analyse_decay(record, MODES, window=0.4, hop=0.05, windows=6)
+    assert found.waterfall is not None
     assert [mode.ratio for mode in found.waterfall.modes] == pytest.approx(LIGHT, rel=5e-3)
 
 
-def test_a_record_too_short_for_windows_still_has_a_decrement():
+def test_a_record_too_short_for_windows_still_has_a_decrement() -> None:
     time = np.arange(0, 2.2, 1e-3)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = analyse_decay(decay_record(time, viscous(time, 0.96, 0.05, phase=-0.5)), (0.7,), rest=0.0)
     assert found.waterfall is None
     assert any("no evolving spectra: the record lasts 2.2 s" in note for note in found.notes)
+    assert found.decrement is not None
     assert found.decrement.ratio == pytest.approx(0.05, rel=1e-3)
 
 
@@ -108,6 +117,6 @@ def test_a_record_too_short_for_windows_still_has_a_decrement():
         (np.arange(20.0), np.arange(20.0) * 1e200, "choose another unit"),
     ],
 )
-def test_arrays_that_are_no_record(time, values, words):
+def test_arrays_that_are_no_record(time: Any, values: Any, words: str) -> None:
     with pytest.raises(RecordingError, match=words):
         decay_record(time, values)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,12 +17,12 @@ from tests.diagnosis.plants import INERTIA, RESISTANCE, case
 
 
 @pytest.fixture(scope="module")
-def sticky(tmp_path_factory):
+def sticky(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any]:
     folder = tmp_path_factory.mktemp("sticky")
     return diagnose(case(folder, coulomb=4.0e-4, seed=3)), folder
 
 
-def test_concealed_coulomb_friction_is_named_placed_and_sized(sticky):
+def test_concealed_coulomb_friction_is_named_placed_and_sized(sticky: tuple[Any, Any]) -> None:
     found, _ = sticky
     assert found.verdict == "named"
     (finding,) = found.findings
@@ -36,7 +38,7 @@ def test_concealed_coulomb_friction_is_named_placed_and_sized(sticky):
     assert sum(odds.values()) == pytest.approx(1.0)
 
 
-def test_the_files_hold_together(sticky, tmp_path):
+def test_the_files_hold_together(sticky: tuple[Any, Any], tmp_path: Path) -> None:
     found, _ = sticky
     made = write(found, tmp_path / "out")
     assert {p.name for p in made} == {
@@ -61,7 +63,7 @@ def test_the_files_hold_together(sticky, tmp_path):
     assert linear.inputs == ("motor.voltage",)
 
 
-def test_a_concealed_dead_zone_is_told_from_friction(tmp_path):
+def test_a_concealed_dead_zone_is_told_from_friction(tmp_path: Path) -> None:
     found = diagnose(case(tmp_path, dead=0.15, seed=5))
     assert found.verdict == "named"
     (finding,) = found.findings
@@ -71,14 +73,14 @@ def test_a_concealed_dead_zone_is_told_from_friction(tmp_path):
     assert lower["value"] == pytest.approx(-0.15, rel=0.1)
 
 
-def test_nothing_is_found_where_nothing_is_concealed(tmp_path):
+def test_nothing_is_found_where_nothing_is_concealed(tmp_path: Path) -> None:
     found = diagnose(case(tmp_path, seed=8))
     assert found.verdict == "none"
     assert found.study.refit.hold_out < 1.2
     assert found.study.nominal[1] > 2
 
 
-def test_an_inertia_far_outside_its_tolerance_is_a_wrong_parameter(tmp_path):
+def test_an_inertia_far_outside_its_tolerance_is_a_wrong_parameter(tmp_path: Path) -> None:
     found = diagnose(case(tmp_path, inertia=3.0 * INERTIA, seed=11))
     assert found.verdict in ("wrong_parameter", "tie")
     named = {c.effect for t in (found.study.chosen, *found.rivals) for c in t.effects}
@@ -87,7 +89,7 @@ def test_an_inertia_far_outside_its_tolerance_is_a_wrong_parameter(tmp_path):
     assert "motor.rotor_inertia" in places
 
 
-def test_a_fit_recovers_what_the_recordings_hold(tmp_path):
+def test_a_fit_recovers_what_the_recordings_hold(tmp_path: Path) -> None:
     """Resistance and inertia trade off against other parameters; gain and time constant do not."""
     made, scores = fit(case(tmp_path, seed=2))
     p = made.parameters()
@@ -103,7 +105,7 @@ def test_a_fit_recovers_what_the_recordings_hold(tmp_path):
         assert interval.low <= interval.value <= interval.high
 
 
-def test_the_verdict_does_not_depend_on_threads(tmp_path):
+def test_the_verdict_does_not_depend_on_threads(tmp_path: Path) -> None:
     path = case(tmp_path, coulomb=4.0e-4, seed=3)
     runs = [diagnose(path, workers=n).numbers() for n in (1, 2)]
     assert runs[0]["verdict"] == runs[1]["verdict"]

@@ -24,7 +24,7 @@ from engine.block import Block, flange, parameter, signal_in
 from engine.errors import FlexarmError, ParameterError
 from engine.ports import TRANSLATIONAL
 from engine.simulate import simulate
-from scenarios.amend import Between, Replace, Set, amended, without
+from scenarios.amend import AtFlange, Between, Replace, Set, amended, without
 from scenarios.load import load
 
 
@@ -326,6 +326,7 @@ def test_along_a_slide_the_twin_is_put_in(tmp_path: Any, register: Any) -> None:
     register(Entry("sticky", sticky))
     made = [c for c in possible_effects(path) if c.effect == "sticky"]
     (edit,) = made[0].edits({"coulomb_friction": 0.5})
+    assert isinstance(edit, AtFlange)
     assert (edit.type, edit.port, edit.parameters) == (
         "TranslationalBearingFriction",
         "slide",
@@ -337,7 +338,7 @@ def wrong(**changes: Any) -> Any:
     """An effect whose candidate is wrong in some way."""
 
     def effect(scales: Any, place: Any) -> list[Any]:
-        given = {
+        given: dict[str, Any] = {
             "effect": "odd",
             "edits": lambda sizes: [Set("rotor", "inertia", 1.0)],
             "starts": ({},),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +28,7 @@ EFFECTS = {
 FRICTION, DEAD = 4.0e-4, 0.15
 
 
-def studied(folder, **truth):
+def studied(folder: Any, **truth: Any) -> Any:
     """A study that tries Coulomb friction and a dead zone alone; the nominal parameters are the true ones.
 
     Torque is not measured: with an inertia that is off, every torque would be off in proportion.
@@ -37,30 +39,30 @@ def studied(folder, **truth):
 
 
 @pytest.fixture(scope="module")
-def sticky(tmp_path_factory):
+def sticky(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return studied(tmp_path_factory.mktemp("sticky"), coulomb=FRICTION, seed=3)
 
 
 @pytest.fixture(scope="module")
-def torque(sticky):
+def torque(sticky: Any) -> Any:
     return recover(sticky, "motor.shaft")
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory):
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return studied(tmp_path_factory.mktemp("sound"), seed=8)
 
 
-def against(found, name):
+def against(found: Any, name: Any) -> Any:
     return next(c for c in found.curves if c.x_label == name)
 
 
-def test_only_two_effects_are_tried(sticky):
+def test_only_two_effects_are_tried(sticky: Any) -> None:
     listed = {c.effect for c in candidates(sticky.scales)} - EFFECTS
     assert listed == {"coulomb_friction", "dead_zone"}
 
 
-def test_friction_shows_as_a_torque_against_the_motion(torque):
+def test_friction_shows_as_a_torque_against_the_motion(torque: Any) -> None:
     """Where the shaft turns fast enough that no knot straddles a reversal: -F sign(v), within the band."""
     found = torque
     assert (found.place, found.unit) == ("motor.shaft", "N.m")
@@ -77,13 +79,13 @@ def test_friction_shows_as_a_torque_against_the_motion(torque):
     assert (curve.high - curve.low)[fast].max() < 0.25 * FRICTION
 
 
-def test_the_curve_against_what_the_force_depends_on_comes_first(torque):
+def test_the_curve_against_what_the_force_depends_on_comes_first(torque: Any) -> None:
     assert torque.curves[0] is against(torque, "motor.shaft.speed")
     assert torque.curves[0].share > 0.85
     assert against(torque, "motor.shaft.angle").share < 0.2
 
 
-def test_the_force_over_time_reverses_with_the_motion(sticky, torque):
+def test_the_force_over_time_reverses_with_the_motion(sticky: Any, torque: Any) -> None:
     """Of one held-out recording: the plant's own friction torque, at the knots of which no neighbour reverses."""
     found = torque
     assert found.recording in ("ramp", "slow")
@@ -103,7 +105,7 @@ def test_the_force_over_time_reverses_with_the_motion(sticky, torque):
     assert found.log_odds > 1000
 
 
-def test_a_dead_zone_shows_as_a_voltage_against_the_drive(tmp_path):
+def test_a_dead_zone_shows_as_a_voltage_against_the_drive(tmp_path: Path) -> None:
     """Beyond the zone the motor lacks DEAD volts, in it all of them."""
     made = studied(tmp_path, dead=DEAD, seed=5)
     assert made.chosen.effects[0].effect == "dead_zone"
@@ -119,11 +121,12 @@ def test_a_dead_zone_shows_as_a_voltage_against_the_drive(tmp_path):
     assert curve.share > 0.85
 
 
-def test_where_nothing_is_concealed_the_force_is_nothing(sound):
+def test_where_nothing_is_concealed_the_force_is_nothing(sound: Any) -> None:
     """At every knot within three deviations of zero, a thousandth of the motor's torques, and with odds against it."""
     assert sound.chosen.effects == ()
     for place, unit, size in (("motor.shaft", "N.m", FRICTION), ("motor.voltage", "V", DEAD)):
         found = recover(sound, place, unit)
+        assert found is not None
         assert (found.deviation > 0).all()
         assert np.abs(found.force / found.deviation).max() < 3
         assert np.abs(found.force).max() < 0.02 * size
@@ -133,19 +136,22 @@ def test_where_nothing_is_concealed_the_force_is_nothing(sound):
             assert (curve.high >= -0.01 * size).all()
 
 
-def test_the_evidence_is_larger_where_something_is_missing(sticky, sound):
+def test_the_evidence_is_larger_where_something_is_missing(sticky: Any, sound: Any) -> None:
     """Also seen from the refit, whose parameters bent to make up for what is missing."""
     bent = replace(sticky, chosen=sticky.refit)
-    assert recover(bent, "motor.shaft").log_odds > 1000 > 0 > recover(sound, "motor.shaft").log_odds
+    missing, nothing = recover(bent, "motor.shaft"), recover(sound, "motor.shaft")
+    assert missing is not None
+    assert nothing is not None
+    assert missing.log_odds > 1000 > 0 > nothing.log_odds
 
 
-def test_the_numbers_are_plain(torque):
+def test_the_numbers_are_plain(torque: Any) -> None:
     numbers = torque.numbers()
     assert json.loads(json.dumps(numbers)) == numbers
     assert numbers["curves"][0]["against"] == "motor.shaft.speed"
     assert {len(numbers["curves"][0][key]) for key in ("x", "force", "low", "high")} == {RECOVERY.bins}
 
 
-def test_a_place_of_no_force_gives_no_evidence(sticky):
+def test_a_place_of_no_force_gives_no_evidence(sticky: Any) -> None:
     assert recover(sticky, "") is None
     assert recover(sticky, "motor.nothing") is None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import pytest
@@ -11,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from diagnosis.api import diagnose
 from diagnosis.verdict import figures
+from diagnosis.verdict.verdict import place_odds
 from tests.diagnosis.plants import case
 from tests.diagnosis.test_resume import LEFT_OUT
 
@@ -18,20 +21,20 @@ DRAWN = ["held_out", "odds", "before_after", "recovered"]
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def found(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return diagnose(case(tmp_path_factory.mktemp("bench"), coulomb=4.0e-4, seed=3), without=LEFT_OUT)
 
 
 @pytest.fixture
-def draw(found, tmp_path, monkeypatch):
+def draw(found: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Draws a figure by name and gives it back as it was saved."""
     kept, save = [], figures._save
 
-    def keep(figure, path):
+    def keep(figure: Any, path: Any) -> Any:
         kept.append(figure)
         return save(figure, path)
 
-    def drawn(name):
+    def drawn(name: Any) -> Any:
         path = getattr(figures, name)(found, tmp_path / f"{name}.png")
         assert path.stat().st_size > 5000
         return kept[-1]
@@ -41,7 +44,7 @@ def draw(found, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", DRAWN)
-def test_a_backend_that_was_chosen_stays(draw, name, monkeypatch):
+def test_a_backend_that_was_chosen_stays(draw: Any, name: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(mpl.rcParams, "backend", "svg")
     monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)
     draw(name)
@@ -50,9 +53,9 @@ def test_a_backend_that_was_chosen_stays(draw, name, monkeypatch):
 
 
 @pytest.mark.parametrize("name", DRAWN)
-def test_no_legend_or_title_lies_over_anything(draw, name):
+def test_no_legend_or_title_lies_over_anything(draw: Any, name: Any) -> None:
     figure = draw(name)
-    canvas = FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     renderer = canvas.get_renderer()
     boxes = [legend.get_window_extent(renderer) for legend in figure.legends]
@@ -63,13 +66,13 @@ def test_no_legend_or_title_lies_over_anything(draw, name):
     assert not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
 
 
-def _titles(axis):
+def _titles(axis: Any) -> tuple[Any, Any, Any]:
     return axis.title, axis._left_title, axis._right_title
 
 
-def test_every_place_has_a_bar_and_its_odds(draw, found):
+def test_every_place_has_a_bar_and_its_odds(draw: Any, found: Any) -> None:
     axis = draw("odds").axes[0]
-    places = list(figures.place_odds(found.study))[: figures.PLACES]
+    places = list(place_odds(found.study))[: figures.PLACES]
     assert [label.get_text() for label in axis.get_yticklabels()] == places
     assert len(places) > 1
     left = axis.get_xlim()[0]
@@ -79,12 +82,12 @@ def test_every_place_has_a_bar_and_its_odds(draw, found):
     assert texts[-2:] == ["< 1e-12", "odds"]
 
 
-def test_where_no_place_was_tried_the_refit_alone_is_shown(found, tmp_path):
+def test_where_no_place_was_tried_the_refit_alone_is_shown(found: Any, tmp_path: Path) -> None:
     bare = replace(found, study=replace(found.study, trials=[]))
     assert figures.odds(bare, tmp_path / "places.png").stat().st_size > 5000
 
 
-def test_what_would_dwarf_the_rest_is_left_out_and_said():
+def test_what_would_dwarf_the_rest_is_left_out_and_said() -> None:
     axis = figures._drawn(1, 1, (4, 3))[1][0, 0]
     figures._left_over(axis, [0, 1], {"nominal": [0, -70.0], "refit": [0, 3.0], "amended": [0, 1.0]}, "V")
     assert [line.get_label() for line in axis.lines] == ["refit", "amended"]

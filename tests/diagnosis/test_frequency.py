@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from diagnosis.api import gather
 from diagnosis.compare import compare
 from diagnosis.frequency_response.extremes import half_range
+from diagnosis.frequency_response.table_experiment import TableExperiment
 from diagnosis.problems import problem
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -20,7 +23,7 @@ SPEED = "motor.shaft.speed"
 
 
 @pytest.mark.parametrize("shift", np.linspace(0, 1, 9))
-def test_a_smooth_extreme_between_two_rows(shift):
+def test_a_smooth_extreme_between_two_rows(shift: Any) -> None:
     """A parabola through three rows of so coarse a sine is 1e-4 off."""
     rows = np.arange(-3, 52) + shift
     found = half_range(3 * np.cos(2 * np.pi * rows / 48)[:, None] + 7, np.zeros(0))
@@ -28,7 +31,7 @@ def test_a_smooth_extreme_between_two_rows(shift):
 
 
 @pytest.mark.parametrize("at", np.linspace(20, 21, 11)[1:-1])
-def test_a_corner_between_two_rows_is_read_from_either_side(at):
+def test_a_corner_between_two_rows_is_read_from_either_side(at: Any) -> None:
     """Exact where both sides are parabolas; a curve over the corner is not."""
     t = np.arange(41.0)
     values = 5 - np.where(t < at, 0.3 * (at - t) + 0.002 * (at - t) ** 2, 1.1 * (t - at) - 0.005 * (t - at) ** 2)
@@ -41,12 +44,13 @@ def test_a_corner_between_two_rows_is_read_from_either_side(at):
     ("name", "overrides"),
     [("srv02-bare", []), ("srv02-2mass-b3", []), ("srv02-2mass-b3", PUSHING), ("srv02-backlash", [])],
 )
-def test_compare_and_the_problem_of_diagnose_simulate_one_table_alike(name, overrides):
+def test_compare_and_the_problem_of_diagnose_simulate_one_table_alike(name: str, overrides: Any) -> None:
     bench = load(name, overrides)
     (recording,) = gather(bench, (), ())
     error = compare(bench, recording).signals[SPEED]
     count = 0
     for e in problem(bench, [recording]).experiments:
+        assert isinstance(e, TableExperiment)
         amplitudes = [s.amplitudes[0] for s in e.solved({}, {})]
         rows = np.searchsorted(error.axis, e.frequency)
         np.testing.assert_array_equal(error.simulated[rows], amplitudes)
@@ -54,14 +58,14 @@ def test_compare_and_the_problem_of_diagnose_simulate_one_table_alike(name, over
     assert count == len(error.axis)
 
 
-def test_progress_of_a_comparison_ends_at_one():
-    told = []
+def test_progress_of_a_comparison_ends_at_one() -> None:
+    told: list[float] = []
     compare(load("srv02-bare"), "table_2_2", progress=told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0
 
 
-def test_a_motor_behind_a_hold(tmp_path):
+def test_a_motor_behind_a_hold(tmp_path: Path) -> None:
     """The hold of 2 ms takes sin(x) / x off the gain; the harmonics that it adds are below 1e-4 dB at 5 rad/s."""
     held = (
         "  hold: {type: Delay, delay: 0 s, period: 2 ms}\n"
@@ -83,7 +87,7 @@ LOADED = STUCK.replace(
 ).replace("friction.shaft]", "friction.shaft, push.shaft]")
 
 
-def test_a_load_that_comes_later_acts_in_the_response(tmp_path):
+def test_a_load_that_comes_later_acts_in_the_response(tmp_path: Path) -> None:
     """The response with a load torque from 0.3 s on becomes that with the same torque from the beginning."""
     w, found = np.array([12.0, 30.0]), []
     for bias in ("Constant, value: 3e-4 N.m", "Step, height: 3e-4 N.m, start: 0.3 s"):
@@ -96,7 +100,7 @@ def test_a_load_that_comes_later_acts_in_the_response(tmp_path):
     assert np.abs(decibels(found[1] / unloaded)).min() > 0.05
 
 
-def test_an_output_that_depends_on_time_is_no_closed_form(tmp_path):
+def test_an_output_that_depends_on_time_is_no_closed_form(tmp_path: Path) -> None:
     """A linear motor's speed beside a second harmonic, against the sum of both."""
     w = np.array([12.0])
     body = (
@@ -114,7 +118,7 @@ def test_an_output_that_depends_on_time_is_no_closed_form(tmp_path):
     assert comparison.signals["sum.out"].simulated == pytest.approx(exact, rel=2e-4)
 
 
-def test_a_response_that_never_repeats_is_noted(tmp_path):
+def test_a_response_that_never_repeats_is_noted(tmp_path: Path) -> None:
     """A second sine at an irrational ratio beats with the first."""
     w = np.array([12.0])
     bias = f"Sine, amplitude: 2e-4 N.m, frequency: {12 * math.sqrt(0.003) / (2 * math.pi):.9g} Hz"
@@ -143,7 +147,7 @@ recordings:
 """
 
 
-def test_a_row_at_an_undamped_resonance_is_refused(tmp_path):
+def test_a_row_at_an_undamped_resonance_is_refused(tmp_path: Path) -> None:
     """(iw - A) is singular at 1 rad/s; below it the answer is 1 / (1 - w^2)."""
     (tmp_path / "s.yaml").write_text(UNDAMPED)
     (tmp_path / "table.csv").write_text("w,y\n1.0,1\n")

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import flexarm
 from diagnosis.api import diagnose
@@ -17,13 +20,13 @@ LIKE_IT = (*FRICTION, "dead_zone", "saturation", "uneven_gain", "offset", "visco
 DRAG, LEVEL, NOISE = 4.0e-8, 4.0e-4, 0.3
 
 
-def dragged(t, u, parts=10):
+def dragged(t: Any, u: Any, parts: int = 10) -> NDArray[Any]:
     """Motor speed with drag DRAG v |v| beside the viscous friction, by Runge-Kutta steps of 0.2 ms."""
     constant = plants.EFFICIENCY * plants.TORQUE_CONSTANT / plants.RESISTANCE
     damping = plants.VISCOUS + constant * plants.TORQUE_CONSTANT
     h, v, rows = (t[1] - t[0]) / parts, 0.0, []
 
-    def rate(v, volt):
+    def rate(v: Any, volt: Any) -> Any:
         return (constant * volt - damping * v - DRAG * v * abs(v)) / plants.INERTIA
 
     for volt in u:
@@ -37,26 +40,26 @@ def dragged(t, u, parts=10):
 
 
 @pytest.fixture(scope="module")
-def sticky(tmp_path_factory):
+def sticky(tmp_path_factory: pytest.TempPathFactory) -> Any:
     path = plants.case(tmp_path_factory.mktemp("sticky"), coulomb=LEVEL, noise=NOISE, seed=3)
     return diagnose(path, without=LIKE_IT)
 
 
 @pytest.fixture(scope="module")
-def slowed(tmp_path_factory):
+def slowed(tmp_path_factory: pytest.TempPathFactory) -> Any:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plants, "speed", dragged)
         path = plants.case(tmp_path_factory.mktemp("slowed"), noise=NOISE, seed=4)
     return diagnose(path, without=LIKE_IT)
 
 
-def refitted(found):
+def refitted(found: Any) -> Any:
     """The user's scenario with its parameters as the refit left them, so that the curve alone makes the difference."""
     values = found.study.refit.fit.parameters()
     return load(found.study.scenario.path, [f"{name}={value:.12g}" for name, value in values.items()])
 
 
-def put_in(found):
+def put_in(found: Any) -> Any:
     """The scenario that a user is given, read from beside the recordings."""
     path = found.study.scenario.path.with_name("amended.yaml")
     path.write_text(amended_text(found))
@@ -64,7 +67,7 @@ def put_in(found):
 
 
 @pytest.mark.parametrize("concealed", ["sticky", "slowed"])
-def test_a_law_without_a_name_is_measured_and_put_in(concealed, request):
+def test_a_law_without_a_name_is_measured_and_put_in(concealed: str, request: pytest.FixtureRequest) -> None:
     found = request.getfixturevalue(concealed)
     assert found.verdict == "unknown"
     (finding,) = found.findings
@@ -83,7 +86,7 @@ def test_a_law_without_a_name_is_measured_and_put_in(concealed, request):
     assert finding["explained"] > 0.8
 
 
-def curve(found):
+def curve(found: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     """Abscissas and heights of the curve that was put in."""
     rows = found.findings[0]["parameters"]
     heights = [rows[f"heights[{k + 1}]"] for k in range(RECOVERY.heights)]
@@ -95,12 +98,12 @@ def curve(found):
     )
 
 
-def in_its_scale(found):
+def in_its_scale(found: Any) -> Any:
     """Torque is not measured: what is fitted is torque by inertia, so the plant's torques count in the fitted one's."""
     return found.study.chosen.fit.parameters()["motor.rotor_inertia"] / plants.INERTIA
 
 
-def test_the_curve_of_dry_friction_is_a_step_against_the_motion(sticky):
+def test_the_curve_of_dry_friction_is_a_step_against_the_motion(sticky: Any) -> None:
     speed, torque = curve(sticky)
     beyond = (np.abs(speed) > 20) & (np.abs(speed) < 140)
     assert beyond.sum() >= RECOVERY.heights // 2
@@ -108,18 +111,18 @@ def test_the_curve_of_dry_friction_is_a_step_against_the_motion(sticky):
     np.testing.assert_allclose(torque[beyond], law, rtol=0, atol=0.25 * LEVEL)
 
 
-def test_the_curve_of_a_drag_bends_as_the_drag(slowed):
+def test_the_curve_of_a_drag_bends_as_the_drag(slowed: Any) -> None:
     """What is linear in the speed may as well be the motor's; what bends is the drag's alone."""
     speed, torque = curve(slowed)
     law = -DRAG * speed * np.abs(speed) * in_its_scale(slowed)
 
-    def bent(y):
+    def bent(y: Any) -> Any:
         return y - speed * (speed @ y) / (speed @ speed)
 
     np.testing.assert_allclose(bent(torque), bent(law), rtol=0, atol=0.15 * np.ptp(bent(law)))
 
 
-def test_the_curve_reaches_as_far_as_the_recordings(slowed):
+def test_the_curve_reaches_as_far_as_the_recordings(slowed: Any) -> None:
     """Held beyond its ends, a shorter one would have bent the motor's own parameters: they stay in their tolerances."""
     speed = curve(slowed)[0]
     tops = [np.ptp(e.measured) for e in slowed.study.refit.fit.problem.experiments]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from diagnosis.api import gather
@@ -18,17 +21,17 @@ SAMPLE, LATE = 2e-3, 3
 SLOW = ("slow_sine", "ramp", "reversal", "push", "levels", "amplitude_sweep", "free_decay", "both_ways_decay")
 
 
-def lagged(u, samples):
+def lagged(u: Any, samples: Any) -> Any:
     """An input behind a first-order lag of so many samples, exact for values that are held."""
     keep = np.exp(-1 / samples)
     return lfilter([0.0, 1 - keep], [1.0, -keep], u)
 
 
-def late(u, samples):
+def late(u: Any, samples: Any) -> NDArray[Any]:
     return np.concatenate([np.zeros(samples), u[:-samples]])
 
 
-def slowly(t):
+def slowly(t: Any) -> dict[str, Any]:
     """Inputs that change so slowly that a delay and a lag do the same."""
     return {
         "sine": ("train", 1.2 * np.sin(2 * np.pi * 0.8 * t)),
@@ -38,7 +41,7 @@ def slowly(t):
 
 
 @pytest.fixture(scope="module")
-def rivals(tmp_path_factory):
+def rivals(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     """A motor whose input comes three samples late, and the two models that say so, each fitted."""
     made = plants.speed
     with pytest.MonkeyPatch.context() as patch:
@@ -53,7 +56,7 @@ def rivals(tmp_path_factory):
 
 
 @pytest.mark.parametrize("sample", [2e-4, 1e-3, 1e-2, 0.2])
-def test_no_input_is_larger_or_faster_than_it_may_be(sample):
+def test_no_input_is_larger_or_faster_than_it_may_be(sample: float) -> None:
     for kind, (sentence, time, drive) in menu(3.0, sample).items():
         assert np.abs(drive).max() <= 3.0, kind
         assert len(time) == len(drive)
@@ -65,14 +68,15 @@ def test_no_input_is_larger_or_faster_than_it_may_be(sample):
             assert {-3.0, 3.0} == set(drive)
 
 
-def test_a_lag_against_a_delay_calls_for_a_fast_input(rivals):
+def test_a_lag_against_a_delay_calls_for_a_fast_input(rivals: list[Any]) -> None:
     """Driven behind a lag and behind a delay, a motor of our own differs most where the input changes fast."""
     found = propose(rivals)
+    assert found is not None
     assert {label.split(" at ")[0] for label in found.separates} == {"lag", "delay"}
     assert found.separating
     assert found.kind not in SLOW
 
-    def apart(time, drive):
+    def apart(time: Any, drive: Any) -> Any:
         t = np.arange(0.0, time[-1] + 1e-9, SAMPLE)
         u = np.interp(t, time, drive)
         return np.std(plants.speed(t, lagged(u, LATE), parts=1) - plants.speed(t, late(u, LATE), parts=1))
@@ -83,16 +87,18 @@ def test_a_lag_against_a_delay_calls_for_a_fast_input(rivals):
     assert chosen > 0.7 * max(apart(time, drive) for _, time, drive in inputs.values())
 
 
-def test_two_models_that_are_one_law_have_no_input(rivals):
+def test_two_models_that_are_one_law_have_no_input(rivals: list[Any]) -> None:
     found = propose([rivals[0], rivals[0]])
+    assert found is not None
     assert found.kind == NOTHING
     assert not found.separating
     assert found.expected == 0
     assert "another sensor" in found.sentence
 
 
-def test_one_law_beside_another_is_told(rivals):
+def test_one_law_beside_another_is_told(rivals: list[Any]) -> None:
     found = propose([rivals[0], rivals[1], rivals[0]])
+    assert found is not None
     assert found.separating
     assert found.expected > 3
     first = rivals[0].label

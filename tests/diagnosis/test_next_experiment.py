@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ TIED = {"coulomb_friction at motor.shaft", "dead_zone at source.out -> motor.vol
 SIGNAL = "motor.shaft.speed"
 
 
-def forwards(t):
+def forwards(t: Any) -> dict[str, Any]:
     """Inputs in one direction, that never let the motor stand: there the two are the same."""
     return {
         "steps": ("train", np.where(t % 1.0 < 0.6, 1.0, 0.6)),
@@ -36,7 +37,7 @@ OTHERS = (
 
 
 @pytest.fixture(scope="module")
-def tied(tmp_path_factory):
+def tied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any, set[Any]]:
     """Coulomb friction concealed, and few effects tried, so that it is quick."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plants, "inputs", forwards)
@@ -46,13 +47,13 @@ def tied(tmp_path_factory):
     return found, folder, {p.name for p in write(found, folder)}
 
 
-def columns(path):
+def columns(path: Any) -> dict[Any, Any]:
     with path.open(newline="") as file:
         names, *rows = list(csv.reader(file))
     return dict(zip(names, np.array(rows, dtype=float).T, strict=True))
 
 
-def test_one_direction_leaves_a_tie(tied):
+def test_one_direction_leaves_a_tie(tied: tuple[Any, Any, set[Any]]) -> None:
     found, folder, files = tied
     assert found.verdict == "tie"
     assert {t.label for t in (found.study.chosen, *found.rivals)} >= TIED
@@ -62,7 +63,7 @@ def test_one_direction_leaves_a_tie(tied):
     assert told["kind"] == found.proposal.kind
 
 
-def test_the_scenario_plays_the_proposed_input(tied):
+def test_the_scenario_plays_the_proposed_input(tied: tuple[Any, Any, set[Any]]) -> None:
     _, folder, _ = tied
     scenario = load(folder / "next-experiment.yaml")
     assert scenario.recordings == {}
@@ -78,7 +79,7 @@ def test_the_scenario_plays_the_proposed_input(tied):
     assert drive.min() < 0 < drive.max()
 
 
-def test_the_scenario_says_what_for_and_keeps_what_the_user_wrote(tied):
+def test_the_scenario_says_what_for_and_keeps_what_the_user_wrote(tied: tuple[Any, Any, set[Any]]) -> None:
     found, folder, _ = tied
     text = (folder / "next-experiment.yaml").read_text()
     for label in found.proposal.separates:
@@ -90,7 +91,7 @@ def test_the_scenario_says_what_for_and_keeps_what_the_user_wrote(tied):
     assert set(blocks) == {"source", "motor", EXPERIMENT}
 
 
-def test_the_experiment_drives_the_motor(tied):
+def test_the_experiment_drives_the_motor(tied: tuple[Any, Any, set[Any]]) -> None:
     """The model of the file with the true parameters is the plant without its friction."""
     _, folder, _ = tied
     given = [f"motor.resistance={plants.RESISTANCE}", f"motor.rotor_inertia={plants.INERTIA}"]
@@ -100,7 +101,7 @@ def test_the_experiment_drives_the_motor(tied):
     np.testing.assert_allclose(result[SIGNAL], frictionless, rtol=0, atol=0.01 * np.ptp(frictionless))
 
 
-def test_there_is_a_prediction_for_every_rival_and_signal(tied):
+def test_there_is_a_prediction_for_every_rival_and_signal(tied: tuple[Any, Any, set[Any]]) -> None:
     found, folder, _ = tied
     table = columns(folder / "next-experiment-predictions.csv")
     rivals = found.proposal.separates
@@ -111,7 +112,7 @@ def test_there_is_a_prediction_for_every_rival_and_signal(tied):
     np.testing.assert_allclose(table["t [s]"], full[::THINNED], atol=1e-9)
 
 
-def test_the_plant_itself_decides_between_the_predictions(tied):
+def test_the_plant_itself_decides_between_the_predictions(tied: tuple[Any, Any, set[Any]]) -> None:
     """The concealed plant, which is no part of flexarm, is driven by the file: it does as one of the rivals says."""
     _, folder, _ = tied
     time, drive = columns(folder / "next-experiment.csv").values()
@@ -124,7 +125,7 @@ def test_the_plant_itself_decides_between_the_predictions(tied):
     assert wrong > 5 * right
 
 
-def test_the_proposal_is_the_input_that_separates_best(tied):
+def test_the_proposal_is_the_input_that_separates_best(tied: tuple[Any, Any, set[Any]]) -> None:
     """No other input of the menu keeps the two nearest rivals further apart, in what no scale or shift absorbs."""
     found, _, _ = tied
     size = np.abs(found.proposal.drive).max()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq, fsolve
 
@@ -20,7 +22,7 @@ PUSHING = ["contact.law=push_only", "contact.half_gap=0.03", "friction.coulomb_f
 the corners where the contact closes."""
 
 
-def table(name, overrides, role="train"):
+def table(name: Any, overrides: Any, role: str = "train") -> tuple[Any, Any]:
     scenario = load(name, overrides)
     made = problem(scenario, gather(scenario, (), ()))
     return made, next(e for e in made.experiments if e.role == role)
@@ -34,7 +36,7 @@ class TwoMassesWithPlay:
 
     STEPS = 4000
 
-    def __init__(self, p, w, amplitude):
+    def __init__(self, p: Any, w: Any, amplitude: Any) -> None:
         emf = p["motor.efficiency"] * p["motor.torque_constant"] / p["motor.resistance"]
         stiffness, damping, gap = (p[f"contact.{name}"] for name in ("stiffness", "damping", "half_gap"))
         self.gap, self.h = gap, 2 * math.pi / w / self.STEPS
@@ -54,13 +56,13 @@ class TwoMassesWithPlay:
             self.rates[side] = A
         self.whole = {side: expm(A * self.h) for side, A in self.rates.items()}
 
-    def violated(self, side, z):
+    def violated(self, side: Any, z: Any) -> Any:
         """Above zero where the contact opens, or closes."""
         if side:
             return -side * (self.force[side] @ z)
         return max(min(z[0] - self.gap, self.force[1] @ z), min(-z[0] - self.gap, -self.force[-1] @ z))
 
-    def period(self, x):
+    def period(self, x: Any) -> tuple[Any, NDArray[Any]]:
         """State after a period, and the motor's speed at every step and switch of it."""
         z = np.array([*x, 0.0, 1.0, 1.0])
         side = int(np.sign(z[0])) if self.violated(0, z) > 0 else 0
@@ -69,7 +71,7 @@ class TwoMassesWithPlay:
             left, end = self.h, self.whole[side] @ z
             while self.violated(side, end) > 0:
 
-                def late(t, side=side, z=z):
+                def late(t: Any, side: Any = side, z: Any = z) -> Any:
                     return self.violated(side, expm(self.rates[side] * t) @ z)
 
                 low = 1e-9 * self.h
@@ -82,7 +84,7 @@ class TwoMassesWithPlay:
             speeds.append(z[1])
         return z[:3], np.array(speeds)
 
-    def amplitude(self, start):
+    def amplitude(self, start: Any) -> Any:
         """Half the range of the motor's speed in the periodic answer that is found from ``start``."""
         x = fsolve(lambda x: self.period(x)[0] - x, start, xtol=1e-13)
         end, speeds = self.period(x)
@@ -90,12 +92,12 @@ class TwoMassesWithPlay:
         return float(np.ptp(speeds)) / 2
 
 
-def decibels(ratio):
+def decibels(ratio: Any) -> Any:
     return 20 * np.log10(ratio)
 
 
 @pytest.mark.parametrize("w", [3.0, 15.0, 30.0])
-def test_answers_and_derivatives_with_a_contact_are_those_of_exact_propagation(w):
+def test_answers_and_derivatives_with_a_contact_are_those_of_exact_propagation(w: float) -> None:
     """Slopes to either side, in rows whose period begins at a peak or whose peak is a corner.
 
     Steps of the integrator near the stability limit of the closed contact cost 1.2e-4 dB and 0.9 % at 3 rad/s.
@@ -122,7 +124,7 @@ def test_answers_and_derivatives_with_a_contact_are_those_of_exact_propagation(w
             assert near == pytest.approx(slope, rel=0.012)
 
 
-def test_an_answer_does_not_jump_as_its_corner_moves_over_the_rows():
+def test_an_answer_does_not_jump_as_its_corner_moves_over_the_rows() -> None:
     """The speed peaks where the contact closes, at any place between two steps of the integrator."""
     made, whole = table("srv02-2mass-b3", PUSHING)
     e = whole.rows(np.flatnonzero(whole.frequency == 30.0))
@@ -147,7 +149,7 @@ def test_an_answer_does_not_jump_as_its_corner_moves_over_the_rows():
         ("srv02-bare", []),
     ],
 )
-def test_neighbours_to_first_order_are_those_that_are_solved_for(name, overrides, role):
+def test_neighbours_to_first_order_are_those_that_are_solved_for(name: str, overrides: Any, role: str) -> None:
     """One run over a period each, against the periodic answer of every neighbour, in every row.
 
     Two states within 1e-5 of what they span are within 2e-4 dB; the rest is the second order of the step.
@@ -167,7 +169,7 @@ def test_neighbours_to_first_order_are_those_that_are_solved_for(name, overrides
     assert np.abs(decibels(found / exact)).max() < 5e-4
 
 
-def test_a_neighbour_whose_run_from_the_same_start_peaks_elsewhere_is_run_again():
+def test_a_neighbour_whose_run_from_the_same_start_peaks_elsewhere_is_run_again() -> None:
     """Until it repeats, its run has another highest corner; to first order that was 0.005 dB off, of 0.012 dB."""
     values = {
         "motor.resistance": 2.495,
@@ -194,10 +196,10 @@ def test_a_neighbour_whose_run_from_the_same_start_peaks_elsewhere_is_run_again(
         assert abs(decibels(near / solved.amplitudes[0])) < 5e-4
 
 
-def test_a_corner_is_read_at_its_switch_and_a_smooth_top_between_the_rows():
+def test_a_corner_is_read_at_its_switch_and_a_smooth_top_between_the_rows() -> None:
     """The corner to rounding; the top within the remainder of a curve through five rows, w^5 / 5! times their gaps."""
 
-    def corner(t, at):
+    def corner(t: Any, at: Any) -> Any:
         return 5 - np.where(t < at, 0.3 * (at - t) + 0.02 * (at - t) ** 2, 1.1 * (t - at) - 0.05 * (t - at) ** 2)
 
     t, w = np.arange(21.0), 2 * np.pi / 24
@@ -211,7 +213,7 @@ def test_a_corner_is_read_at_its_switch_and_a_smooth_top_between_the_rows():
         assert top == pytest.approx(1, abs=1.42 * w**5 / 120)
 
 
-def test_the_top_of_a_period_that_begins_there_is_read_across_its_ends():
+def test_the_top_of_a_period_that_begins_there_is_read_across_its_ends() -> None:
     for shift in np.linspace(-0.5, 0.5, 11):
         y = np.cos(2 * np.pi * (np.arange(49) + shift) / 48)[:, None]
         high, low, _ = extremes(y, np.zeros(0), lambda s: np.zeros((1, 1)), True)
@@ -219,7 +221,7 @@ def test_the_top_of_a_period_that_begins_there_is_read_across_its_ends():
         assert low == pytest.approx(-1, abs=1e-6)
 
 
-def test_of_two_tops_the_higher_one_counts_though_its_row_is_lower():
+def test_of_two_tops_the_higher_one_counts_though_its_row_is_lower() -> None:
     t = np.arange(41.0)
     y = np.maximum(1 - 0.1 * (t - 10) ** 2, 1.01 - 0.1 * (t - 30.5) ** 2)[:, None]
     assert np.argmax(y) == 10
@@ -228,7 +230,7 @@ def test_of_two_tops_the_higher_one_counts_though_its_row_is_lower():
     assert rows[0, 0] in (30, 31)
 
 
-def test_a_quiet_row_lies_away_from_extremes_and_switches():
+def test_a_quiet_row_lies_away_from_extremes_and_switches() -> None:
     y = np.cos(2 * np.pi * np.arange(101) / 100)[:, None]
     assert abs(y[quiet_row(y, np.zeros(0)), 0]) <= 0.6
     row = quiet_row(y, np.array([20.3, 30.2, 65.0]))

@@ -5,7 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,12 +26,12 @@ from tests.diagnosis import plants
 from tests.diagnosis.plants import case
 
 
-def bench(folder, **more):
+def bench(folder: Any, **more: Any) -> CandidateFitter:
     scenario = load(case(folder, **more))
     return CandidateFitter(scenario, gather(scenario, [], []), 1)
 
 
-def test_the_gain_of_every_pair_is_that_of_least_squares():
+def test_the_gain_of_every_pair_is_that_of_least_squares() -> None:
     random = np.random.default_rng(4)
     table, r = random.normal(size=(200, 9)), 3 * random.normal(size=200)
     r += table @ random.uniform(-1.0, 3.0, 9)
@@ -44,13 +46,13 @@ def test_the_gain_of_every_pair_is_that_of_least_squares():
     assert 0 < some < 36
 
 
-def test_courses_that_are_one_and_the_same_make_no_pair():
+def test_courses_that_are_one_and_the_same_make_no_pair() -> None:
     sensitivity = np.linspace(0.0, 1.0, 50)
     table = np.column_stack([sensitivity, 2 * sensitivity])
     assert _gains(table.T @ table, -table.T @ (-sensitivity))[0][0, 1] == 0.0
 
 
-def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_path):
+def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_path: Path) -> None:
     """A motor with 25 mV of dead zone and 1.5e-5 N.m of dry friction, integrated without flexarm."""
     fitter = bench(tmp_path, seed=3, coulomb=1.5e-5, dead=0.025)
     refit = fitter.refit()
@@ -66,7 +68,7 @@ def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_p
     assert found["dead_zone.upper"] == pytest.approx(0.025, rel=0.2)
 
 
-def one_way(t):
+def one_way(t: Any) -> dict[str, Any]:
     """Inputs that reach the upper limit alone."""
     return {
         "steps": ("train", np.where(t % 1.0 < 0.5, 1.5, -0.8)),
@@ -75,7 +77,9 @@ def one_way(t):
     }
 
 
-def test_of_an_amplifier_that_reached_one_limit_the_other_is_taken_to_be_as_large(tmp_path, monkeypatch):
+def test_of_an_amplifier_that_reached_one_limit_the_other_is_taken_to_be_as_large(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(plants, "inputs", one_way)
     speed = plants.speed
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
@@ -88,7 +92,7 @@ def test_of_an_amplifier_that_reached_one_limit_the_other_is_taken_to_be_as_larg
     assert made.hold_out < 1.2  # it meets both limits
 
 
-def test_two_ends_that_the_recordings_know_may_differ(tmp_path, monkeypatch):
+def test_two_ends_that_the_recordings_know_may_differ(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """At 1 and -0.7 V the recordings speak against the prior by thousands, and win."""
     speed = plants.speed
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -0.7, 1.0), **more))
@@ -98,7 +102,7 @@ def test_two_ends_that_the_recordings_know_may_differ(tmp_path, monkeypatch):
     assert (found["saturation.lower"], found["saturation.upper"]) == pytest.approx((-0.7, 1.0), rel=0.01)
 
 
-def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(tmp_path):
+def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(tmp_path: Path) -> None:
     fitter = bench(tmp_path, seed=1)
     limits = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "saturation")
     made = fitter.build((limits,), ({"lower": -0.5, "upper": 1.5},))
@@ -112,7 +116,7 @@ def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(t
 
 
 @pytest.mark.parametrize(("size", "ended"), [(1.0, False), (1.99, True), (-1.99, True)])
-def test_a_size_that_went_as_far_as_it_may_is_noticed(size, ended):
+def test_a_size_that_went_as_far_as_it_may_is_noticed(size: float, ended: bool) -> None:
     body = Candidate(
         "extra_mode",
         "a",
@@ -121,14 +125,15 @@ def test_a_size_that_went_as_far_as_it_may_is_noticed(size, ended):
         lambda v: [],
         (EffectParameter("inertia", 1.0, most=2.0), EffectParameter("k", 1.0)),
     )
-    trial = SimpleNamespace(effects=(body,), added=lambda: {"extra_mode.inertia": size, "extra_mode.k": 1e9})
+    trial: Any = SimpleNamespace(effects=(body,), added=lambda: {"extra_mode.inertia": size, "extra_mode.k": 1e9})
     assert at_end(trial) == (["extra_mode.inertia"] if ended else [])
     free = replace(body, parameters=(EffectParameter("inertia", 1.0),))
-    assert at_end(SimpleNamespace(effects=(free,), added=trial.added)) == []
+    open_ended: Any = SimpleNamespace(effects=(free,), added=trial.added)
+    assert at_end(open_ended) == []
 
 
 @pytest.mark.parametrize("start", [-0.5, 0.5])
-def test_a_size_of_either_sign_goes_as_far_as_it_may(start):
+def test_a_size_of_either_sign_goes_as_far_as_it_may(start: float) -> None:
     spring = Candidate(
         "stray_spring", "a", "a", "found", lambda v: [], (EffectParameter("rest", 2.0, signed=True, most=3.0),)
     )

@@ -13,8 +13,10 @@ from diagnosis.api import fit
 from diagnosis.binding import find_recording
 from diagnosis.compare import compare
 from diagnosis.effects.scales import operating_scales
+from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.problems import problem
 from diagnosis.recordings.feedback import plant_inputs
+from diagnosis.recordings.types import Recording
 from engine.errors import FlexarmError
 from scenarios.load import load
 
@@ -49,7 +51,8 @@ recordings:
 def decay(t: np.ndarray, angle: float, speed: float) -> np.ndarray:
     """The free swing in closed form."""
     a, w = B / (2 * J), np.sqrt(K / J - (B / (2 * J)) ** 2)
-    return np.exp(-a * t) * (angle * np.cos(w * t) + (speed + a * angle) / w * np.sin(w * t))
+    found: np.ndarray = np.exp(-a * t) * (angle * np.cos(w * t) + (speed + a * angle) / w * np.sin(w * t))
+    return found
 
 
 def store(path: Path, **columns: np.ndarray) -> None:
@@ -77,7 +80,9 @@ def test_uneven_free_decays_are_fitted_with_their_own_starts(swing: Path) -> Non
     )
     assert scores["fitted"] < 1.0
     assert any("uneven" in note for note in find_recording(load(swing), "one").notes)
-    assert made.problem.experiments[0].uneven
+    (experiment,) = made.problem.experiments
+    assert isinstance(experiment, TimeExperiment)
+    assert experiment.uneven
 
 
 def test_outputs_at_uneven_instants_are_those_of_the_model(swing: Path) -> None:
@@ -88,7 +93,9 @@ def test_outputs_at_uneven_instants_are_those_of_the_model(swing: Path) -> None:
     )
     residual = made.residual(x, made.experiments[0]) * made.experiments[0].sigma
     # Linear interpolation between rows h apart leaves up to h^2 max|y''| / 8, y'' of about w^2 0.45.
-    bound = made.experiments[0].step ** 2 * (K / J) * 0.5 / 8
+    (experiment,) = made.experiments
+    assert isinstance(experiment, TimeExperiment)
+    bound = experiment.step**2 * (K / J) * 0.5 / 8
     assert np.abs(residual).max() < 1.2 * bound
 
 
@@ -171,6 +178,7 @@ def test_windows_and_resampling(tmp_path: Path) -> None:
     )
     scenario = load(tmp_path / "s.yaml")
     recording = find_recording(scenario, "one")
+    assert isinstance(recording, Recording)
     assert len(recording.time) == 151
     assert "151 of 301 rows lie within the window from 5.5 s to 7 s" in recording.notes[0]
     (e,) = problem(scenario, [recording]).experiments
@@ -190,6 +198,7 @@ def test_a_jitter_of_the_clock_is_told_and_ignored(tmp_path: Path) -> None:
     store(tmp_path / "one.csv", t=t + 3e-6 * np.sin(7 * np.arange(301)), y=decay(t, 0.4, 0.0))
     (tmp_path / "s.yaml").write_text(PENDULUM.format(damping=0.3))
     recording = find_recording(load(tmp_path / "s.yaml"), "one")
+    assert isinstance(recording, Recording)
     assert any("jitter" in note for note in recording.notes)
     np.testing.assert_allclose(np.diff(recording.time), recording.time[1], rtol=1e-12)
 
@@ -230,6 +239,7 @@ def test_a_periodic_recording_is_led_in(tmp_path: Path) -> None:
     (tmp_path / "d.yaml").write_text(DRIVEN)
     scenario = load(tmp_path / "d.yaml")
     recording = find_recording(scenario, "period")
+    assert isinstance(recording, Recording)
     assert len(recording.time) == 21 * n
     made = problem(scenario, [recording])
     residual = made.residual(np.zeros(len(made.free)), made.experiments[0]) * 1e-4
@@ -339,11 +349,15 @@ def test_files_outside_the_repository(swing: Path, monkeypatch: pytest.MonkeyPat
     with pytest.raises(FlexarmError, match="environment variable FLEXARM_RECORDINGS, which is not set") as caught:
         find_recording(scenario, "one")
     assert "docs/real-recordings.md" in caught.value.remedy
-    assert len(find_recording(scenario, "two").time) == 300
+    found = find_recording(scenario, "two")
+    assert isinstance(found, Recording)
+    assert len(found.time) == 300
     monkeypatch.setenv("FLEXARM_RECORDINGS", str(swing.parent / "nowhere"))
     with pytest.raises(FlexarmError, match="which is not a folder"):
         find_recording(scenario, "one")
     monkeypatch.setenv("FLEXARM_RECORDINGS", str(swing.parent))
-    assert len(find_recording(scenario, "one").time) == 300
+    found = find_recording(scenario, "one")
+    assert isinstance(found, Recording)
+    assert len(found.time) == 300
     with pytest.raises(FlexarmError, match=r"'\$FLEXARM_RECORDING' is not known"):
         find_recording(load(swing, text=text.replace("RECORDINGS/", "RECORDING/")), "one")

@@ -1,7 +1,11 @@
 """A diagnosis whose fits are done by a cluster: the same verdict, and errors that say what is wrong."""
 
+from __future__ import annotations
+
 import json
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,12 +20,12 @@ from tests.diagnosis.test_resume import LEFT_OUT
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory):
+def path(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return case(tmp_path_factory.mktemp("bench"), coulomb=4.0e-4, seed=3)
 
 
 @pytest.mark.slow
-def test_a_cluster_comes_to_the_same_verdict(path, cluster, tmp_path):
+def test_a_cluster_comes_to_the_same_verdict(path: Any, cluster: Any, tmp_path: Path) -> None:
     """Number for number; and what it keeps is taken up by a study on this machine."""
     alone = json.dumps(diagnose(path, workers=1, without=LEFT_OUT).numbers())
     told = []
@@ -33,22 +37,23 @@ def test_a_cluster_comes_to_the_same_verdict(path, cluster, tmp_path):
     assert json.dumps(diagnose(path, workers=1, without=LEFT_OUT, keep=tmp_path / "kept").numbers()) == alone
 
 
-def test_on_this_machine_no_pool_is_opened(path, monkeypatch):
+def test_on_this_machine_no_pool_is_opened(path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("diagnosis.api.Spread", None)
     monkeypatch.setattr("diagnosis.api.study", lambda fitter, **_: fitter.workers)
     monkeypatch.setattr("diagnosis.api.judge", lambda workers, seed: workers)
-    assert diagnose(path, workers=3) == 3
+    workers: Any = diagnose(path, workers=3)
+    assert workers == 3
     with pytest.raises(FlexarmError, match="0 workers"):
         diagnose(path, workers=0)
 
 
-def test_an_address_where_nobody_answers(path, monkeypatch):
+def test_an_address_where_nobody_answers(path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("engine.spread.CONNECT", "0.5s")
     with pytest.raises(FlexarmError, match="no dask scheduler answers"):
         diagnose(path, scheduler="tcp://127.0.0.1:9")
 
 
-def test_a_worker_that_builds_another_model_says_so(path):
+def test_a_worker_that_builds_another_model_says_so(path: Any) -> None:
     scenario = load(path)
     fitter = CandidateFitter(scenario, gather(scenario, [], []))
     order = Order(packed(scenario), tuple(scenario.overrides), fitter.recordings, 0, fitter.digest)

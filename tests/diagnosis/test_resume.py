@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,7 +24,7 @@ from scenarios.load import load
 from tests.diagnosis.plants import case
 from tests.robustness.killed import ROOT, wait_for_group
 
-TRUTH = {"coulomb": 4.0e-4, "seed": 3}
+TRUTH: dict[str, Any] = {"coulomb": 4.0e-4, "seed": 3}
 LEFT_OUT = (
     *("inductance", "gravity", "torque_ripple", "extra_mode", "outside_vibration", "stray_spring", "payload"),
     *("sensor_scale", "sensor_lag", "sensor_bias", "rectified_sensor", "wrong_parameter", "delay"),
@@ -32,7 +34,7 @@ FITS = 3
 LONGEST = 900.0
 
 
-def started(folder, workers, output):
+def started(folder: Any, workers: Any, output: Any) -> Any:
     flags = [part for effect in LEFT_OUT for part in ("--without", effect)]
     asked = ["diagnose", "scenario.yaml", "-o", output, "--workers", str(workers), *flags]
     return subprocess.Popen(
@@ -46,7 +48,7 @@ def started(folder, workers, output):
     )
 
 
-def compute_finish(folder, workers, output):
+def compute_finish(folder: Any, workers: Any, output: Any) -> tuple[Any, bytes]:
     process = started(folder, workers, output)
     said, complaint = process.communicate(timeout=LONGEST)
     assert process.returncode == 0, complaint
@@ -55,7 +57,7 @@ def compute_finish(folder, workers, output):
     return said, (folder / output / "diagnosis.json").read_bytes()
 
 
-def stopped(folder, workers, output, number):
+def stopped(folder: Any, workers: Any, output: Any, number: Any) -> tuple[Any, Any, list[Any]]:
     """Start it, and send a signal when some fits are done; what it said on stderr, its code, and the fits kept."""
     process = started(folder, workers, output)
     kept = folder / output / PROGRESS
@@ -71,26 +73,26 @@ def stopped(folder, workers, output, number):
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory):
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("bench")
     case(folder, **TRUTH)
     return folder
 
 
 @pytest.fixture(scope="module")
-def calm(bench):
+def calm(bench: Any) -> Any:
     """What a command that nothing disturbs writes."""
     return compute_finish(bench, 2, "calm")[1]
 
 
-def resumed(bench, calm, output, workers):
+def resumed(bench: Any, calm: Any, output: Any, workers: Any) -> None:
     assert not (bench / output / "diagnosis.json").exists()
     for path in (bench / output / PROGRESS).glob("[!.]*.json"):
         assert {"x", "cost"} <= set(json.loads(path.read_text()))
     assert compute_finish(bench, workers, output)[1] == calm
 
 
-def test_interrupted_it_says_so_and_goes_on(bench, calm):
+def test_interrupted_it_says_so_and_goes_on(bench: Any, calm: Any) -> None:
     complaint, code, kept = stopped(bench, 2, "interrupted", signal.SIGINT)
     assert code == INTERRUPTED == 130
     assert "interrupted" in complaint
@@ -102,7 +104,7 @@ def test_interrupted_it_says_so_and_goes_on(bench, calm):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
-def test_killed_it_goes_on(bench, calm, workers):
+def test_killed_it_goes_on(bench: Any, calm: Any, workers: int) -> None:
     """Twice in a row, and then to the end."""
     output = f"killed{workers}"
     fits = 0
@@ -115,18 +117,18 @@ def test_killed_it_goes_on(bench, calm, workers):
 
 
 @pytest.mark.slow
-def test_one_thread_comes_to_the_same_bytes(bench, calm):
+def test_one_thread_comes_to_the_same_bytes(bench: Any, calm: Any) -> None:
     assert compute_finish(bench, 1, "alone")[1] == calm
 
 
-class Counted(dict):
+class Counted(dict[str, Any]):
     """A store that counts what is put in, and stops the study when there is enough."""
 
-    def __init__(self, given=(), most=None):
+    def __init__(self, given: Any = (), most: Any = None) -> None:
         super().__init__(given)
         self.put, self.most = 0, most
 
-    def __setitem__(self, key, value):
+    def __setitem__(self, key: Any, value: Any) -> None:
         if self.put == self.most:
             raise KeyboardInterrupt
         self.put += 1
@@ -134,23 +136,26 @@ class Counted(dict):
 
 
 @pytest.fixture(scope="module")
-def quick(bench):
+def quick(bench: Any) -> Any:
     """In this process, with two effects alone."""
     scenario = load(bench / "scenario.yaml")
-    few = (*LEFT_OUT, *("saturation", "uneven_gain", "offset", "lag", "quadratic_drag", "viscous_friction"))
+    few: tuple[str, ...] = (
+        *LEFT_OUT,
+        *("saturation", "uneven_gain", "offset", "lag", "quadratic_drag", "viscous_friction"),
+    )
     few = (*few, "stribeck_friction", "direction_dependent_friction")
 
-    def run(store=None, seed=0):
+    def run(store: Any = None, seed: int = 0) -> Any:
         return study(CandidateFitter(scenario, gather(scenario, [], []), 1, seed, store), without=few)
 
     return run
 
 
-def numbers(made):
+def numbers(made: Any) -> Any:
     return json.dumps(judge(made).numbers(), sort_keys=True)
 
 
-def test_what_is_kept_is_not_fitted_again(quick):
+def test_what_is_kept_is_not_fitted_again(quick: Any) -> None:
     """However far it came: the rest is fitted, nothing twice, and every number is that of a study without a store."""
     whole = Counted()
     expected = numbers(quick())
@@ -167,7 +172,7 @@ def test_what_is_kept_is_not_fitted_again(quick):
         assert dict(rest) == dict(whole)
 
 
-def test_fits_of_another_seed_or_other_data_are_not_taken(quick, bench, tmp_path):
+def test_fits_of_another_seed_or_other_data_are_not_taken(quick: Any, bench: Any, tmp_path: Path) -> None:
     first = Counted()
     quick(first)
     again = Counted(first)
@@ -182,11 +187,11 @@ def test_fits_of_another_seed_or_other_data_are_not_taken(quick, bench, tmp_path
     assert other.put > 0
 
 
-def test_a_fit_that_was_not_written_to_its_end_does_not_count(tmp_path, monkeypatch):
+def test_a_fit_that_was_not_written_to_its_end_does_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = JsonStore(tmp_path / "kept")
     store["a"] = {"x": [1.0, 0.1 + 0.2]}
 
-    def half(self, text, **rest):
+    def half(self: Any, text: Any, **rest: Any) -> None:
         with self.open("w") as out:
             out.write(text[: len(text) // 2])
         raise OSError(28, "No space left on device")

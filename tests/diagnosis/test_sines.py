@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,7 +68,7 @@ recordings:
 """
 
 
-def scenario(folder, body, frequency, amplitude, reading, extra=""):
+def scenario(folder: Any, body: Any, frequency: Any, amplitude: Any, reading: Any, extra: str = "") -> Any:
     rows = np.column_stack([frequency, np.broadcast_to(amplitude, np.shape(frequency)), reading])
     np.savetxt(folder / "table.csv", rows, delimiter=",", header="w,u,y", comments="", fmt="%.12g")
     path = folder / "bench.yaml"
@@ -74,7 +76,7 @@ def scenario(folder, body, frequency, amplitude, reading, extra=""):
     return load(path)
 
 
-def two_mass_gain(w):
+def two_mass_gain(w: Any) -> Any:
     """|speed of the motor / voltage| of two masses, from the equations of motion in the frequency domain."""
     m, c, s = MOTOR, LOAD, 1j * np.asarray(w)
     link = c["d"] + c["k"] / s
@@ -83,11 +85,11 @@ def two_mass_gain(w):
     return np.abs(m["eta"] * m["k"] / m["R"] * b / (a * b - link**2))
 
 
-def sticking_motor(w, amplitude, cycles=6):
+def sticking_motor(w: Any, amplitude: Any, cycles: float = 6) -> Any:
     """Half the range of the motor's speed under Coulomb friction, by scipy with the stuck phases located."""
     m = MOTOR
 
-    def drive(t):
+    def drive(t: Any) -> Any:
         return m["eta"] * m["k"] / m["R"] * amplitude * math.sin(w * t)
 
     slope = m["B"] + m["eta"] * m["k"] ** 2 / m["R"]
@@ -100,7 +102,7 @@ def sticking_motor(w, amplitude, cycles=6):
             if not len(over):
                 break
             t, sign = float(grid[over[0]]), math.copysign(1.0, drive(float(grid[over[0]])))
-        stop = lambda _, y: y[0]  # noqa: E731
+        stop: Any = lambda _, y: y[0]  # noqa: E731
         stop.terminal, stop.direction = True, -sign
         start = sign * 1e-12 if v == 0 else v
         found = solve_ivp(
@@ -122,13 +124,13 @@ def sticking_motor(w, amplitude, cycles=6):
     return (late.max() - late.min()) / 2
 
 
-def only(made):
+def only(made: Any) -> Any:
     (e,) = made.experiments
     assert isinstance(e, TableExperiment)
     return e
 
 
-def test_a_linear_table_leaves_nothing_over(tmp_path):
+def test_a_linear_table_leaves_nothing_over(tmp_path: Path) -> None:
     w = np.geomspace(0.05, 300, 7)
     made = problem(s := scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w)), gather(s, (), ()))
     e = only(made)
@@ -136,7 +138,7 @@ def test_a_linear_table_leaves_nothing_over(tmp_path):
     assert np.abs(left).max() < 1e-6
 
 
-def test_the_simulated_answer_is_the_closed_form(tmp_path):
+def test_the_simulated_answer_is_the_closed_form(tmp_path: Path) -> None:
     w = np.array([0.1, 0.9, 7.0, 16.0, 120.0])
     made = problem(s := scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w)), gather(s, (), ()))
     answers = only(made).answers
@@ -147,7 +149,7 @@ def test_the_simulated_answer_is_the_closed_form(tmp_path):
     assert np.abs(decibel).max() < 2e-3
 
 
-def test_coulomb_friction_acts_as_an_independent_integration_says(tmp_path):
+def test_coulomb_friction_acts_as_an_independent_integration_says(tmp_path: Path) -> None:
     w, u = np.array([2.0, 12.0, 30.0, 60.0]), np.array([2.0, 0.3, 0.8, 2.0])
     reading = np.array([sticking_motor(a, b) for a, b in zip(w, u, strict=True)])
     made = problem(s := scenario(tmp_path, STUCK, w, u, reading), gather(s, (), ()))
@@ -158,11 +160,13 @@ def test_coulomb_friction_acts_as_an_independent_integration_says(tmp_path):
     assert reading[1] / u[1] < 0.8 * reading[0] / u[0]
 
 
-def test_a_start_nearby_gives_the_same_answer(tmp_path):
+def test_a_start_nearby_gives_the_same_answer(tmp_path: Path) -> None:
     w = np.array([0.2, 1.0, 9.0, 20.0, 90.0])
     s = load("srv02-backlash")
     made = problem(s, gather(s, (), ()))
-    answers = made.experiments[0].answers
+    first = made.experiments[0]
+    assert isinstance(first, TableExperiment)
+    answers = first.answers
     near = dict(enumerate(answers.solve({"contact.stiffness": 0.0125}, w, np.full(5, 2.0), {})))
     warm = answers.solve({}, w, np.full(5, 2.0), near)
     cold = answers.solve({}, w, np.full(5, 2.0), {})
@@ -170,7 +174,7 @@ def test_a_start_nearby_gives_the_same_answer(tmp_path):
     assert np.abs(20 * np.log10(ratio)).max() < 3e-3
 
 
-def test_derivatives_are_those_of_the_closed_form(tmp_path):
+def test_derivatives_are_those_of_the_closed_form(tmp_path: Path) -> None:
     w = np.geomspace(0.05, 300, 7)
     made = problem(s := scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w)), gather(s, (), ()))
     e = only(made)
@@ -187,7 +191,7 @@ def test_derivatives_are_those_of_the_closed_form(tmp_path):
     assert np.abs(mine - slope).max() < 1e-5 * np.abs(slope).max()
 
 
-def test_the_step_of_readings_is_found_whatever_digits_they_have():
+def test_the_step_of_readings_is_found_whatever_digits_they_have() -> None:
     random = np.random.default_rng(4)
     step = 0.340885
     readings = step * random.integers(10, 600, 30)
@@ -197,7 +201,7 @@ def test_the_step_of_readings_is_found_whatever_digits_they_have():
     assert quantum(np.round(random.uniform(1, 200, 30), 3)) == pytest.approx(1e-3)
 
 
-def test_scatter_sees_noise_and_not_the_curve():
+def test_scatter_sees_noise_and_not_the_curve() -> None:
     w = np.geomspace(0.05, 300, 60)
     level = 20 * np.log10(two_mass_gain(w))
     assert scatter(w, level) < 0.02
@@ -205,17 +209,20 @@ def test_scatter_sees_noise_and_not_the_curve():
     assert scatter(w, noisy) == pytest.approx(0.2, rel=0.35)
 
 
-def test_every_second_row_is_held_out_unless_a_table_is(tmp_path):
+def test_every_second_row_is_held_out_unless_a_table_is(tmp_path: Path) -> None:
     w = np.geomspace(0.05, 300, 13)
     s = scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w))
     made = problem(s, gather(s, (), ()))
     train, held = made.training, made.held_out
     assert [len(e.time) for e in (*train, *held)] == [7, 6]
-    assert np.allclose(np.sort(np.concatenate([train[0].frequency, held[0].frequency])), w)
-    assert "held out" in train[0].note
+    one, other = train[0], held[0]
+    assert isinstance(one, TableExperiment)
+    assert isinstance(other, TableExperiment)
+    assert np.allclose(np.sort(np.concatenate([one.frequency, other.frequency])), w)
+    assert "held out" in one.note
 
 
-def test_tables_and_recordings_over_time_do_not_mix(tmp_path):
+def test_tables_and_recordings_over_time_do_not_mix(tmp_path: Path) -> None:
     w = np.geomspace(0.05, 300, 7)
     s = scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w))
     (table,) = gather(s, (), ())
@@ -231,14 +238,14 @@ def test_tables_and_recordings_over_time_do_not_mix(tmp_path):
         problem(s, [table, *gather(s, [tmp_path / "run.csv"], ())])
 
 
-def test_too_few_rows_are_refused(tmp_path):
+def test_too_few_rows_are_refused(tmp_path: Path) -> None:
     w = np.array([1.0, 10.0])
     s = scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w))
     with pytest.raises(FlexarmError, match="2 rows"):
         problem(s, gather(s, (), ()))
 
 
-def test_a_fit_recovers_a_known_parameter_from_a_table(tmp_path):
+def test_a_fit_recovers_a_known_parameter_from_a_table(tmp_path: Path) -> None:
     w = np.geomspace(0.05, 300, 15)
     true = dict(LOAD)
     try:
@@ -264,7 +271,7 @@ def test_a_fit_recovers_a_known_parameter_from_a_table(tmp_path):
     assert scores["held out"] < 0.1
 
 
-def test_a_tolerance_for_no_parameter_is_refused(tmp_path):
+def test_a_tolerance_for_no_parameter_is_refused(tmp_path: Path) -> None:
     w = np.geomspace(0.05, 300, 7)
     s = scenario(tmp_path, TWO_MASSES, w, 2.0, 2.0 * two_mass_gain(w), "tolerances: {spring.stifness: 5 %}\n")
     with pytest.raises(FlexarmError, match=r"spring\.stifness") as caught:
@@ -275,7 +282,7 @@ def test_a_tolerance_for_no_parameter_is_refused(tmp_path):
 KNOWN = [f"tolerances.motor.{p}=0" for p in ("resistance", "torque_constant", "back_emf_constant", "efficiency")]
 
 
-def rms(made, role=("train", "hold_out")):
+def rms(made: Any, role: Any = ("train", "hold_out")) -> float:
     """Root mean square of what a problem's model leaves over (dB), as its parameters were given."""
     zero = np.zeros(len(made.free))
     left = [made.residual(zero, e) * e.sigma * e.relative for e in made.experiments if e.role in role]
@@ -292,12 +299,12 @@ def rms(made, role=("train", "hold_out")):
         ("srv02-2mass-b1", [], 9.10),
     ],
 )
-def test_the_published_mismatches_come_out(name, overrides, published):
+def test_the_published_mismatches_come_out(name: str, overrides: list[Any] | list[str], published: float) -> None:
     s = load(name, overrides)
     assert rms(problem(s, gather(s, (), ()))) == pytest.approx(published, abs=0.01)
 
 
-def test_table_2_2_cannot_tell_coulomb_from_viscous_friction():
+def test_table_2_2_cannot_tell_coulomb_from_viscous_friction() -> None:
     """Either, with the inertia within its tolerance, brings the linear motor's table down to its scatter."""
     coulomb, dry = fit("srv02-bare", overrides=[*KNOWN, "tolerances.motor.viscous_friction=0"])
     viscous, wet = fit(
@@ -315,7 +322,7 @@ def test_table_2_2_cannot_tell_coulomb_from_viscous_friction():
 
 
 @pytest.mark.slow
-def test_table_2_2_is_a_tie_that_holds_coulomb_friction(tmp_path):
+def test_table_2_2_is_a_tie_that_holds_coulomb_friction(tmp_path: Path) -> None:
     overrides = [*KNOWN, "tolerances.motor.viscous_friction=0", "friction.coulomb_friction=0"]
     found = diagnose("srv02-bare", overrides=overrides)
     assert found.verdict == "tie"
@@ -323,6 +330,7 @@ def test_table_2_2_is_a_tie_that_holds_coulomb_friction(tmp_path):
     told = {t.effects[0].effect: t for t in found.rivals if t.effects[0].place == "motor.shaft"}
     assert {"coulomb_friction", "viscous_friction"} <= {*told, finding["effect"]}
     assert told["coulomb_friction"].added()["coulomb_friction.coulomb_friction"] == pytest.approx(2.25e-4, abs=0.4e-4)
+    assert found.proposal is not None
     assert found.proposal.kind == "amplitude_sweep"
     assert any(label.startswith("coulomb_friction") for label in found.proposal.separates)
     assert any("one amplitude" in text for text in found.warnings)
@@ -335,12 +343,12 @@ def test_table_2_2_is_a_tie_that_holds_coulomb_friction(tmp_path):
 
 
 @pytest.mark.slow
-def test_table_2_2_shows_nothing_if_the_data_sheet_is_free_to_move():
+def test_table_2_2_shows_nothing_if_the_data_sheet_is_free_to_move() -> None:
     """Within the tolerances of the motor's constants the linear model fits; no friction is claimed from five rows."""
     assert diagnose("srv02-bare", overrides=["friction.coulomb_friction=0"]).verdict == "none"
 
 
-def test_a_spring_at_rest_under_load_shifts_the_answer_only(tmp_path):
+def test_a_spring_at_rest_under_load_shifts_the_answer_only(tmp_path: Path) -> None:
     """Where a ground spring pulls at rest the amplitudes are those of the linear equations."""
     body = STUCK.replace("coulomb_friction: 2.25e-4 N.m", "viscous_friction: 0 N.m.s/rad").replace(
         "connect:", "  ground: {type: GroundSpring, stiffness: 1e-4 N.m/rad, rest_angle: 0.3 rad}\nconnect:"
@@ -354,7 +362,7 @@ def test_a_spring_at_rest_under_load_shifts_the_answer_only(tmp_path):
     assert rms(made) < 1e-3
 
 
-def test_the_lowest_rows_of_table_a_1_ask_for_another_inertia():
+def test_the_lowest_rows_of_table_a_1_ask_for_another_inertia() -> None:
     """A rigid load on the rows below 4 rad/s, by hand: 1.85e-5 kg.m2 in all, where Table B.1 says 4.86e-5."""
     first, *_ = _suspects("srv02-2mass-b1")
     assert first.candidate.key == "wrong_parameter at load.inertia"
@@ -362,18 +370,18 @@ def test_the_lowest_rows_of_table_a_1_ask_for_another_inertia():
     assert "load.inertia" in first.told()
 
 
-def test_the_lowest_rows_of_table_a_2_accuse_no_parameter():
+def test_the_lowest_rows_of_table_a_2_accuse_no_parameter() -> None:
     assert not _suspects("srv02-2mass-b3")
 
 
-def _suspects(name):
+def _suspects(name: Any) -> Any:
     s = load(name)
     fitter = CandidateFitter(s, gather(s, (), ()))
     return suspects(fitter, candidates(operating_scales(fitter.base)), fitter.refit())
 
 
 @pytest.mark.slow
-def test_table_a_2_is_led_by_backlash_and_other_contacts_rival_it():
+def test_table_a_2_is_led_by_backlash_and_other_contacts_rival_it() -> None:
     """From the linear two masses of Table B.3; Coulomb friction at the motor is not claimed."""
     found = diagnose("srv02-2mass-b3")
     chosen, rivals = found.study.chosen, {c.key for t in found.rivals for c in t.effects}
@@ -383,11 +391,12 @@ def test_table_a_2_is_led_by_backlash_and_other_contacts_rival_it():
     assert "coulomb_friction at motor.shaft" not in rivals
     assert _left(chosen.fit) < 0.6
     assert _left(found.study.refit.fit) > 2.0
+    assert found.proposal is not None
     assert found.proposal.kind == "amplitude_sweep"
 
 
 @pytest.mark.slow
-def test_table_a_1_has_a_wrong_inertia_and_a_contact_that_is_not_a_spring():
+def test_table_a_1_has_a_wrong_inertia_and_a_contact_that_is_not_a_spring() -> None:
     """Table B.1 does not describe Table A.1; what the contact lacks is told with the inertia let go of."""
     found = diagnose("srv02-2mass-b1")
     assert found.verdict == "wrong_parameter"
@@ -399,7 +408,7 @@ def test_table_a_1_has_a_wrong_inertia_and_a_contact_that_is_not_a_spring():
     assert _left(found.study.chosen.fit) < 0.5
 
 
-def _left(made):
+def _left(made: Any) -> float:
     """Root mean square of what a fit leaves over, all rows (dB)."""
     parts = [made.problem.residual(made.x, e) * e.sigma * e.relative for e in made.problem.experiments]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))

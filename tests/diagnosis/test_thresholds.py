@@ -1,8 +1,12 @@
 """Numbers that decide something stand in one module, each with its unit, its reason and what set it."""
 
+from __future__ import annotations
+
 import ast
+from collections.abc import Iterator
 from dataclasses import FrozenInstanceError, fields
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,7 +28,7 @@ NO_RULES = {
 """What is drawn, printed, kept, or a constant of nature."""
 
 
-def numbers_of(path: Path):
+def numbers_of(path: Path) -> Iterator[Any]:
     for statement in ast.parse(path.read_text(encoding="utf-8")).body:
         if not isinstance(statement, ast.Assign):
             continue
@@ -37,7 +41,7 @@ def numbers_of(path: Path):
             yield from (node.id for node in ast.walk(statement.targets[0]) if isinstance(node, ast.Name))
 
 
-def test_no_number_that_decides_stands_elsewhere():
+def test_no_number_that_decides_stands_elsewhere() -> None:
     rooms = [p for room in DECIDING for p in (ROOT / "diagnosis" / room).rglob("*.py")]
     found = {
         (str(path.relative_to(ROOT / "diagnosis")), name)
@@ -48,7 +52,7 @@ def test_no_number_that_decides_stands_elsewhere():
 
 
 @pytest.mark.parametrize("group", thresholds.GROUPS, ids=lambda group: type(group).__name__)
-def test_each_has_unit_reason_and_what_set_it(group):
+def test_each_has_unit_reason_and_what_set_it(group: Any) -> None:
     for field in fields(group):
         assert set(field.metadata) == {"unit", "reason", "set_by"}, field.name
         assert all(field.metadata.values()), field.name
@@ -57,7 +61,7 @@ def test_each_has_unit_reason_and_what_set_it(group):
         setattr(group, fields(group)[0].name, 0)
 
 
-def test_every_number_is_used():
+def test_every_number_is_used() -> None:
     text = "\n".join(p.read_text(encoding="utf-8") for p in (ROOT / "diagnosis").rglob("*.py"))
     constants = {id(value): name for name, value in vars(thresholds).items()}
     for group in thresholds.GROUPS:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from diagnosis.api import gather
@@ -22,7 +24,7 @@ from tests.diagnosis.plants import case
 NOISE = 0.05
 
 
-def rippled(t, u, *, amplitude, order, phase, offset=0.0):
+def rippled(t: Any, u: Any, *, amplitude: Any, order: Any, phase: Any, offset: float = 0.0) -> NDArray[Any]:
     """Motor speed with a ripple of the angle, the input held between samples, by an adaptive Runge-Kutta method."""
     constant = plants.EFFICIENCY * plants.TORQUE_CONSTANT / plants.RESISTANCE
     damping = plants.VISCOUS + constant * plants.TORQUE_CONSTANT
@@ -30,7 +32,7 @@ def rippled(t, u, *, amplitude, order, phase, offset=0.0):
     for volt in u:
         rows.append(state[1])
 
-        def rate(_, y, volt=volt):
+        def rate(_: Any, y: Any, volt: Any = volt) -> list[Any]:
             torque = constant * (volt + offset) - damping * y[1] + amplitude * math.sin(order * y[0] + phase)
             return [y[1], torque / plants.INERTIA]
 
@@ -38,7 +40,7 @@ def rippled(t, u, *, amplitude, order, phase, offset=0.0):
     return np.array(rows)
 
 
-def bench(folder, seed, **truth):
+def bench(folder: Any, seed: Any, **truth: Any) -> tuple[Any, dict[Any, Any]]:
     """The motor with ``truth`` in it: where it is fitted, and the candidates at its shaft and its input."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plants, "speed", rippled)
@@ -49,11 +51,11 @@ def bench(folder, seed, **truth):
 
 
 @pytest.fixture(scope="module")
-def strong(tmp_path_factory):
+def strong(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return bench(tmp_path_factory.mktemp("strong"), 1, amplitude=3e-4, order=3.0, phase=2.4)
 
 
-def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong):
+def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong: Any) -> None:
     fitter, listed = strong
     ripple, refit = listed["torque_ripple"], fitter.refit()
     found = fitter.finish(fitter.partial_fit((ripple,), refit.fit))
@@ -70,11 +72,11 @@ def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong
 
 
 @pytest.fixture(scope="module")
-def pushed(tmp_path_factory):
+def pushed(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return bench(tmp_path_factory.mktemp("pushed"), 2, amplitude=2e-5, order=2.0, phase=2.4, offset=0.01)
 
 
-def test_a_wrong_order_is_chosen_anew_beside_another_effect(pushed):
+def test_a_wrong_order_is_chosen_anew_beside_another_effect(pushed: Any) -> None:
     fitter, listed = pushed
     ripple, offset = listed["torque_ripple"], listed["offset"]
     refit = fitter.refit()
@@ -91,7 +93,7 @@ def test_a_wrong_order_is_chosen_anew_beside_another_effect(pushed):
     assert held.fit.cost > 2 * pair.fit.cost
 
 
-def test_the_linear_solution_ranks_the_orders(pushed):
+def test_the_linear_solution_ranks_the_orders(pushed: Any) -> None:
     fitter, listed = pushed
     effects = (listed["torque_ripple"], replace(listed["offset"], starts=({"offset": 0.01},)))
     best, second, *_ = solved(fitter, effects, 0, fitter.refit().fit.parameters())

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,18 +22,20 @@ from tests.diagnosis.plants import case
 
 
 @pytest.fixture(scope="module")
-def fitter(tmp_path_factory):
+def fitter(tmp_path_factory: pytest.TempPathFactory) -> CandidateFitter:
     """A motor with 25 mV of dead zone, integrated without flexarm."""
     scenario = load(case(tmp_path_factory.mktemp("motor"), dead=0.025))
     return CandidateFitter(scenario, gather(scenario, [], []), 1)
 
 
 @pytest.fixture(scope="module")
-def listed(fitter):
+def listed(fitter: CandidateFitter) -> Any:
     return candidates(operating_scales(fitter.base))
 
 
-def test_a_fit_that_runs_away_is_left_at_its_last_good_place(fitter, listed, monkeypatch):
+def test_a_fit_that_runs_away_is_left_at_its_last_good_place(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Where a model cannot be differentiated, descending gives no cost."""
     zone = next(c for c in listed if c.effect == "dead_zone")
     partial = replace(fitter.partial_fit((zone,), fitter.refit().fit), converged=False)
@@ -43,7 +47,7 @@ def test_a_fit_that_runs_away_is_left_at_its_last_good_place(fitter, listed, mon
         assert after.added() == before.added()
 
 
-def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path):
+def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path: Path) -> None:
     """Of a Bouc-Wen joint recordings tell stiffness, yield, what is left of it and losses (the shape hardly shows)."""
     write(draw("pendulum", [], [], 1, Options(seconds=0.5, nuisance=0.0)), tmp_path / "case", tmp_path / "sealed")
     scenario = load(tmp_path / "case" / "scenario.yaml")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -74,7 +75,7 @@ def test_citations_become_links() -> None:
     )
 
 
-def test_a_broken_file_is_refused(tmp_path) -> None:
+def test_a_broken_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.bib"
     path.write_text("\n@book{A1999,\n  title = {x},\n  year = 1999,\n}\n", encoding="utf-8")
     with pytest.raises(ValueError, match=r"a\.bib, A1999: 'year = 1999,' is not one field"):

@@ -8,13 +8,14 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from tools import gallery, notebooks
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def build(folder):
+def build(folder: Any) -> None:
     """Build the pages. ``--strict`` makes every warning an error: a link, an anchor, a page outside the navigation."""
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
     environment = os.environ | {"NO_MKDOCS_2_WARNING": "1", "MPLBACKEND": "Agg"}
@@ -23,11 +24,11 @@ def build(folder):
     assert "WARNING" not in done.stdout + done.stderr
 
 
-def page(site, name):
+def page(site: Path, name: str) -> str:
     return (site / name / "index.html").read_text(encoding="utf-8")
 
 
-def every_claim_of_the_front_page_leads_somewhere(site):
+def every_claim_of_the_front_page_leads_somewhere(site: Any) -> None:
     rows = re.findall(r"<tr>\s*<td>(.*?)</td>\s*<td>(.*?)</td>", page(site, "."), re.DOTALL)
     assert len(rows) >= 12
     for claim, shown in rows:
@@ -37,7 +38,7 @@ def every_claim_of_the_front_page_leads_somewhere(site):
             assert (site / link / "index.html").exists(), (claim, link)
 
 
-def every_block_is_in_the_reference(site):
+def every_block_is_in_the_reference(site: Any) -> None:
     from blocks.registry import registry
 
     index = page(site, "reference/blocks")
@@ -55,12 +56,13 @@ def every_block_is_in_the_reference(site):
             assert f"<code>{key}</code>" in section, (name, key)
 
 
-def every_command_and_public_name_is_in_the_reference(site):
+def every_command_and_public_name_is_in_the_reference(site: Any) -> None:
     import flexarm
     from flexarm.cli import app
 
     commands, names = page(site, "reference/cli"), page(site, "reference/api")
     for command in app.registered_commands:
+        assert command.callback is not None
         called = command.name or command.callback.__name__
         assert f'id="{called}"' in commands
     assert "--hold-out" in commands
@@ -68,7 +70,7 @@ def every_command_and_public_name_is_in_the_reference(site):
         assert f">{name}<" in names, name
 
 
-def every_figure_of_the_gallery_is_drawn_and_shown(site):
+def every_figure_of_the_gallery_is_drawn_and_shown(site: Any) -> None:
     text = page(site, "gallery")
     for name in gallery.FIGURES:
         assert f"figures/gallery/{name}" in text, name
@@ -82,7 +84,7 @@ def every_figure_of_the_gallery_is_drawn_and_shown(site):
     assert text.count("<img") == len(gallery.FIGURES)
 
 
-def the_notebooks_ran_to_their_end(site):
+def the_notebooks_ran_to_their_end(site: Any) -> None:
     """The cells of a notebook assert what matters; their outputs stand on the page."""
     arm, diagnosis = page(site, "notebooks/first-arm"), page(site, "notebooks/diagnosis")
     assert "18.849558" in arm
@@ -91,7 +93,7 @@ def the_notebooks_ran_to_their_end(site):
     assert arm.count("<img") == 1
 
 
-def test_the_documentation_builds_and_holds_what_it_promises(tmp_path):
+def test_the_documentation_builds_and_holds_what_it_promises(tmp_path: Path) -> None:
     """One test, so that parallel workers do not build the same pages twice."""
     build(tmp_path)
     every_claim_of_the_front_page_leads_somewhere(tmp_path)
@@ -101,12 +103,12 @@ def test_the_documentation_builds_and_holds_what_it_promises(tmp_path):
     the_notebooks_ran_to_their_end(tmp_path)
 
 
-def test_notebooks_are_kept_without_outputs():
+def test_notebooks_are_kept_without_outputs() -> None:
     import nbformat
 
     found = sorted(notebooks.FOLDER.glob("*.ipynb"))
     assert [path.name for path in found] == ["diagnosis.ipynb", "first-arm.ipynb"]
     for path in found:
-        for cell in nbformat.read(path, as_version=4).cells:
+        for cell in nbformat.read(path, as_version=4).cells:  # type: ignore[no-untyped-call]
             assert not cell.get("outputs")
             assert cell.get("execution_count") is None

@@ -12,6 +12,7 @@ import pytest
 
 from diagnosis.binding import find_recording
 from diagnosis.recordings.columns import RecordingError
+from diagnosis.recordings.types import Recording
 from scenarios.load import load
 from tools import console
 
@@ -56,6 +57,7 @@ def test_a_refused_file_is_read_after_its_repair(begin: str, tmp_path: Path) -> 
         find_recording(scenario, "run")
     subprocess.run(command, shell=True, cwd=tmp_path, check=True)
     found = find_recording(scenario, "run")
+    assert isinstance(found, Recording)
     np.testing.assert_allclose(found.time, np.array(TIME) - TIME[0], atol=1e-9)
     assert len(found.drive[0].values) == len(TIME)
     np.testing.assert_allclose(found.drive[0].values[:2], [2.25, -1.5], rtol=1e-12)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ TRUE_FRICTION = 5.057179e-5
 """N.m; `python -m benchmarks.concealed make` seals it with the recordings of the last page."""
 
 
-def follow(page, folder, leave_out=()):
+def follow(page: Any, folder: Any, leave_out: Any = ()) -> Any:
     """Do what a page says; its earlier pages' files are there already."""
     console.prepare(folder)
     for earlier in PAGES[: PAGES.index(page)]:
@@ -39,18 +41,18 @@ def follow(page, folder, leave_out=()):
 
 
 @pytest.mark.parametrize("page", PAGES[:3])
-def test_the_tutorial_does_what_it_shows(page, tmp_path):
+def test_the_tutorial_does_what_it_shows(page: Any, tmp_path: Path) -> None:
     assert follow(page, tmp_path, leave_out=("make demo",)) >= 3
 
 
 @pytest.mark.slow
-def test_the_demonstration_prints_what_the_first_page_shows(tmp_path):
+def test_the_demonstration_prints_what_the_first_page_shows(tmp_path: Path) -> None:
     assert follow(PAGES[0], tmp_path) >= 4
     assert (tmp_path / "demo-results" / "quanser.fmu").exists()
 
 
 @pytest.mark.slow
-def test_the_first_diagnosis_finds_what_was_put_in(tmp_path):
+def test_the_first_diagnosis_finds_what_was_put_in(tmp_path: Path) -> None:
     follow(PAGES[3], tmp_path)
     found = json.loads((tmp_path / "found" / "diagnosis.json").read_text(encoding="utf-8"))
     (finding,) = found["findings"]
@@ -59,11 +61,11 @@ def test_the_first_diagnosis_finds_what_was_put_in(tmp_path):
     assert size["low"] < TRUE_FRICTION < size["high"]
 
 
-def test_every_page_of_the_tutorial_is_followed():
+def test_every_page_of_the_tutorial_is_followed() -> None:
     assert {page.name for page in TUTORIAL.glob("*.md")} == {*PAGES, "index.md"}
 
 
-def test_the_recordings_are_those_that_the_page_says(tmp_path):
+def test_the_recordings_are_those_that_the_page_says(tmp_path: Path) -> None:
     """Made again from the seed on the page, they are the files that are shipped, to a count and the noise's digits."""
     from benchmarks.concealed.__main__ import main
 

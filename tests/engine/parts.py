@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 
 from engine.block import Block, flange, option, parameter, signal_in, signal_out
@@ -205,11 +207,11 @@ class Rest(Block):
     def stamp(self, net: Net) -> None:
         angle, speed = self.shaft.angle, self.shaft.speed
 
-        def face(side: float) -> tuple[object, object]:
+        def face(side: float) -> tuple[Any, Any]:
             depth = side * angle - self.gap
             return depth, self.stiffness * depth + self.damping * side * speed
 
-        def guards(mode: object) -> tuple[object, object]:
+        def guards(mode: Any) -> tuple[Any, Any]:
             (up, push), (down, pull) = face(1.0), face(-1.0)
             leave = ca.if_else(mode > 0, -push, -pull)
             return ca.if_else(mode == 0, ca.fmin(up, push), leave), ca.if_else(mode == 0, ca.fmin(down, pull), -1)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from engine.simulate import simulate
 from tests.engine.parts import Anchor, Body, Clutch, Dry, Gearing, Imposed, Lag, Spring, Swing, system
 
 
-def test_the_reaction_of_an_imposed_swing_is_inertia_times_acceleration():
+def test_the_reaction_of_an_imposed_swing_is_inertia_times_acceleration() -> None:
     plant = system(
         {"a": Swing(amplitude=0.3, frequency=4.0), "i": Imposed(), "m": Body(inertia=0.2)},
         ("a.out", "i.in"),
@@ -23,7 +25,7 @@ def test_the_reaction_of_an_imposed_swing_is_inertia_times_acceleration():
     assert np.abs(run["i.reaction"] + 0.2 * 16.0 * angle).max() < 1e-13
 
 
-def test_a_body_on_a_spring_follows_its_imposed_end_and_the_books_close():
+def test_a_body_on_a_spring_follows_its_imposed_end_and_the_books_close() -> None:
     k, J, w, A = 30.0, 0.5, 5.0, 0.1
     blocks = {
         "a": Swing(amplitude=A, frequency=w),
@@ -45,7 +47,7 @@ def test_a_body_on_a_spring_follows_its_imposed_end_and_the_books_close():
     assert np.abs(run["energy.residual"] - run["energy.residual"][0]).max() < 1e-9
 
 
-def test_friction_against_an_imposed_motion_drags_until_it_sticks():
+def test_friction_against_an_imposed_motion_drags_until_it_sticks() -> None:
     """A free body is dragged by a clutch from a surface that swings: it sticks while the swing is gentle."""
     plant = system(
         {"a": Swing(amplitude=0.01, frequency=2.0), "i": Imposed(), "m": Body(inertia=0.5), "c": Clutch(level=1.0)},
@@ -60,8 +62,8 @@ def test_friction_against_an_imposed_motion_drags_until_it_sticks():
     assert np.abs(slopes).max() <= 1.0 / 0.5 + 1e-6
 
 
-def test_impossible_impositions_are_refused_by_name():
-    def text(blocks, *wires):
+def test_impossible_impositions_are_refused_by_name() -> None:
+    def text(blocks: Any, *wires: Any) -> str:
         with pytest.raises(StructureError) as caught:
             build(system(blocks, *wires))
         return str(caught.value)

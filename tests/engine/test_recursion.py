@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -43,12 +45,14 @@ class Arm(Block):
         if not self.recursive:
             q, v = ca.vertcat(*[j.angle for j in joints]), ca.vertcat(*[j.speed for j in joints])
             energy = 0
-            for m, hub, (x, y, turn) in zip(masses, hubs, above, strict=True):
-                rate = ca.jtimes(ca.vertcat(x, y, turn), q, v)
+            for m, hub, (x, y, angle) in zip(masses, hubs, above, strict=True):
+                rate = ca.jtimes(ca.vertcat(x, y, angle), q, v)
                 energy += m * (rate[0] ** 2 + rate[1] ** 2) / 2 + hub * rate[2] ** 2 / 2
             net.kinetic(joints, energy)
             return
-        turn, along, across = self.j1, None, None
+        turn: Any = self.j1
+        along: Any = None
+        across: Any = None
         for i, (joint, length) in enumerate(zip(joints, LENGTHS, strict=True)):
             if i:
                 c, s = ca.cos(joint.angle), ca.sin(joint.angle)
@@ -66,7 +70,7 @@ class Arm(Block):
             self._point(net, masses[i], turn, along, end)
             across = end
 
-    def _point(self, net: Net, mass, turn, along, across) -> None:
+    def _point(self, net: Net, mass: Any, turn: Any, along: Any, across: Any) -> None:
         net.inertia(across, mass)
         if along is not None:
             net.inertia(along, mass)
@@ -74,7 +78,7 @@ class Arm(Block):
             net.force(across, -mass * turn.speed * along.speed)
 
 
-def both(blocks, *wires, stop=1.0, initial=None, **keys):
+def both(blocks: Any, *wires: Any, stop: float = 1.0, initial: Any = None, **keys: Any) -> Any:
     """Two runs: recursive, and by one energy."""
     runs = []
     for recursive in (True, False):
@@ -84,7 +88,7 @@ def both(blocks, *wires, stop=1.0, initial=None, **keys):
     return runs
 
 
-def same(runs, tolerance):
+def same(runs: Any, tolerance: Any) -> None:
     a, b = runs
     for name in a.names:
         if name.startswith("energy.residual"):
@@ -98,13 +102,13 @@ START = {"arm.j1.angle": 1.0, "arm.j2.angle": -0.7, "arm.j3.angle": 0.4, "arm.j2
 
 
 @pytest.mark.parametrize("backend", ["c", "interpreter"])
-def test_a_free_arm_moves_alike_either_way_and_conserves_its_energy(backend):
+def test_a_free_arm_moves_alike_either_way_and_conserves_its_energy(backend: str) -> None:
     runs = both({}, stop=1.0 if backend == "c" else 0.05, initial=START, backend=backend)
     same(runs, 1e-9)
     assert np.ptp(runs[0]["energy.stored"]) < 1e-8
 
 
-def test_rotors_behind_gears_with_losses_count_at_their_joints():
+def test_rotors_behind_gears_with_losses_count_at_their_joints() -> None:
     blocks = {
         "w": Wave(amplitude=0.5, frequency=3.0),
         "t": Push(),
@@ -126,7 +130,7 @@ def test_rotors_behind_gears_with_losses_count_at_their_joints():
     assert np.ptp(residual) < 1e-7 * np.ptp(runs[0]["energy.supplied"])
 
 
-def test_stuck_and_slipping_joints_have_the_same_instants():
+def test_stuck_and_slipping_joints_have_the_same_instants() -> None:
     blocks = {"f": Dry(level=1.5, static=2.0), "k": Dry(level=0.5), "s": Spring(stiffness=3.0), "a": Anchor()}
     wires = (("f.shaft", "arm.j2"), ("k.shaft", "arm.j3", "s.a"), ("s.b", "a.shaft"))
     runs = both(blocks, *wires, stop=2.0, initial={"arm.j1.angle": 1.2, "arm.j2.angle": 0.5, "arm.j3.angle": -0.8})
@@ -136,7 +140,7 @@ def test_stuck_and_slipping_joints_have_the_same_instants():
     assert np.abs([a[0] - b[0] for a, b in zip(runs[0].events, runs[1].events, strict=True)]).max() < 1e-9
 
 
-def test_an_imposed_joint_has_the_same_reaction():
+def test_an_imposed_joint_has_the_same_reaction() -> None:
     blocks = {"a": Swing(amplitude=0.4, frequency=5.0), "i": Imposed()}
     wires = (("a.out", "i.in"), ("i.shaft", "arm.j2"))
     runs = both(blocks, *wires, initial={"arm.j3.angle": 0.3})
@@ -144,13 +148,13 @@ def test_an_imposed_joint_has_the_same_reaction():
     assert np.ptp(runs[0]["i.reaction"]) > 1
 
 
-def test_a_joint_tied_to_the_ground_stays():
+def test_a_joint_tied_to_the_ground_stays() -> None:
     runs = both({"a": Anchor()}, ("a.shaft", "arm.j2"), initial={"arm.j1.angle": 1.0, "arm.j3.angle": 0.5})
     same(runs, 1e-9)
     assert (runs[0]["arm.j2.angle"] == 0).all()
 
 
-def test_a_stuck_joint_leaves_the_linear_model():
+def test_a_stuck_joint_leaves_the_linear_model() -> None:
     wires = (("f.shaft", "arm.j2"),)
     found = [
         linearise(build(system({"f": Dry(level=1.0), "arm": Arm(recursive=r)}, *wires)), modes={"f": "stuck"}).poles()
@@ -160,18 +164,18 @@ def test_a_stuck_joint_leaves_the_linear_model():
     assert np.abs(found[0] - found[1]).max() < 1e-9
 
 
-def test_a_weightless_end_is_refused_by_name():
+def test_a_weightless_end_is_refused_by_name() -> None:
     with pytest.raises(StructureError, match=r"the motion of arm.j3 has no inertia"):
         build(system({"arm": Arm(weightless=True)}))
 
 
-def test_a_gear_with_losses_in_a_loop_with_the_arm_is_refused():
+def test_a_gear_with_losses_in_a_loop_with_the_arm_is_refused() -> None:
     blocks = {"arm": Arm(), "g": Gearing(ratio=2, efficiency=0.5)}
     with pytest.raises(StructureError, match="closes a loop around a gear with losses"):
         build(system(blocks, ("g.input", "arm.j1"), ("g.output", "arm.j2")))
 
 
-def test_the_recursion_solves_a_constrained_minimum():
+def test_the_recursion_solves_a_constrained_minimum() -> None:
     """Against the equations with multipliers, solved densely."""
     rng = np.random.default_rng(7)
     n, k = 5, 4

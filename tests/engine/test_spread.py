@@ -6,7 +6,9 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -37,7 +39,7 @@ def wrong(number: int) -> int:
 
 
 @pytest.mark.parametrize("settings", [{"workers": 1}, {"workers": 3, "threads": True}, {"workers": 2}])
-def test_results_come_in_order(settings: dict) -> None:
+def test_results_come_in_order(settings: dict[str, Any]) -> None:
     with Spread(**settings) as spread:
         assert list(spread.map(sleepy, range(20))) == list(range(20))
         assert list(spread.map(square, iter(range(5)))) == [0, 1, 4, 9, 16]
@@ -47,7 +49,7 @@ def test_tasks_are_taken_as_they_are_needed() -> None:
     """Of an endless generator, only the bounded number ahead of the reader is taken."""
     taken = 0
 
-    def tasks():
+    def tasks() -> Iterator[Any]:
         nonlocal taken
         while True:
             taken += 1
@@ -61,7 +63,7 @@ def test_tasks_are_taken_as_they_are_needed() -> None:
 
 
 @pytest.mark.parametrize("settings", [{"workers": 1}, {"workers": 2}])
-def test_an_error_is_raised_in_its_turn(settings: dict) -> None:
+def test_an_error_is_raised_in_its_turn(settings: dict[str, Any]) -> None:
     with Spread(**settings) as spread:
         found = spread.map(wrong, range(10))
         assert [next(found) for _ in range(5)] == [0, 1, 2, 3, 4]

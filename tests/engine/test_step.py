@@ -14,7 +14,7 @@ from engine.step import STEP_PER_RATE, fastest
 from tests.engine.parts import Anchor, Body, Rest, Spring, system
 
 
-def test_the_step_follows_the_stiffest_contact_though_it_is_open_at_the_start():
+def test_the_step_follows_the_stiffest_contact_though_it_is_open_at_the_start() -> None:
     plant = system({"m": Body(inertia=0.01), "r": Rest(stiffness=4e4, gap=0.1)}, ("m.shaft", "r.shaft"))
     model = build(plant)
     p = model.parameter_values
@@ -24,7 +24,7 @@ def test_the_step_follows_the_stiffest_contact_though_it_is_open_at_the_start():
     assert run.internal_step == pytest.approx(STEP_PER_RATE / rate, rel=1e-9)
 
 
-def test_a_step_too_long_is_noticed_and_the_mode_named():
+def test_a_step_too_long_is_noticed_and_the_mode_named() -> None:
     blocks = {
         "slow": Body(inertia=1.0),
         "soft": Spring(stiffness=1.0),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,7 @@ WRT = [
 
 
 @pytest.fixture(scope="module")
-def model():
+def model() -> Any:
     plant = system(
         {
             "w": Wave(amplitude=2.0, frequency=9.0),
@@ -56,7 +58,7 @@ def model():
 
 
 @pytest.mark.parametrize("name", WRT)
-def test_tangents_agree_with_central_differences_through_every_event(model, name):
+def test_tangents_agree_with_central_differences_through_every_event(model: Any, name: Any) -> None:
     found = tangents(model, 1.0, 1e-3, wrt=WRT)
     assert found.result.event_count > 20
     assert not found.grazing
@@ -65,8 +67,9 @@ def test_tangents_agree_with_central_differences_through_every_event(model, name
     runs = []
     for side in (1, -1):
         change = {name: values.get(name, 0.0) + side * delta}
-        key = "parameters" if name in values else "initial"
-        runs.append(simulate(model, 1.0, 1e-3, **{key: change}))
+        inside = name in values
+        parameters, initial = (change, None) if inside else (None, change)
+        runs.append(simulate(model, 1.0, 1e-3, parameters=parameters, initial=initial))
     assert reordered(*runs) == ""
     difference = (runs[0].values - runs[1].values) / (2 * delta)
     tangent = found.values[:, :, WRT.index(name)]
@@ -74,7 +77,7 @@ def test_tangents_agree_with_central_differences_through_every_event(model, name
     assert (np.abs(difference - tangent).max(axis=0) / scale).max() < 1e-6
 
 
-def test_the_derivative_of_a_stopping_distance_is_exact():
+def test_the_derivative_of_a_stopping_distance_is_exact() -> None:
     plant = system({"m": Body(inertia=2.0), "f": Dry(level=3.0)}, ("m.shaft", "f.shaft"))
     model = build(plant, outputs=["m.shaft.angle"])
     found = tangents(model, 1.0, 1e-2, wrt=["f.level", "m.shaft.speed", "m.inertia"], initial={"m.shaft.speed": 0.7})
@@ -84,13 +87,13 @@ def test_the_derivative_of_a_stopping_distance_is_exact():
     assert at_end["m.inertia"] == pytest.approx(0.7**2 / (2 * 3.0), rel=1e-10)
 
 
-def test_a_changed_order_of_events_is_reported(model):
+def test_a_changed_order_of_events_is_reported(model: Any) -> None:
     plain = simulate(model, 1.0, 1e-3)
     stiff = simulate(model, 1.0, 1e-3, parameters={"f.level": 0.8, "f.static": 0.9})
     assert reordered(plain, plain) == ""
     assert "event" in reordered(plain, stiff)
 
 
-def test_an_unknown_direction_is_refused_with_the_nearest_name(model):
+def test_an_unknown_direction_is_refused_with_the_nearest_name(model: Any) -> None:
     with pytest.raises(ParameterError, match=r"did you mean 'f\.level'"):
         tangents(model, 1.0, wrt=["f.levl"])

@@ -24,7 +24,7 @@ class SampledSensor(Block):
         net.output(self.out, held)
 
 
-def test_a_controller_sees_what_a_sensor_took_at_the_same_instant():
+def test_a_controller_sees_what_a_sensor_took_at_the_same_instant() -> None:
     plant = system(
         {"m": Body(inertia=1.0), "s": SampledSensor(), "c": Held(gain=3.0, period=0.1)},
         ("m.shaft", "s.shaft"),
@@ -34,6 +34,6 @@ def test_a_controller_sees_what_a_sensor_took_at_the_same_instant():
     assert np.abs(run["c.out"] - 3.0 * 2.0 * run.time).max() < 1e-14
 
 
-def test_parameters_that_no_equation_reads_are_not_offered():
+def test_parameters_that_no_equation_reads_are_not_offered() -> None:
     model = build(system({"m": Body(inertia=1.0), "c": Held(gain=2.0)}, ("m.shaft.angle", "c.in")))
     assert [p.name for p in model.parameters] == ["c.gain"]

@@ -147,7 +147,7 @@ def test_gcc_rebuilds_it_to_the_same_results(
     path = exported(model)
     folder = _unpack(path, tmp_path / "unpacked")
     [binary] = folder.glob("binaries/linux64/*.so")
-    command = [gcc, "-O2", "-shared", "-fPIC", "sources/all.c", "-lm", "-o", binary]
+    command = [gcc, "-O2", "-shared", "-fPIC", "sources/all.c", "-lm", "-o", str(binary)]
     subprocess.run(command, cwd=folder, check=True)
     rebuilt = tmp_path / "rebuilt.fmu"
     files = {str(f.relative_to(folder)): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}

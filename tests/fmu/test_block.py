@@ -14,6 +14,7 @@ from blocks.controllers.low_pass import LowPass
 from blocks.controllers.pi import PI
 from blocks.registry import registry
 from engine.assemble import build
+from engine.block import Block
 from engine.errors import FlexarmError
 from engine.simulate import simulate
 from engine.system import Connection, System
@@ -46,7 +47,7 @@ def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _controller(path: Path, version: int) -> Path:
     """A PI controller that samples every 5 ms, as an FMU."""
-    blocks = {
+    blocks: dict[str, Block] = {
         "pi": PI(proportional_gain="0.4 V.s/rad", integral_gain="2 V/rad", period=5e-3),
         "unused": LowPass(corner_frequency=10.0),
     }

@@ -128,7 +128,9 @@ def test_indicators_rest_above_zero_and_calls_out_of_order_are_refused(
         assert all(z > 0 for z in indicators)
         states = (ctypes.c_double * len(switching_model.states))()
         instance.getContinuousStates(states, len(states))
-        assert np.array_equal(list(states), simulate(switching_model, 1e-3, record_states=True).states[0])
+        rows = simulate(switching_model, 1e-3, record_states=True).states
+        assert rows is not None
+        assert np.array_equal(list(states), rows[0])
         with pytest.raises(FMICallException):
             instance.getContinuousStates(states, len(states) - 1)
         with pytest.raises(FMICallException):

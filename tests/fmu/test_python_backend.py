@@ -7,7 +7,7 @@ import gc
 import math
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -190,12 +190,13 @@ def test_bad_calls_end_in_a_message_and_no_crash(made: Path) -> None:
         instance.exitInitializationMode()
         _run(instance, 0, 20)
         before = instance.getReal([*u, *y])
-        for bad, piece in (
+        cases: tuple[tuple[Callable[[], Any], str], ...] = (
             (lambda: instance.setReal(u, [math.nan]), "nan"),
             (lambda: instance.setReal(u, [math.inf]), "inf"),
             (lambda: instance.setReal(y[:1], [0.0]), "cannot be set"),
             (lambda: instance.getReal([999]), "IndexError"),
-        ):
+        )
+        for bad, piece in cases:
             bad()
             assert piece in messages[-1]
             assert instance.getReal([*u, *y]) == before

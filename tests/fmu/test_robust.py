@@ -49,7 +49,7 @@ class Patient:
         assert words in self.messages[0], self.messages
 
     def unknown(self) -> int:
-        return 1 + max(v.valueReference for v in self.description.modelVariables)
+        return 1 + max(int(v.valueReference) for v in self.description.modelVariables)
 
 
 @pytest.fixture

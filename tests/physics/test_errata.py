@@ -3,7 +3,10 @@
 The files that are read hold the papers' own tables.
 """
 
+from __future__ import annotations
+
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +19,7 @@ from tests.physics.papers import table
 BETA = tuple(brentq(lambda b: np.cos(b) * np.cosh(b) + 1, *span) for span in ((1.5, 2.5), (4.0, 5.5), (7.0, 8.5)))
 
 
-def shape(b, v, x, derivative=0):
+def shape(b: Any, v: Any, x: Any, derivative: int = 0) -> Any:
     """Cosh - cos + v (sinh - sin) of b x, or a derivative by x; x is the share of the length."""
     flip = (-1, 1, 1, -1)[derivative]
     even = (np.cosh, np.sinh)[derivative % 2](b * x) + flip * (np.cos, np.sin)[derivative % 2](b * x)
@@ -25,11 +28,11 @@ def shape(b, v, x, derivative=0):
     return b**derivative * (even + v * odd)
 
 
-def sigma(b):
+def sigma(b: Any) -> Any:
     return (np.cosh(b) + np.cos(b)) / (np.sinh(b) + np.sin(b))
 
 
-def cantilever(mode, x, derivative=0):
+def cantilever(mode: Any, x: Any, derivative: int = 0) -> Any:
     return shape(BETA[mode], -sigma(BETA[mode]), x, derivative)
 
 
@@ -37,7 +40,7 @@ def cantilever(mode, x, derivative=0):
 
 
 @pytest.mark.parametrize(("mode", "printed"), [(0, 0.6131), (1, 1.0178)])
-def test_000_8_the_mode_shape_has_the_wrong_sign_and_denominator(mode, printed):
+def test_000_8_the_mode_shape_has_the_wrong_sign_and_denominator(mode: int, printed: float) -> None:
     b = BETA[mode]
     literal = (np.sinh(b) - np.sin(b)) / (np.cosh(b) - np.cos(b))
     assert literal == pytest.approx(printed, abs=5e-5)
@@ -54,7 +57,7 @@ def test_000_8_the_mode_shape_has_the_wrong_sign_and_denominator(mode, printed):
     assert abs(shape(b, literal, 1.0, 2)) > scale
 
 
-def arm_equations(centrifugal):
+def arm_equations(centrifugal: Any) -> tuple[Any, ...]:
     """Lagrange's equations of two modes from (9), with or without the term (w theta')^2; the integrals by symbols."""
     t = sp.Symbol("t")
     inertia, *integrals = sp.symbols("J0 c1 c2 a1 a2 k1 k2")
@@ -69,7 +72,7 @@ def arm_equations(centrifugal):
     return t, (inertia, c, a, k), theta, alpha, rows
 
 
-def test_000_11_does_not_follow_from_10_but_from_the_energy_with_the_centrifugal_term():
+def test_000_11_does_not_follow_from_10_but_from_the_energy_with_the_centrifugal_term() -> None:
     for centrifugal in (0, 1):
         t, (inertia, c, a, k), theta, alpha, rows = arm_equations(centrifugal)
         eleven = [
@@ -87,7 +90,7 @@ def test_000_11_does_not_follow_from_10_but_from_the_energy_with_the_centrifugal
         assert all(d == 0 for d in difference) == (centrifugal == 1)
 
 
-def test_000_11_the_sum_over_modes_in_one_equation_leaves_the_modes_undetermined():
+def test_000_11_the_sum_over_modes_in_one_equation_leaves_the_modes_undetermined() -> None:
     *_, rows = arm_equations(1)
     _, _, theta, alpha, _ = arm_equations(1)
     t = sp.Symbol("t")
@@ -103,14 +106,14 @@ DENSITY = MASS / LENGTH
 RIGIDITY = (2 * np.pi * 3.0) ** 2 * DENSITY * LENGTH**4 / BETA[0] ** 4
 
 
-def test_000_16_the_stiffness_integral_of_q_squared_puts_the_mode_at_0_15_hz():
+def test_000_16_the_stiffness_integral_of_q_squared_puts_the_mode_at_0_15_hz() -> None:
     squared = quad(lambda x: cantilever(0, x) ** 2, 0, 1, epsabs=1e-12)[0] * LENGTH
     curvature = quad(lambda x: cantilever(0, x, 2) ** 2, 0, 1, epsabs=1e-12)[0] / LENGTH**3
     assert math.sqrt(RIGIDITY * curvature / (DENSITY * squared)) / (2 * np.pi) == pytest.approx(3.0, rel=1e-9)
     assert math.sqrt(RIGIDITY * squared / (DENSITY * squared)) / (2 * np.pi) == pytest.approx(0.150, abs=5e-4)
 
 
-def final_angle(height, zone):
+def final_angle(height: Any, zone: Any) -> Any:
     """Degrees, 1 s after a step of 1 s: equation (11) with one mode, parameter set A."""
     efficiency, ratio, motor, kt, resistance, km = 0.9, 70, 0.69, 7.68e-3, 2.6, 7.68e-3
     gain, friction = efficiency * ratio * motor * kt / resistance, 0.004
@@ -118,7 +121,7 @@ def final_angle(height, zone):
     c = DENSITY * LENGTH**2 * quad(lambda x: x * cantilever(0, x), 0, 1)[0]
     a, k = MASS, RIGIDITY * BETA[0] ** 4 / LENGTH**3
 
-    def rate(_, y, voltage):
+    def rate(_: Any, y: Any, voltage: Any) -> list[Any]:
         _, alpha, speed, alpha_speed = y
         torque = gain * (voltage - ratio * km * speed) - friction * speed
         right = [torque - 2 * speed * a * alpha * alpha_speed, a * alpha * speed**2 - k * alpha]
@@ -130,13 +133,13 @@ def final_angle(height, zone):
     return np.rad2deg(state[0])
 
 
-def test_000_12_the_third_branch_of_the_dead_zone():
+def test_000_12_the_third_branch_of_the_dead_zone() -> None:
     low, high = -0.09, 0.18
 
-    def right(v):
+    def right(v: Any) -> Any:
         return v - high if v > high else v - low if v < low else 0.0
 
-    def printed(v):
+    def printed(v: Any) -> Any:
         return v - high if v > high else v + low if v < low else 0.0
 
     below = np.nextafter(low, -1)
@@ -151,7 +154,7 @@ def test_000_12_the_third_branch_of_the_dead_zone():
 # -- One-link manipulator: harmonic drive and lumped-mass link ---------------------------------------------------------
 
 
-def test_001_2_the_inertia_is_the_total_and_the_torque_that_of_the_load_side():
+def test_001_2_the_inertia_is_the_total_and_the_torque_that_of_the_load_side() -> None:
     s, rotor, load, stiffness, n, torque = sp.symbols("s I_r I_s K n tau", positive=True)
     qr, qs = sp.symbols("q_r q_s")
     solved = sp.solve(
@@ -166,7 +169,7 @@ def test_001_2_the_inertia_is_the_total_and_the_torque_that_of_the_load_side():
     assert sp.simplify(rigid - n / (n**2 * rotor + load)) == 0
 
 
-def test_001_table_1_the_largest_torque_is_not_that_of_the_nominal_current():
+def test_001_table_1_the_largest_torque_is_not_that_of_the_nominal_current() -> None:
     values = {row["quantity"]: float(row["value"]) for row in table("p001_table1_actuator")}
     assert values["nominal_current"] * values["torque_per_current"] == pytest.approx(2.147, abs=5e-4)
     assert values["maximum_torque"] == 1.9
@@ -175,7 +178,7 @@ def test_001_table_1_the_largest_torque_is_not_that_of_the_nominal_current():
     assert values["encoder_cycles_per_rev_output"] / values["encoder_cycles_per_rev_rotor"] == 100
 
 
-def test_001_table_2_the_first_zero_and_the_third_mode():
+def test_001_table_2_the_first_zero_and_the_third_mode() -> None:
     rows = [r for r in table("p001_table2_poles_zeros") if float(r["imag_rad_per_s"]) > 0]
     ratio = {
         (r["kind"], float(r["imag_rad_per_s"])): -float(r["real_per_s"])
@@ -198,7 +201,7 @@ def test_001_table_2_the_first_zero_and_the_third_mode():
 LINK, EI, RHO = 0.33, 0.4, 0.060 / 0.33
 
 
-def test_003_signs_of_5_8_and_11a():
+def test_003_signs_of_5_8_and_11a() -> None:
     # With + kappa theta' on the right the swing grows.
     inertia, kappa = 0.5455 * 0.33 * 0.33**2 / 3 + 2.95e-5, 1.242e-3
     gravity = 0.5455 * 0.33 * 9.81 * 0.33 / 2
@@ -206,7 +209,7 @@ def test_003_signs_of_5_8_and_11a():
     assert np.roots([inertia, kappa, gravity]).real.max() == pytest.approx(-0.095, abs=5e-4)
 
 
-def test_003_11a_the_coriolis_row():
+def test_003_11a_the_coriolis_row() -> None:
     t, total, rho, *rest = sp.symbols("t I rho k11 k12 k21 k22")
     square, coupling = rest[:2], rest[2:]
     theta, *d = (sp.Function(name)(t) for name in ("theta", "d1", "d2"))
@@ -225,7 +228,7 @@ def test_003_11a_the_coriolis_row():
     assert sp.expand(rates - printed) != 0
 
 
-def test_003_11b_without_x_the_mass_matrix_is_indefinite():
+def test_003_11b_without_x_the_mass_matrix_is_indefinite() -> None:
     plain = quad(lambda x: cantilever(0, x), 0, 1)[0] * LINK
     arm = quad(lambda x: x * cantilever(0, x), 0, 1)[0] * LINK**2
     square = quad(lambda x: cantilever(0, x) ** 2, 0, 1)[0] * LINK
@@ -239,7 +242,7 @@ def test_003_11b_without_x_the_mass_matrix_is_indefinite():
         assert np.linalg.eigvalsh(right).min() > 0
 
 
-def test_003_10d_the_first_derivative_gives_no_stiffness():
+def test_003_10d_the_first_derivative_gives_no_stiffness() -> None:
     curvature = quad(lambda x: cantilever(0, x, 2) ** 2, 0, 1)[0] / LINK**3
     slope = quad(lambda x: cantilever(0, x, 1) ** 2, 0, 1)[0] / LINK
     assert EI * curvature == pytest.approx(137.600, rel=1e-4)
@@ -247,7 +250,7 @@ def test_003_10d_the_first_derivative_gives_no_stiffness():
     assert math.sqrt(EI * slope / 0.06) / (2 * np.pi) == pytest.approx(1.542, abs=1e-3)  # and its unit is not N/m
 
 
-def test_003_critical_factors_are_not_those_of_the_link():
+def test_003_critical_factors_are_not_those_of_the_link() -> None:
     found = []
     for mode in range(2):
         stiffness = EI * quad(lambda x, mode=mode: cantilever(mode, x, 2) ** 2, 0, 1)[0] / LINK**3
@@ -263,15 +266,15 @@ def test_003_critical_factors_are_not_those_of_the_link():
     assert published["structural coefficient mode 2"] / (0.0428 * 6.5e-3) == pytest.approx(10, abs=0.1)
 
 
-def test_003_ratios_divided_by_the_frequency_in_hertz():
+def test_003_ratios_divided_by_the_frequency_in_hertz() -> None:
     assert 0.198 / (2 * np.pi) == pytest.approx(0.0315, abs=5e-5)
     assert 0.0428 / (2 * np.pi) == pytest.approx(0.00681, abs=5e-6)
     # One cycle of 19.8 % leaves 28 % of the amplitude: not a strip of spring steel.
     assert math.exp(-2 * np.pi * 0.198 / math.sqrt(1 - 0.198**2)) == pytest.approx(0.28, abs=0.005)
 
 
-def test_003_4b_the_composite_mass_needs_the_same_propagation_on_both_sides():
-    def propagation(r):  # twist (omega, v) of a point from that of another, r from here to there
+def test_003_4b_the_composite_mass_needs_the_same_propagation_on_both_sides() -> None:
+    def propagation(r: Any) -> Any:  # twist (omega, v) of a point from that of another, r from here to there
         x, y, z = r
         cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         return np.block([[np.eye(3), np.zeros((3, 3))], [-cross, np.eye(3)]])
@@ -286,7 +289,7 @@ def test_003_4b_the_composite_mass_needs_the_same_propagation_on_both_sides():
     assert not np.allclose(printed, printed.T)
 
 
-def test_003_table_5_the_mass_of_link_2():
+def test_003_table_5_the_mass_of_link_2() -> None:
     rows = table("p003_link_tables")
     second = rows[-1]
     assert float(second["mass_kg"]) / float(second["length_m"]) == pytest.approx(0.0895, abs=5e-5)

@@ -1,6 +1,9 @@
 """Errata of [Gao J. n.d.] (docs/errata.md), settled by derivations and numbers that use no product code."""
 
+from __future__ import annotations
+
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +23,7 @@ JM, JA, JL, DA, DL, KA, KL, BA, BL, BM, GAIN, KM, KG = PARAMETERS
 W = BM + GAIN * KM
 
 
-def transfer(rows, unknowns, voltage):
+def transfer(rows: Any, unknowns: Any, voltage: Any) -> tuple[Any, Any]:
     """Motor speed over voltage from the Laplace transforms of the rows, by Cramer's rule; positions are unknown."""
     matrix = sp.Matrix([[sp.diff(row, unknown) for unknown in unknowns] for row in rows])
     source = sp.Matrix([-sp.diff(row, voltage) for row in rows])
@@ -30,7 +33,7 @@ def transfer(rows, unknowns, voltage):
     return sp.expand(-replaced.det()), sp.expand(sp.cancel(-matrix.det() / S))
 
 
-def two_mass(outer, inner):
+def two_mass(outer: Any, inner: Any) -> Any:
     """Numerator and denominator; torque on the motor is ``outer`` times that of the spring, wound by pm ``inner``."""
     pm, pa, voltage = sp.symbols("pm pa V")
     spring = (KA + DA * S) * (pm * inner - pa)
@@ -49,13 +52,13 @@ PRINTED_215 = (
 )
 
 
-def test_002_215_is_the_formula_of_a_ratio_of_one_with_jm_for_m():
+def test_002_215_is_the_formula_of_a_ratio_of_one_with_jm_for_m() -> None:
     numerator, denominator = two_mass(1, 1)
     assert sp.expand(denominator - PRINTED_215) == 0
     assert sp.expand(numerator - GAIN * (JA * S**2 + (DA + BA) * S + KA)) == 0
 
 
-def test_002_214_the_reaction_is_divided_by_the_ratio():
+def test_002_214_the_reaction_is_divided_by_the_ratio() -> None:
     # With the sign repaired but the ratio as printed, the ratio cancels: tables B are motor-referred.
     literal = two_mass(KG, 1 / KG)
     assert [sp.expand(x - y) for x, y in zip(literal, two_mass(1, 1), strict=True)] == [0, 0]
@@ -68,12 +71,12 @@ def test_002_214_the_reaction_is_divided_by_the_ratio():
     assert sp.cancel(right[0] / right[1]) != sp.cancel(literal[0] / literal[1])
 
 
-def test_002_214_as_printed_is_unstable():
+def test_002_214_as_printed_is_unstable() -> None:
     # The inner minus makes the spring push the motor away: kg(da(..) - ka(..)) with kg = 1 and table B.1.
     jm, ja, d, k, b_load, bm, gain, km = 4.606e-7, 4.81e-5, 3e-5, 0.012, 1.68e-6, 1.26e-6, 2.038154e-3, 7.68e-3
     w = bm + gain * km
 
-    def poles(sign):
+    def poles(sign: Any) -> Any:
         mass, damping = np.diag([jm, ja]), np.array([[w + d, -d], [-d, b_load + d]])
         stiffness = np.array([[sign * k, -sign * k], [-k, k]])
         lower = np.hstack([-np.linalg.solve(mass, stiffness), -np.linalg.solve(mass, damping)])
@@ -83,7 +86,7 @@ def test_002_214_as_printed_is_unstable():
     assert poles(-1).real.max() > 10
 
 
-def three_mass():
+def three_mass() -> Any:
     pm, pa, pl, voltage = sp.symbols("pm pa pl V")
     first, second = (KA + DA * S) * (pm - pa), (KL + DL * S) * (pa - pl)
     rows = [
@@ -94,7 +97,7 @@ def three_mass():
     return transfer(rows, (pm, pa, pl), voltage)
 
 
-def test_002_220_two_coefficients_are_wrong():
+def test_002_220_two_coefficients_are_wrong() -> None:
     numerator, denominator = three_mass()
     printed_numerator = GAIN * (
         JA * JL * S**4
@@ -124,7 +127,7 @@ def test_002_220_two_coefficients_are_wrong():
     assert sp.factor(s2 - s2_printed) == sp.factor(W * JL * (KA - KL))
 
 
-def test_002_216_and_221_the_inverse_dynamics():
+def test_002_216_and_221_the_inverse_dynamics() -> None:
     pm, pa, pl, pa1 = sp.symbols("pm pa pl pa1")
     # (2.16): from (2.13), the denominator is da s + ka and both sides are positions.
     motor = sp.solve(JA * S**2 * pa + (DA * S + KA) * (pa - pm / KG) + BA * S * pa, pm)[0]
@@ -140,7 +143,7 @@ def test_002_216_and_221_the_inverse_dynamics():
 
 
 @pytest.mark.parametrize(("name", "rows"), TABLES.items())
-def test_002_the_printed_gain_is_divided_by_1_8951_volt(name, rows):
+def test_002_the_printed_gain_is_divided_by_1_8951_volt(name: Any, rows: Any) -> None:
     speed, gain = column(name, "max_motor_speed_rad_per_s"), column(name, "gain_dB_printed")
     assert len(speed) == rows
     assert np.all(column(name, "amplitude_V") == 2)
@@ -149,7 +152,7 @@ def test_002_the_printed_gain_is_divided_by_1_8951_volt(name, rows):
     assert 0.46785 < offset.min() < offset.max() < 0.46804
 
 
-def test_002_the_divisor_is_two_volt_less_the_coulomb_voltage():
+def test_002_the_divisor_is_two_volt_less_the_coulomb_voltage() -> None:
     offset = np.concatenate(
         [
             column(name, "gain_dB_printed") - 20 * np.log10(column(name, "max_motor_speed_rad_per_s") / 2)
@@ -165,12 +168,12 @@ def test_002_the_divisor_is_two_volt_less_the_coulomb_voltage():
     assert pytest.approx(0.1104, abs=5e-5) == 2.25e-4 * 2.6 / (0.69 * 7.68e-3)  # the text's value would be this
 
 
-def counts(name):
+def counts(name: Any) -> Any:
     """Speeds as counts of a converter of 10 V / 2048 behind a tachometer of 1.5 mV per rpm."""
     return column(name, "max_motor_speed_rad_per_s") * 60 / (2 * np.pi) * 1.5e-3 / (10 / 2048)
 
 
-def test_002_speeds_are_quantised():
+def test_002_speeds_are_quantised() -> None:
     assert (10 / 2048) / 1.5e-3 * 2 * np.pi / 60 == pytest.approx(0.34088, abs=1e-5)
     flexible, w = counts("p002_tableA2_flexible_link"), column("p002_tableA2_flexible_link", "frequency_rad_per_s")
     assert np.abs(flexible - np.round(flexible))[w >= 0.9].max() < 0.02
@@ -189,14 +192,14 @@ def test_002_speeds_are_quantised():
     assert np.abs(counts("p002_table2_2_srv02_bare") % 1 - 0.5).min() < 0.02
 
 
-def test_002_suspect_rows():
+def test_002_suspect_rows() -> None:
     w, speed = (column("p002_tableA2_flexible_link", h) for h in ("frequency_rad_per_s", "max_motor_speed_rad_per_s"))
     assert speed[w == 200][0] == speed[w == 2][0] == 33.7477
     assert 20 * np.log10(speed[w == 150][0] / speed[w == 200][0]) > 3
     assert column("p002_tableA1_rigid_link", "frequency_Hz").min() == 0.02  # the text says 0.01
 
 
-def test_002_table_b1_does_not_describe_table_a1():
+def test_002_table_b1_does_not_describe_table_a1() -> None:
     # Below 4 rad/s the train turns as one: total inertia by a fit of a / (J s + W), raw gain.
     gain, total = 2.038154e-3, {}
     for name in ("p002_tableA1_rigid_link", "p002_tableA2_flexible_link"):
@@ -210,14 +213,18 @@ def test_002_table_b1_does_not_describe_table_a1():
         )
         total[name] = (int(low.sum()), math.exp(fit.x[0]), math.sqrt(np.mean(fit.fun**2)))
     rows, inertia, rms = total["p002_tableA1_rigid_link"]
-    assert (rows, inertia, rms) == (14, pytest.approx(1.85e-5, rel=0.01), pytest.approx(0.065, abs=0.002))
+    assert rows == 14
+    assert inertia == pytest.approx(1.85e-5, rel=0.01)
+    assert rms == pytest.approx(0.065, abs=0.002)
     b1 = float(table("p002_tablesB_matched_parameters")[0]["Ja_kg_m2"])
     assert (b1 + 4.606e-7) / inertia == pytest.approx(2.6, abs=0.05)
     rows, inertia, rms = total["p002_tableA2_flexible_link"]
-    assert (rows, inertia, rms) == (17, pytest.approx(6.29e-5, rel=0.005), pytest.approx(0.26, abs=0.01))
+    assert rows == 17
+    assert inertia == pytest.approx(6.29e-5, rel=0.005)
+    assert rms == pytest.approx(0.26, abs=0.01)
 
 
-def test_002_figure_33_ends_at_rest_and_meets_all_four_limits_at_2_s():
+def test_002_figure_33_ends_at_rest_and_meets_all_four_limits_at_2_s() -> None:
     distance, snap, segment = 2.4, 76.8, 0.25
     state, most = np.zeros(4), np.zeros(3)  # position, velocity, acceleration, jerk
     for sign in (1, -1, -1, 1, -1, 1, 1, -1):
@@ -233,8 +240,8 @@ def test_002_figure_33_ends_at_rest_and_meets_all_four_limits_at_2_s():
     assert most == pytest.approx([2.4, 4.8, 19.2], rel=1e-9)
 
 
-def test_002_41_has_its_corner_at_10_rad_per_s():
-    def level(w, corner):
+def test_002_41_has_its_corner_at_10_rad_per_s() -> None:
+    def level(w: Any, corner: Any) -> Any:
         return 20 * np.log10(abs(corner / (1j * w + corner)))
 
     assert level(10, 10) == pytest.approx(-3.01, abs=0.01)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
+from typing import Any
 
 from benchmarks.concealed.drawing import Options
 from benchmarks.proof.suites import Spec
@@ -15,7 +16,7 @@ TRUTH = {
 INPUT = TRUTH["dead_zone"][0]
 
 
-def finding(effect, place, status="named", others=(), **parameters):
+def finding(effect: Any, place: Any, status: str = "named", others: Any = (), **parameters: Any) -> dict[str, Any]:
     """One finding; parameters are (low, high)."""
     intervals = {k: {"value": sum(v) / 2, "low": v[0], "high": v[1], "unit": "1"} for k, v in parameters.items()}
     return {
@@ -30,17 +31,17 @@ def finding(effect, place, status="named", others=(), **parameters):
 
 
 def put(
-    folder,
-    effects=("dead_zone",),
-    findings=(),
-    failure="",
-    errors=(100.0, 10.0, 1.0),
-    suite="core",
-    seed=1,
-    ties=None,
-    answered=True,
-    **more,
-):
+    folder: Any,
+    effects: Any = ("dead_zone",),
+    findings: Any = (),
+    failure: str = "",
+    errors: Any = (100.0, 10.0, 1.0),
+    suite: str = "core",
+    seed: int = 1,
+    ties: Any = None,
+    answered: bool = True,
+    **more: Any,
+) -> Any:
     """Write a finished case into a folder; returns its name."""
     options = Options(**more)
     spec = Spec(suite, "geared-two-mass", tuple(effects), (3.0,) * len(effects), seed, options)

@@ -6,6 +6,7 @@ import ast
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -28,7 +29,7 @@ print(json.dumps({"verdict": "none", "findings": [], "fit": {"hold_out": held}, 
 
 
 @pytest.fixture
-def spied(tmp_path, monkeypatch):
+def spied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, Path, Any]:
     script, note = tmp_path / "spy.py", tmp_path / "note.json"
     script.write_text(SPY)
     monkeypatch.setattr(runner, "TOOL", (sys.executable, str(script)))
@@ -38,7 +39,7 @@ def spied(tmp_path, monkeypatch):
     return spec, tmp_path / "proof", json.loads(note.read_text())
 
 
-def test_the_tool_gets_scenario_and_recordings_only(spied):
+def test_the_tool_gets_scenario_and_recordings_only(spied: tuple[Any, Path, Any]) -> None:
     spec, folder, seen = spied
     assert seen["files"] == [*(f"rec{k}.csv" for k in range(1, 7)), "scenario.yaml"]
     assert "--without" not in seen["argv"]
@@ -51,7 +52,7 @@ def test_the_tool_gets_scenario_and_recordings_only(spied):
     assert "offset" not in seen["text"].lower()
 
 
-def test_answers_lie_elsewhere_and_time_is_noted(spied):
+def test_answers_lie_elsewhere_and_time_is_noted(spied: tuple[Any, Path, Any]) -> None:
     spec, folder, _ = spied
     assert sorted(p.name for p in (folder / "cases" / spec.name).iterdir())[-1] == "scenario.yaml"
     assert len(list((folder / "cases" / spec.name).iterdir())) == 7
@@ -61,14 +62,14 @@ def test_answers_lie_elsewhere_and_time_is_noted(spied):
     assert (row.outcome, row.truth) == ("missed", ("offset@source.out -> drive.torque",))
 
 
-def test_a_second_run_goes_on_where_the_first_was_stopped(spied):
+def test_a_second_run_goes_on_where_the_first_was_stopped(spied: tuple[Any, Path, Any]) -> None:
     spec, folder, _ = spied
-    lines = []
+    lines: list[str] = []
     runner.run([spec], folder, 1, lines.append)
     assert lines[0].endswith("done before")
 
 
-def test_what_hangs_is_stopped_and_counted(tmp_path, monkeypatch):
+def test_what_hangs_is_stopped_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     script = tmp_path / "hang.py"
     script.write_text("import time\ntime.sleep(86400)\n")
     monkeypatch.setattr(runner, "TOOL", (sys.executable, str(script)))
@@ -80,7 +81,7 @@ def test_what_hangs_is_stopped_and_counted(tmp_path, monkeypatch):
     assert numbers["seconds"] >= 0.5
 
 
-def test_what_cannot_be_drawn_is_counted(tmp_path):
+def test_what_cannot_be_drawn_is_counted(tmp_path: Path) -> None:
     spec = Spec("core", "pendulum", ("saturation@nowhere",), (3.0,), 5)
     runner.run([spec], tmp_path, 1, lambda line: None)
     (row,) = scores(tmp_path)
@@ -88,7 +89,7 @@ def test_what_cannot_be_drawn_is_counted(tmp_path):
     assert "cannot be drawn" in row.failure
 
 
-def test_case_names_are_silent_and_specs_travel():
+def test_case_names_are_silent_and_specs_travel() -> None:
     for make in SUITES.values():
         for spec in make([7]):
             assert not any(effect.partition("@")[0] in spec.name for effect in spec.effects)
@@ -96,7 +97,7 @@ def test_case_names_are_silent_and_specs_travel():
             assert from_json(data) == spec
 
 
-def test_no_package_of_the_tool_knows_the_benchmarks():
+def test_no_package_of_the_tool_knows_the_benchmarks() -> None:
     for package in ("engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm"):
         for path in (ROOT / package).rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

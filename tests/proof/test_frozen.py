@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import subprocess
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,13 +13,13 @@ from benchmarks.proof.frozen import changes, freeze, frozen, insist, seeds
 from engine.errors import FlexarmError
 
 
-def git(folder, *arguments):
+def git(folder: Any, *arguments: Any) -> Any:
     name = ["-c", "user.name=a", "-c", "user.email=a@example.org", "-c", "commit.gpgsign=false"]
     return subprocess.run(["git", "-C", folder, *name, *arguments], check=True, capture_output=True, text=True).stdout
 
 
 @pytest.fixture
-def clone(tmp_path):
+def clone(tmp_path: Path) -> Any:
     root = tmp_path / "clone"
     for package in ("diagnosis", "blocks", "engine"):
         (root / package).mkdir(parents=True)
@@ -28,7 +30,7 @@ def clone(tmp_path):
     return root
 
 
-def test_freeze_notes_the_commit_and_its_trees(clone, tmp_path):
+def test_freeze_notes_the_commit_and_its_trees(clone: Any, tmp_path: Path) -> None:
     record = tmp_path / "frozen.json"
     made = freeze(clone, record)
     assert made.commit == git(clone, "rev-parse", "HEAD").strip()
@@ -37,7 +39,7 @@ def test_freeze_notes_the_commit_and_its_trees(clone, tmp_path):
     assert insist(clone, record) == made
 
 
-def test_changed_rules_are_refused(clone, tmp_path):
+def test_changed_rules_are_refused(clone: Any, tmp_path: Path) -> None:
     record = tmp_path / "frozen.json"
     freeze(clone, record)
     (clone / "engine" / "a.py").write_text("x = 2\n")  # may change: it is no rule
@@ -52,17 +54,17 @@ def test_changed_rules_are_refused(clone, tmp_path):
         insist(clone, record)
 
 
-def test_a_file_that_git_does_not_know_is_a_change(clone):
+def test_a_file_that_git_does_not_know_is_a_change(clone: Any) -> None:
     (clone / "blocks" / "new.py").write_text("")
     assert changes("HEAD", clone) == ["blocks/new.py"]
 
 
-def test_nothing_frozen(clone, tmp_path):
+def test_nothing_frozen(clone: Any, tmp_path: Path) -> None:
     with pytest.raises(FlexarmError, match="no rules are frozen"):
         insist(clone, tmp_path / "none.json")
 
 
-def test_seeds_are_those_of_the_hash():
+def test_seeds_are_those_of_the_hash() -> None:
     commit = "0123456789abcdef0123456789abcdef01234567"
     digest = hashlib.sha256((commit + "core" + "0").encode()).hexdigest()
     assert seeds(commit, "core", 5)[0] == int(digest[:8], 16) % 1_000_000

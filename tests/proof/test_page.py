@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,7 +14,7 @@ from tests.proof.made import INPUT, finding, put
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path) -> Any:
     put(tmp_path, findings=[finding("dead_zone", INPUT, lower=(-0.11, -0.09), upper=(0.21, 0.25))])
     put(tmp_path, findings=[finding("lag", INPUT)], seed=2, errors=(90.0, 9.0, 9.5))
     put(tmp_path, failure="Traceback\nValueError: a | b", seed=3)
@@ -21,7 +23,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def written(folder, tmp_path, causes=None):
+def written(folder: Any, tmp_path: Path, causes: Any = None) -> str:
     proof = data.gather(folder)
     data.save(proof, tmp_path / "proof.json")
     again = data.load(tmp_path / "proof.json")
@@ -30,11 +32,11 @@ def written(folder, tmp_path, causes=None):
     return (tmp_path / "proof.md").read_text(encoding="utf-8")
 
 
-def row(text, start):
+def row(text: Any, start: Any) -> Any:
     return next(line for line in text.splitlines() if line.startswith(start))
 
 
-def test_every_case_is_counted_and_every_failure_shown(folder, tmp_path):
+def test_every_case_is_counted_and_every_failure_shown(folder: Any, tmp_path: Path) -> None:
     text = written(folder, tmp_path)
     assert "| right name, or a tie that the truth generator confirms, >= 90 % | 1 of 3, 33 %" in text
     assert row(text, "| nothing concealed").split("|")[3].strip().startswith("0 of 1, 0 %")
@@ -46,20 +48,20 @@ def test_every_case_is_counted_and_every_failure_shown(folder, tmp_path):
     assert row(text, "| core | 3 ").count("|") == row(text, "| suite | cases").count("|")
 
 
-def test_figures_are_small(folder, tmp_path):
+def test_figures_are_small(folder: Any, tmp_path: Path) -> None:
     written(folder, tmp_path)
     for name in ("proof-power.svg", "proof-confusion.png"):
         assert 1000 < (tmp_path / name).stat().st_size < 60_000
 
 
-def test_causes_by_name_and_by_pattern(folder, tmp_path):
+def test_causes_by_name_and_by_pattern(folder: Any, tmp_path: Path) -> None:
     failed = next(r for r in data.gather(folder).rows if r.outcome == "failed")
     text = written(folder, tmp_path, {failed.name: "a bug", "pairs * dead_zone@*": "friction below the floor"})
     assert row(text, f"| `{failed.name}`").endswith("| a bug |")
     assert text.count("| friction below the floor |") == 1
 
 
-def test_the_command_shows_and_writes(folder, tmp_path, capsys):
+def test_the_command_shows_and_writes(folder: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", "-o", str(folder)]) == 0
     assert "core: 1 of 3 right" in capsys.readouterr().out
     files = ["--page", str(tmp_path / "p.md"), "--data", str(tmp_path / "p.json")]
@@ -70,9 +72,11 @@ def test_the_command_shows_and_writes(folder, tmp_path, capsys):
     assert main(["page", "-o", str(tmp_path / "nowhere"), *files]) == 1
 
 
-def test_a_score_goes_on_with_earlier_cases_of_the_same_commit_alone(folder, tmp_path):
+def test_a_score_goes_on_with_earlier_cases_of_the_same_commit_alone(folder: Any, tmp_path: Path) -> None:
     """Of two scores with one case in common, the later result counts; other commits' cases do not."""
-    commit = frozen.frozen().commit
+    found = frozen.frozen()
+    assert found is not None
+    commit = found.commit
     proof = data.gather(folder)
     both, old, other = (replace(r, frozen=c) for r, c in zip(proof.rows, (commit, commit, "another"), strict=False))
     now = replace(both, outcome="wrong")
@@ -97,18 +101,22 @@ def test_a_score_goes_on_with_earlier_cases_of_the_same_commit_alone(folder, tmp
         ("page --add", "give the folder by '-o'"),
     ],
 )
-def test_options_that_ask_for_nothing_are_refused(line, told, tmp_path, capsys):
+def test_options_that_ask_for_nothing_are_refused(
+    line: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(line.replace("DIR", str(tmp_path / "out")).split()) == 1
     assert told in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
-def test_an_empty_proof_is_a_page_too(tmp_path):
+def test_an_empty_proof_is_a_page_too(tmp_path: Path) -> None:
     (tmp_path / "results").mkdir()
     assert "| nothing concealed | false alarms <= 5 % | not run | - |" in written(tmp_path, tmp_path)
 
 
-def test_a_case_is_rerun_by_one_command_and_the_name_appears(tmp_path, capsys):
+def test_a_case_is_rerun_by_one_command_and_the_name_appears(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     case = ["--plant", "pendulum", "--effect", "coulomb_friction", "--seed", "101"]
     assert main(["one", *case, "-o", str(tmp_path)]) == 0
     out = capsys.readouterr().out

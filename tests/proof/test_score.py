@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,7 +18,7 @@ ZONE = finding("dead_zone", INPUT)
 FRICTION = finding("coulomb_friction", "motor.shaft")
 
 
-def only(folder):
+def only(folder: Any) -> Any:
     (row,) = scores(folder)
     return row
 
@@ -26,7 +28,7 @@ def only(folder):
     ("hits", "total", "low", "high"),
     [(81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611), (1, 29, 0.0061, 0.1718)],
 )
-def test_wilson_bounds_are_those_of_the_published_table(hits, total, low, high):
+def test_wilson_bounds_are_those_of_the_published_table(hits: int, total: int, low: float, high: float) -> None:
     assert wilson(hits, total) == pytest.approx((low, high), abs=5e-5)
     assert wilson(total - hits, total) == pytest.approx((1 - high, 1 - low), abs=5e-5)
 
@@ -48,7 +50,15 @@ def test_wilson_bounds_are_those_of_the_published_table(hits, total, low, high):
         ([], [finding("unknown", INPUT, "unknown")], "false alarm", None, False, 0),
     ],
 )
-def test_outcomes(tmp_path, effects, findings, outcome, placed, claimed, found):
+def test_outcomes(
+    tmp_path: Path,
+    effects: list[Any] | list[str],
+    findings: list[Any],
+    outcome: str,
+    placed: bool | None,
+    claimed: bool,
+    found: int,
+) -> None:
     put(tmp_path, effects, findings)
     row = only(tmp_path)
     assert (row.outcome, row.placed, row.claimed, row.found) == (outcome, placed, claimed, found)
@@ -64,7 +74,9 @@ def test_outcomes(tmp_path, effects, findings, outcome, placed, claimed, found):
         ([finding("lag", INPUT, "tie", [f"offset at {INPUT}"])], 0.4, "wrong tie"),
     ],
 )
-def test_a_tie_is_right_only_if_the_truth_generator_has_it_too(tmp_path, findings, distance, outcome):
+def test_a_tie_is_right_only_if_the_truth_generator_has_it_too(
+    tmp_path: Path, findings: list[Any], distance: float, outcome: str
+) -> None:
     put(tmp_path, findings=findings, ties={LAG_KEY: distance, f"offset@{INPUT}": distance})
     row = only(tmp_path)
     assert row.outcome == outcome
@@ -72,7 +84,7 @@ def test_a_tie_is_right_only_if_the_truth_generator_has_it_too(tmp_path, finding
     assert not row.claimed
 
 
-def test_a_wrong_parameter_is_named_by_its_name(tmp_path):
+def test_a_wrong_parameter_is_named_by_its_name(tmp_path: Path) -> None:
     wrong = (("load.inertia", 1.8),)
     put(
         tmp_path, [], [finding("wrong_parameter", "load.inertia", "wrong_parameter", inertia=(0.01, 0.03))], wrong=wrong
@@ -84,7 +96,7 @@ def test_a_wrong_parameter_is_named_by_its_name(tmp_path):
     assert sorted(r.outcome for r in scores(tmp_path)) == ["named", "wrong"]
 
 
-def test_failures_and_cases_never_run_are_kept(tmp_path):
+def test_failures_and_cases_never_run_are_kept(tmp_path: Path) -> None:
     put(tmp_path, failure="stopped after 1800 s")
     put(tmp_path, failure="cannot be drawn: no such place", answered=False, seed=2)
     put(tmp_path, findings=[ZONE], seed=3)
@@ -98,13 +110,13 @@ def test_failures_and_cases_never_run_are_kept(tmp_path):
     assert sum(confusion(rows)["dead_zone"].values()) == 4
 
 
-def test_a_failure_counts_as_a_false_alarm(tmp_path):
+def test_a_failure_counts_as_a_false_alarm(tmp_path: Path) -> None:
     put(tmp_path, [], failure="exit code 1", suite="none")
     alarms = next(g for g in goals(scores(tmp_path)) if g.goal.startswith("false alarms"))
     assert alarms.measured.startswith("1 of 1,")
 
 
-def test_intervals_compare_the_same_quantity(tmp_path):
+def test_intervals_compare_the_same_quantity(tmp_path: Path) -> None:
     # Seen at the gear's output, 14 times slower, the friction is 14 times as large.
     put(tmp_path, ["coulomb_friction"], [finding("coulomb_friction", "motor.shaft", coulomb_friction=(1e-4, 3e-4))])
     behind = finding("coulomb_friction", "gear.output", coulomb_friction=(2.7e-3, 2.9e-3))
@@ -115,12 +127,12 @@ def test_intervals_compare_the_same_quantity(tmp_path):
     assert hits == {k: (("coulomb_friction.coulomb_friction", hit),) for k, hit in ((1, True), (2, True), (3, False))}
 
 
-def test_errors_are_over_the_true_floor(tmp_path):
+def test_errors_are_over_the_true_floor(tmp_path: Path) -> None:
     put(tmp_path, findings=[ZONE], errors=(50.0, 8.0, 4.0), sigma_error=0.5)
     assert only(tmp_path).errors == pytest.approx((12.5, 2.0, 1.0))
 
 
-def test_labels(tmp_path):
+def test_labels(tmp_path: Path) -> None:
     put(tmp_path, findings=[ZONE])
     put(tmp_path, findings=[finding("dead_zone", INPUT, "tie", [LAG])], ties={LAG_KEY: 0.1}, seed=2)
     put(tmp_path, findings=[finding("lag", INPUT)], seed=3)
@@ -135,7 +147,7 @@ def test_labels(tmp_path):
     }
 
 
-def test_an_experiment_settles_a_tie_if_the_name_follows(tmp_path):
+def test_an_experiment_settles_a_tie_if_the_name_follows(tmp_path: Path) -> None:
     tie = finding("dead_zone", INPUT, "tie", [LAG])
     for seed, again in ((1, ZONE), (2, tie), (3, None)):
         name = put(tmp_path, findings=[tie], ties={LAG_KEY: 0.1}, seed=seed, suite="ties")

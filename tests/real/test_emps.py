@@ -10,6 +10,8 @@ from scipy.signal import butter, filtfilt
 
 from diagnosis.api import diagnose
 from diagnosis.binding import find_recording
+from diagnosis.estimation.time_experiment import TimeExperiment
+from diagnosis.recordings.types import Channel, Recording
 from diagnosis.search.scored_model import ScoredModel, gain_band
 from scenarios.load import load
 from tests.real.bench import Bench, bench
@@ -36,12 +38,19 @@ def pair(axis: Bench) -> ScoredModel:
     return axis.put_in(axis.find("coulomb_friction"), axis.find("offset", "motor.force"))
 
 
+def pulses(scenario: str) -> tuple[Channel, ...]:
+    found = find_recording(load(scenario), "pulses")
+    assert isinstance(found, Recording)
+    return found.measurements
+
+
 def relative(trial: ScoredModel) -> float:
     """Root mean square of the held-out force residual relative to the force, both filtered, at every sample."""
     made = trial.fit
     (e,) = made.problem.held_out
+    assert isinstance(e, TimeExperiment)
     simulated = made.problem.simulate(made.x, e)[:, 0]
-    (channel,) = find_recording(load("emps"), "pulses").measurements
+    (channel,) = pulses("emps")
     b, a = butter(4, CORNER * 2 * e.step)
     force = filtfilt(b, a, channel.values)
     return float(np.linalg.norm(filtfilt(b, a, simulated) - force) / np.linalg.norm(force))
@@ -69,8 +78,8 @@ def test_the_pair_does_the_same_and_cannot_be_told_apart(directional: ScoredMode
 
 def inverse(parameters: dict[str, float], forward: float, backward: float) -> float:
     """The force residual of the inverse model on the recorded motion of PULSES, as the literature states it."""
-    (channel,) = find_recording(load("emps"), "pulses").measurements
-    (moved,) = find_recording(load("emps-open-loop"), "pulses").measurements
+    (channel,) = pulses("emps")
+    (moved,) = pulses("emps-open-loop")
     b, a = butter(4, CORNER * 2e-3)
     speed = np.gradient(filtfilt(b, a, moved.values), 1e-3)
     dry = np.where(speed > 0, forward, -backward)

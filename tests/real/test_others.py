@@ -84,7 +84,7 @@ def test_the_pendulum_s_joint_is_damped_viscously(pendulum: Bench) -> None:
     assert damping == pytest.approx(2.24e-4, rel=0.25)
     assert nrmse(viscous, "train") > 99.5 > nrmse(dry, "train")
     assert nrmse(viscous, "hold_out") > 97 > nrmse(dry, "hold_out")
-    begun = pendulum.fitter.draft(
+    begun = pendulum.fitter.partial_fit(
         (pendulum.find("viscous_friction", "arm.shaft"), pendulum.find("coulomb_friction", "arm.shaft")), viscous.fit
     )
     both = pendulum.fitter.finish(begun)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,7 +23,7 @@ WIDTHS = (400, 1600)
 
 
 @pytest.fixture(scope="module")
-def diagnosed(tmp_path_factory):
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any]:
     """The report of a concealed friction, with a rival, a proposal and a curve, from files full of markup."""
     folder = tmp_path_factory.mktemp("diagnosed")
     path = case(folder, coulomb=4.0e-4, seed=3)
@@ -36,21 +38,21 @@ def diagnosed(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory):
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("simulated")
     scenario = load(axes(folder, 2))
     return write_run(scenario, flexarm.simulate(scenario), folder / "run.html")
 
 
 @pytest.fixture
-def page(request, diagnosed, simulated):
+def page(request: pytest.FixtureRequest, diagnosed: tuple[Any, Any], simulated: Any) -> Any:
     return diagnosed[1] if request.param == "diagnosis" else simulated
 
 
 both = pytest.mark.parametrize("page", ["diagnosis", "run"], indirect=True)
 
 
-def test_the_report_holds_the_verdict_and_what_repeats_it(diagnosed):
+def test_the_report_holds_the_verdict_and_what_repeats_it(diagnosed: tuple[Any, Any]) -> None:
     found, page = diagnosed
     text = page.read_text()
     check_outline(text)
@@ -68,7 +70,9 @@ def test_the_report_holds_the_verdict_and_what_repeats_it(diagnosed):
 @both
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("dark", [False, True])
-def test_a_page_opens_silently_asks_nothing_and_fits(browser, page, width, dark, tmp_path):
+def test_a_page_opens_silently_asks_nothing_and_fits(
+    browser: Any, page: Any, width: Any, dark: bool, tmp_path: Path
+) -> None:
     browser.open(page, width, dark=dark)
     assert browser.run("return document.title") not in ("", "broken")
     size = browser.run("const e = document.documentElement; return [e.scrollWidth, e.clientWidth]")
@@ -84,7 +88,7 @@ def test_a_page_opens_silently_asks_nothing_and_fits(browser, page, width, dark,
 
 
 @both
-def test_no_text_lies_on_another(browser, page):
+def test_no_text_lies_on_another(browser: Any, page: Any) -> None:
     browser.open(page)
     clashes = browser.run(
         """
@@ -104,7 +108,7 @@ def test_no_text_lies_on_another(browser, page):
 
 
 @pytest.mark.parametrize("font", ["DejaVu Sans", "Liberation Sans", "serif"])
-def test_labels_of_diagrams_keep_to_their_boxes_in_any_font(browser, font, tmp_path):
+def test_labels_of_diagrams_keep_to_their_boxes_in_any_font(browser: Any, font: str, tmp_path: Path) -> None:
     """DejaVu is wider than nearly all fonts that stand in for Helvetica."""
     for scenario in (*map(load, shipped_names()), load(axes(tmp_path, 2))):
         svg = diagram(scenario, dict.fromkeys(scenario.system.blocks, 0.7)).svg()
@@ -132,7 +136,7 @@ def test_labels_of_diagrams_keep_to_their_boxes_in_any_font(browser, font, tmp_p
 
 
 @both
-def test_texts_stand_out_from_their_ground(browser, page):
+def test_texts_stand_out_from_their_ground(browser: Any, page: Any) -> None:
     script = """
         const light = c => { const v = c.match(/[\\d.]+/g).slice(0, 3).map(x => x / 255)
           .map(x => x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
@@ -155,7 +159,7 @@ def test_texts_stand_out_from_their_ground(browser, page):
         assert browser.run(script) == []
 
 
-def _range(browser, plot):
+def _range(browser: Any, plot: Any) -> tuple[float, float]:
     texts = browser.run(
         "const f = document.querySelector(`[data-plot='${arguments[0]}']`);"
         "const ticks = f.querySelectorAll('.area > svg > text.tick[text-anchor=middle]');"
@@ -165,7 +169,7 @@ def _range(browser, plot):
     return float(texts[0]), float(texts[-1])
 
 
-def test_plots_zoom_by_button_key_and_mouse(browser, diagnosed):
+def test_plots_zoom_by_button_key_and_mouse(browser: Any, diagnosed: tuple[Any, Any]) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.by import By
     from selenium.webdriver.common.keys import Keys
@@ -202,7 +206,7 @@ def test_plots_zoom_by_button_key_and_mouse(browser, diagnosed):
     assert browser.complaints() == []
 
 
-def test_recordings_are_chosen_and_curves_hidden(browser, diagnosed):
+def test_recordings_are_chosen_and_curves_hidden(browser: Any, diagnosed: tuple[Any, Any]) -> None:
     from selenium.webdriver.common.by import By
     from selenium.webdriver.support.ui import Select
 
@@ -226,7 +230,7 @@ def test_recordings_are_chosen_and_curves_hidden(browser, diagnosed):
 
 
 @both
-def test_everything_is_reached_by_tab_in_order_and_seen(browser, page):
+def test_everything_is_reached_by_tab_in_order_and_seen(browser: Any, page: Any) -> None:
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.keys import Keys
 
@@ -253,7 +257,7 @@ def test_everything_is_reached_by_tab_in_order_and_seen(browser, page):
     assert all(b > a - 60 for a, b in pairwise(tops[1:])), "the order of focus jumps upwards"
 
 
-def test_details_open_by_keyboard(browser, diagnosed):
+def test_details_open_by_keyboard(browser: Any, diagnosed: tuple[Any, Any]) -> None:
     from selenium.webdriver.common.by import By
     from selenium.webdriver.common.keys import Keys
 

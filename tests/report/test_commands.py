@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 
 from flexarm.cli import main
 
 
 @pytest.fixture
-def call(capsys, tmp_path, monkeypatch):
+def call(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.chdir(tmp_path)
 
-    def run(*arguments):
+    def run(*arguments: Any) -> tuple[Any, Any, Any]:
         code = 0
         try:
             main([str(a) for a in arguments])
@@ -23,14 +26,14 @@ def call(capsys, tmp_path, monkeypatch):
     return run
 
 
-def test_diagram_writes_an_svg_named_after_the_scenario(call, tmp_path):
+def test_diagram_writes_an_svg_named_after_the_scenario(call: Any, tmp_path: Path) -> None:
     assert call("diagram", "srv02-bare") == (0, "written: srv02-bare.svg\n", "")
     assert (tmp_path / "srv02-bare.svg").read_text().startswith("<svg")
     code, out, _ = call("diagram", "srv02-bare", "-o", "a.png")
     assert (code, out) == (0, "written: a.png\n")
 
 
-def test_diagram_refuses_other_kinds_of_file(call, tmp_path):
+def test_diagram_refuses_other_kinds_of_file(call: Any, tmp_path: Path) -> None:
     code, _, err = call("diagram", "srv02-bare", "-o", "a.gif")
     assert code == 1
     assert ".svg, .png, .pdf" in err
@@ -40,7 +43,7 @@ def test_diagram_refuses_other_kinds_of_file(call, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_linearise_draws(call, tmp_path):
+def test_linearise_draws(call: Any, tmp_path: Path) -> None:
     code, out, _ = call("linearise", "lumped-arm-pulse", "-a", "slipping", "--plot", "a.svg")
     assert code == 0
     assert out.endswith("written: a.svg\n")
@@ -48,7 +51,7 @@ def test_linearise_draws(call, tmp_path):
     assert (tmp_path / "rigid-pendulum-linear.png").stat().st_size > 20_000
 
 
-def test_run_reports(call, tmp_path):
+def test_run_reports(call: Any, tmp_path: Path) -> None:
     code, out, _ = call("run", "srv02-bare", "--stop", "0.2 s", "--report", "a.html")
     assert code == 0
     assert out.endswith("written: a.html\n")
@@ -56,7 +59,7 @@ def test_run_reports(call, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "said"), [("a.txt", ".html"), ("nowhere/a.html", "no folder")])
-def test_run_refuses_a_report_before_it_simulates(call, name, said):
+def test_run_refuses_a_report_before_it_simulates(call: Any, name: str, said: str) -> None:
     code, out, err = call("run", "srv02-bare", "--report", name)
     assert (code, out) == (1, "")
     assert said in err

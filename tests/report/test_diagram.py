@@ -5,6 +5,9 @@ from __future__ import annotations
 import itertools
 import random
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,16 +21,16 @@ from tests.report.conftest import HOSTILE, axes, chain
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def _segments(lines):
+def _segments(lines: Any) -> list[Any]:
     return [s for line in lines for s in itertools.pairwise(line)]
 
 
-def _overlap(a, b, slack=0.1):
+def _overlap(a: Any, b: Any, slack: float = 0.1) -> Any:
     """Whether two rectangles (left, top, right, bottom) overlap."""
     return a[0] < b[2] - slack and b[0] < a[2] - slack and a[1] < b[3] - slack and b[1] < a[3] - slack
 
 
-def _on(point, segment, slack=0.6):
+def _on(point: Any, segment: Any, slack: float = 0.6) -> Any:
     (x0, y0), (x1, y1) = segment
     return (
         min(x0, x1) - slack <= point[0] <= max(x0, x1) + slack
@@ -35,14 +38,14 @@ def _on(point, segment, slack=0.6):
     )
 
 
-def _touch(a, b):
+def _touch(a: Any, b: Any) -> Any:
     crossing = (a[0][0] == a[1][0]) != (b[0][0] == b[1][0]) and any(
         _on(p, b) and _on(p, a) for p in ((a[0][0], b[0][1]), (b[0][0], a[0][1]))
     )
     return crossing or any(_on(p, b) for p in a) or any(_on(p, a) for p in b)
 
 
-def _joined(segments):
+def _joined(segments: Any) -> bool:
     """Whether the segments hang together."""
     reached, waiting = segments[:1], segments[1:]
     while waiting:
@@ -53,10 +56,10 @@ def _joined(segments):
     return True
 
 
-def _check(items, links, placed):
+def _check(items: Any, links: Any, placed: Any) -> None:
     boxes = {i.key: (x, y, x + i.width, y + i.height) for i in items for x, y in [placed.corners[i.key]] if i.width}
-    for (_, a), (_, b) in itertools.combinations(boxes.items(), 2):
-        assert not _overlap(a, b)
+    for first, second in itertools.combinations(boxes.values(), 2):
+        assert not _overlap(first, second)
     drawn = {}
     for link in links:
         segments = drawn[link.key] = _segments(placed.lines[link.key])
@@ -85,7 +88,7 @@ def _check(items, links, placed):
                     assert shared < 1, f"{one} and {other} lie on each other"
 
 
-def _random_case(seed):
+def _random_case(seed: Any) -> tuple[Any, Any]:
     """Boxes with free ports and links among them, with cycles, fan-outs and loops on one box."""
     rng = random.Random(seed)
     count = rng.randint(2, 14)
@@ -107,32 +110,38 @@ def _random_case(seed):
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_random_wirings_are_laid_out_cleanly(seed):
+def test_random_wirings_are_laid_out_cleanly(seed: Any) -> None:
     items, links = _random_case(seed)
     _check(items, links, arrange(items, links))
 
 
-def _texts(svg):
+def _number(node: ET.Element, key: str) -> float:
+    text = node.get(key)
+    assert text is not None
+    return float(text)
+
+
+def _texts(svg: Any) -> Iterator[tuple[Any, tuple[Any, Any, Any, Any]]]:
     """Place of every text of an SVG by a generous measure of its own, as (text, left, top, right, bottom)."""
     for node in ET.fromstring(svg).iter(f"{SVG}text"):
-        size, text = float(node.get("font-size")), node.text or ""
+        size, text = _number(node, "font-size"), node.text or ""
         width = 0.5 * size * len(text)
-        x, y = float(node.get("x")), float(node.get("y"))
-        left = x - {"middle": width / 2, "end": width}.get(node.get("text-anchor"), 0.0)
+        x, y = _number(node, "x"), _number(node, "y")
+        left = x - {"middle": width / 2, "end": width}.get(node.get("text-anchor", ""), 0.0)
         yield text, (left, y - 0.7 * size, left + width, y + 0.2 * size)
 
 
-def _scenarios(folder):
+def _scenarios(folder: Any) -> Iterator[Any]:
     yield from (load(name) for name in shipped_names())
     yield load(axes(folder, 3))
     yield load(chain(folder, 9))
 
 
-def test_every_scenario_is_drawn_without_overlaps(tmp_path):
+def test_every_scenario_is_drawn_without_overlaps(tmp_path: Path) -> None:
     for scenario in _scenarios(tmp_path):
         svg = diagram(scenario).svg()
         root = ET.fromstring(svg)
-        width, height = float(root.get("width")), float(root.get("height"))
+        width, height = _number(root, "width"), _number(root, "height")
         boxes = []
         for rect in root.iter(f"{SVG}rect"):
             x, y, w, h = (float(rect.get(k, 0)) for k in ("x", "y", "width", "height"))
@@ -150,7 +159,7 @@ def test_every_scenario_is_drawn_without_overlaps(tmp_path):
             assert name.rpartition(".")[2] in shown
 
 
-def test_every_connection_of_the_file_is_drawn(tmp_path):
+def test_every_connection_of_the_file_is_drawn(tmp_path: Path) -> None:
     for scenario in _scenarios(tmp_path):
         made = graph(scenario)
         for connection in scenario.system.connections:
@@ -161,20 +170,20 @@ def test_every_connection_of_the_file_is_drawn(tmp_path):
             assert all(flange) if net.kind == FLANGE else not any(flange)
 
 
-def test_flanges_run_from_the_drive_outwards():
+def test_flanges_run_from_the_drive_outwards() -> None:
     nets = {n.source.name: [e.name for e in n.targets] for n in graph(load("reference-b")).nets if n.kind == FLANGE}
     assert set(nets["motor.shaft"]) == {"friction.shaft", "tachometer.shaft", "gear.input"}
     assert nets["gear.output"] == ["contact.a"]
 
 
-def test_marks_say_what_is_driven_and_measured():
+def test_marks_say_what_is_driven_and_measured() -> None:
     marks = graph(load("srv02-bare")).marks
     assert {(m.kind, m.port) for m in marks["motor"]} == {("driven", "voltage"), ("measured", "shaft.speed")}
     recorded = graph(load("quanser-single-link")).marks["link"]
     assert {m.port for m in recorded} == {"hub.angle", "hub.speed", "tip.deflection"}
 
 
-def test_places_are_found_and_lit():
+def test_places_are_found_and_lit() -> None:
     made = graph(load("quanser-single-link"))
     found = lit(
         made,
@@ -204,17 +213,19 @@ def test_places_are_found_and_lit():
     assert 'class="fx-hot1"' not in diagram(load("quanser-single-link")).svg()
 
 
-def test_names_from_files_stay_text(tmp_path):
+def test_names_from_files_stay_text(tmp_path: Path) -> None:
     svg = diagram(load(axes(tmp_path, 1))).svg()
     root = ET.fromstring(svg)
     assert not list(root.iter(f"{SVG}script"))
-    assert HOSTILE in root.find(f"{SVG}title").text
+    title = root.find(f"{SVG}title")
+    assert title is not None
+    assert HOSTILE in (title.text or "")
     assert "http" not in svg.replace("http://www.w3.org/2000/svg", "")
 
 
-def test_frames_hold_their_blocks(tmp_path):
+def test_frames_hold_their_blocks(tmp_path: Path) -> None:
     root = ET.fromstring(diagram(load(axes(tmp_path, 2))).svg())
-    rects = {}
+    rects: dict[str | None, list[tuple[float, ...]]] = {}
     for rect in root.iter(f"{SVG}rect"):
         x, y, w, h = (float(rect.get(k, 0)) for k in ("x", "y", "width", "height"))
         rects.setdefault(rect.get("class"), []).append((x, y, x + w, y + h))
@@ -225,7 +236,7 @@ def test_frames_hold_their_blocks(tmp_path):
         assert all(b[0] > left and b[1] > top and b[2] < right and b[3] < bottom for b in inside)
 
 
-def test_frames_within_frames_lie_in_front(tmp_path):
+def test_frames_within_frames_lie_in_front(tmp_path: Path) -> None:
     axes(tmp_path, 1)
     (tmp_path / "cell.yaml").write_text(
         "schema: 1\nname: cell\nblocks:\n  left: {type: ./axis.yaml}\n  right: {type: ./axis.yaml}\n"
@@ -235,13 +246,13 @@ def test_frames_within_frames_lie_in_front(tmp_path):
     outer.write_text("schema: 1\nname: outer\nblocks:\n  cell: {type: ./cell.yaml}\n")
     root = ET.fromstring(diagram(load(outer)).svg())
     frames = [r for r in root.iter(f"{SVG}rect") if r.get("class") == "fx-frame"]
-    areas = [float(r.get("width")) * float(r.get("height")) for r in frames]
+    areas = [_number(r, "width") * _number(r, "height") for r in frames]
     assert len(areas) == 3
     assert areas[0] == max(areas)
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
-def test_pictures_are_written_whole(suffix, tmp_path):
+def test_pictures_are_written_whole(suffix: str, tmp_path: Path) -> None:
     path = write(diagram(load("srv02-tracking")), tmp_path / f"a{suffix}")
     head = path.read_bytes()[:8]
     assert head.startswith({".svg": b"<svg", ".png": b"\x89PNG", ".pdf": b"%PDF"}[suffix])

@@ -6,7 +6,9 @@ import hashlib
 import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from diagnosis.api import gather
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.problems import problem
 from diagnosis.recordings.mapping import from_scenario
+from diagnosis.recordings.types import FrequencyTable
 from diagnosis.search.force_recovery import Curve
 from engine.errors import FlexarmError
 from flexarm.report.evidence import evidence_charts
@@ -27,16 +30,16 @@ from scenarios.load import load
 from tests.report.conftest import HOSTILE, axes
 
 
-def _chart(key, *views):
+def _chart(key: Any, *views: Any) -> Chart:
     return Chart(key, key, "time", "s", views)
 
 
-def _view(name, count, curves):
+def _view(name: Any, count: Any, curves: Any) -> tuple[Any, tuple[Panel]]:
     t = np.linspace(0, 1, count)
     return name, (Panel("y", "V", tuple(Trace(f"c{i}", t, np.sin(40 * t + i)) for i in range(curves))),)
 
 
-def test_thinning_keeps_every_peak():
+def test_thinning_keeps_every_peak() -> None:
     t = np.linspace(0, 1, 100_000)
     y = 0.1 * np.sin(20 * t)
     y[12_345], y[77_777] = 9.0, -7.0
@@ -48,7 +51,7 @@ def test_thinning_keeps_every_peak():
     assert (np.diff(np.asarray(made.x)) > 0).all()
 
 
-def test_thinning_leaves_short_curves_and_gaps():
+def test_thinning_leaves_short_curves_and_gaps() -> None:
     short = Trace("y", np.arange(10), np.arange(10.0))
     assert thin(short, 100) is short
     y = np.where(np.arange(5000) < 2500, np.nan, 1.0)
@@ -57,7 +60,7 @@ def test_thinning_leaves_short_curves_and_gaps():
     assert np.nanmax(made.y) == 1.0
 
 
-def test_a_page_keeps_to_its_budget_and_says_so():
+def test_a_page_keeps_to_its_budget_and_says_so() -> None:
     many = [_view(f"recording {i}", 50_000, 8) for i in range(200)]
     (made,) = fitting([_chart("a", *many)])
     numbers = sum(2 * np.size(t.y) for _, panels in made.views for p in panels for t in p.traces)
@@ -68,7 +71,7 @@ def test_a_page_keeps_to_its_budget_and_says_so():
     assert all(np.size(t.y) >= LEAST for _, panels in made.views for p in panels for t in p.traces)
 
 
-def test_data_cannot_end_its_element():
+def test_data_cannot_end_its_element() -> None:
     chart = Chart(
         "a", "t", "x", "s", (("</script><script>", (Panel("<!--", "&", (Trace("]]>", [0, 1], [1, np.nan]),)),)),)
     )
@@ -78,7 +81,7 @@ def test_data_cannot_end_its_element():
     assert json.loads(text)[0]["views"][0]["panels"][0]["traces"][0]["y"] == [1.0, None]
 
 
-def test_numbers_and_differences_read_well():
+def test_numbers_and_differences_read_well() -> None:
     assert significant(-1.23456e-7) == "−1.235e−7"
     assert significant(14098.5) == "1.41e+4"
     rows = difference("a\nb\nc\n", "a\nB\nc\n")
@@ -93,12 +96,16 @@ def test_numbers_and_differences_read_well():
 class _Outline(HTMLParser):
     """Headings in order, ids, labels, and addresses that a page would fetch."""
 
-    def __init__(self, text):
+    def __init__(self, text: Any) -> None:
         super().__init__()
-        self.headings, self.ids, self.named, self.fetched, self.tags = [], [], [], [], []
+        self.headings: list[Any] = []
+        self.ids: list[Any] = []
+        self.named: list[Any] = []
+        self.fetched: list[Any] = []
+        self.tags: list[Any] = []
         self.feed(text)
 
-    def handle_starttag(self, tag, attrs):
+    def handle_starttag(self, tag: Any, attrs: Any) -> None:
         given = dict(attrs)
         self.tags.append(tag)
         if re.fullmatch("h[1-6]", tag):
@@ -109,7 +116,7 @@ class _Outline(HTMLParser):
         self.fetched += [given[k] for k in ("src", "href", "srcset", "data") if given.get(k)]
 
 
-def check_outline(text):
+def check_outline(text: Any) -> Any:
     """Headings step down by one, ids are unique and every name refers to one, nothing would be fetched."""
     found = _Outline(text)
     assert found.headings[0] == 1
@@ -124,7 +131,7 @@ def check_outline(text):
     return found
 
 
-def test_a_run_is_reported_with_what_repeats_it(tmp_path):
+def test_a_run_is_reported_with_what_repeats_it(tmp_path: Path) -> None:
     scenario = load(axes(tmp_path, 1), ["load0.inertia=0.02 kg.m2"])
     text = page(scenario, flexarm.simulate(scenario), command="flexarm run axes.yaml")
     check_outline(text)
@@ -137,21 +144,27 @@ def test_a_run_is_reported_with_what_repeats_it(tmp_path):
     assert "axis0.friction" in text
 
 
-def test_the_energy_of_a_run_is_in_its_report():
+def _data(text: str) -> Any:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text)
+    assert found
+    return json.loads(found[1])
+
+
+def test_the_energy_of_a_run_is_in_its_report() -> None:
     scenario = load("quanser-single-link")
     text = page(scenario, flexarm.simulate(scenario, stop=0.5))
-    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text).group(1))
+    data = _data(text)
     energy = next(c for c in data if c["key"] == "energy")["views"][0]["panels"]
     stored, supplied, dissipated = (np.array(t["y"]) for t in energy[0]["traces"])
     assert supplied[-1] > 0
     assert np.allclose(stored + dissipated - supplied, stored[0], atol=1e-5 * supplied[-1])
 
 
-def test_curves_in_the_page_are_those_of_the_run():
+def test_curves_in_the_page_are_those_of_the_run() -> None:
     scenario = load("quanser-single-link")
     result = flexarm.simulate(scenario, stop=0.3)
     text = page(scenario, result)
-    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text).group(1))
+    data = _data(text)
     traces = {t["name"]: t for p in data[0]["views"][0]["panels"] for t in p["traces"]}
     assert set(traces) == set(result.names)
     for name in result.names:
@@ -159,7 +172,7 @@ def test_curves_in_the_page_are_those_of_the_run():
         assert traces[name]["dt"] == pytest.approx(1e-3)
 
 
-def test_a_page_is_written_whole_or_not_at_all(tmp_path):
+def test_a_page_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     with pytest.raises(FlexarmError, match="html"):
         write_page(tmp_path / "a.txt", "x")
     scenario = load("srv02-bare")
@@ -168,7 +181,7 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.html"]
 
 
-def test_evidence_is_drawn_where_there_is_some():
+def test_evidence_is_drawn_where_there_is_some() -> None:
     assert evidence_charts(()) == []
     x = np.array([2.0, 1.0, 3.0])
     curve = Curve("torque against u", "u", "V", "torque", "N.m", x, 10 * x, 9 * x, 11 * x, 0.9, (1.0, 3.0))
@@ -181,12 +194,12 @@ def test_evidence_is_drawn_where_there_is_some():
     assert (panel.label, panel.unit) == ("torque", "N.m")
 
 
-def test_every_value_of_a_template_is_escaped():
+def test_every_value_of_a_template_is_escaped() -> None:
     text = render("run.html.j2", [_chart("outputs", _view("", 5, 1))], **_values(title="</title>" + HOSTILE))
     assert HOSTILE not in text
 
 
-def _values(**given):
+def _values(**given: Any) -> Any:
     scenario = load("srv02-bare")
     result = flexarm.simulate(scenario, stop=0.1)
     from flexarm.plotting.wiring.diagram import diagram
@@ -207,7 +220,7 @@ def _values(**given):
     return values | given
 
 
-def test_a_table_is_drawn_over_its_frequencies():
+def test_a_table_is_drawn_over_its_frequencies() -> None:
     scenario = load("srv02-bare")
     made = problem(scenario, gather(scenario, (), ()))
     count = len(made.free)
@@ -215,10 +228,11 @@ def test_a_table_is_drawn_over_its_frequencies():
     study = SimpleNamespace(
         refit=SimpleNamespace(fit=fit, hold_out=1.0), chosen=SimpleNamespace(fit=fit, effects=(1,)), nominal=(1.0, 1.0)
     )
-    chart = before_after(SimpleNamespace(study=study))
+    chart = before_after(SimpleNamespace(study=study))  # type: ignore[arg-type]
     assert (chart.log, chart.x_label, chart.x_unit) == (True, "frequency", "rad/s")
     ((_, (above, below)),) = chart.views
     table = from_scenario(scenario, "table_2_2")
+    assert isinstance(table, FrequencyTable)
     points = [t for t in above.traces if t.points]
     drawn = np.concatenate([np.column_stack([t.x, t.y]) for t in points])
     (response,) = table.responses

@@ -132,7 +132,8 @@ def odd_xml(draw: st.DrawFn, content: bytes) -> bytes:
             element.remove(child) if action == "remove" else element.append(child)
         elif action == "tag":
             element.tag = draw(st.sampled_from([e.tag for e in elements]) | st.just("Odd"))
-    return ET.tostring(root, encoding="utf-8", xml_declaration=True)
+    written: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
+    return written
 
 
 def _printable(text: str) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -201,7 +202,7 @@ def test_linear_models_without_finite_entries_are_refused() -> None:
         ({"drive": Drive([0, 0], np.zeros((2, 1)))}, "runs backwards"),
     ],
 )
-def test_times_out_of_proportion(arguments: dict, message: str, two: Path) -> None:
+def test_times_out_of_proportion(arguments: dict[str, Any], message: str, two: Path) -> None:
     model = load(two).build(["torque.torque"])
     with pytest.raises(FlexarmError, match=message) as caught:
         simulate(model, **{"stop": 1.0, **arguments})

@@ -55,7 +55,7 @@ def comments(text: str) -> list[str]:
     return [line.partition("#")[2].strip() for line in text.splitlines() if "#" in line]
 
 
-def run(text: str, folder: Path) -> object:
+def run(text: str, folder: Path) -> flexarm.Result:
     path = folder / "amended.yaml"
     path.write_text(text)
     return flexarm.simulate(load(path))
@@ -120,9 +120,9 @@ def test_a_name_that_is_taken_is_refused() -> None:
     for edit in (Feed("gain", "Step", "motor.voltage"), AtFlange("meter", "Inertia", "motor.shaft", "shaft")):
         with pytest.raises(FlexarmError, match=f"has a block '{edit.name}' already"):
             amended(BENCH, [edit])
-    for edit in (Set("gian", "gain", 2), Replace("gian", "Gain")):
+    for other in (Set("gian", "gain", 2), Replace("gian", "Gain")):
         with pytest.raises(FlexarmError, match="no block 'gian' of its own"):
-            amended(BENCH, [edit])
+            amended(BENCH, [other])
     with pytest.raises(FlexarmError, match=r"nothing is connected to 'motor\.shaft'"):
         amended(BENCH, [Between("spring", "SpringDamper", "motor.shaft", "a", "b")])
 

@@ -91,7 +91,9 @@ def test_sub_assemblies(whole: Path) -> None:
     assert system.shared["left.link"] == {"length": "reach", "payload": "left.tip"}
     assert system.shared["right.link"] == {"length": "right.span", "payload": "right.tip"}
     assert system.initial["left.link.hub.angle"] == pytest.approx(np.deg2rad(10))
-    assert load(whole).simulation.record == ("left.link.hub.angle", "right.link.hub.angle")
+    simulation = load(whole).simulation
+    assert simulation is not None
+    assert simulation.record == ("left.link.hub.angle", "right.link.hub.angle")
 
 
 @pytest.mark.parametrize(
@@ -233,6 +235,7 @@ def test_named_parameters_are_one_parameter_of_the_model(tmp_path: Path) -> None
     size = model.parameters[model.parameter_index("size")]
     assert size.users == ("a.inertia", "b.inertia")
     assert size.value == pytest.approx(5e-7)
+    assert scenario.simulation is not None
     assert scenario.simulation.stop == 3
 
 
