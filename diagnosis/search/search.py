@@ -150,7 +150,8 @@ def exchanged(
     held = base.held_out
     if len(held) < 2 or refit.fit.chi2 - floor > slack * floor or refit.hold_out - floor < EXCHANGE.unseen * floor:
         return None
-    errors = {e.name: base.chi2(refit.fit.x, [e]) for e in held}
+    model = refit.fit.problem
+    errors = {e.name: model.chi2(refit.fit.x, [e]) for e in held}
     worst = max(held, key=lambda e: errors[e.name])
     told = f"what the recordings to fit show can be fitted, and what '{worst.name}' shows cannot: "
     if any(error - floor > EXCHANGE.unseen * floor for name, error in errors.items() if name != worst.name):
