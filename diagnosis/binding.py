@@ -170,7 +170,7 @@ def conversion(channel: Channel, unit: str, where: Where) -> float:
     return factor(channel.unit, unit)
 
 
-def grid(time: Vector, longest: float) -> tuple[float, int]:
+def row_interval(time: Vector, longest: float) -> tuple[float, int]:
     """Interval of the simulated rows (s), and their number per recorded interval (0 if the time axis is uneven).
 
     Intervals are fractions with small denominators or whole nanoseconds, so that rows and samples share instants. An

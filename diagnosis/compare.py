@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diagnosis.binding import bind, bind_table, find_recording, grid
+from diagnosis.binding import bind, bind_table, find_recording, row_interval
 from diagnosis.estimation.initial_states import starting_values
 from diagnosis.frequency_response.periodic_solver import PeriodicSolver
 from diagnosis.recordings.columns import Vector
@@ -114,7 +114,7 @@ def _compare_time(scenario: Scenario, recording: Recording) -> Comparison:
     model, notes = binding.model, list(recording.notes)
     if binding.drive is None:
         notes.append("no input was recorded; the scenario's own sources drive the simulation")
-    step, exact = grid(recording.time, scenario.simulation.step if scenario.simulation else 1e-3)
+    step, exact = row_interval(recording.time, scenario.simulation.step if scenario.simulation else 1e-3)
     internal = scenario.simulation.internal_step if scenario.simulation else None
     stop = step * exact * (len(recording.time) - 1) if exact else float(recording.time[-1]) + step
     data = np.column_stack([c.values * f for c, f in zip(recording.measurements, binding.factors, strict=True)])

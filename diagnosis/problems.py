@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from diagnosis.binding import Binding, bind, grid
+from diagnosis.binding import Binding, bind, row_interval
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.initial_states import free_starts, starting_values
 from diagnosis.estimation.parameters import Array, FreeParameter, free_parameters
@@ -30,7 +30,7 @@ from scenarios.variant import edited, renamed
 
 
 def noise(values: Array) -> float:
-    """Standard deviation of a channel's noise: its quantum / sqrt(12), or the jitter of its second differences."""
+    """Standard deviation of a channel's noise: from its quantum (/ sqrt(12)) and its second differences."""
     clean = values[np.isfinite(values)]
     steps = np.abs(np.diff(np.unique(clean)))
     steps = steps[steps > 1e-12 * max(np.abs(clean).max(initial=0.0), 1e-300)]
@@ -58,7 +58,7 @@ def experiment(made: Binding, recording: Recording, longest: float) -> TimeExper
             f"hundred times; at most {FITTING.most_samples} are taken",
             remedy="choose a part with 'window: [from, until]' in the recording, or store it at longer intervals",
         )
-    step, every = grid(recording.time, longest)
+    step, every = row_interval(recording.time, longest)
     measured = np.column_stack([c.values * f for c, f in zip(recording.measurements, made.factors, strict=True)])
     sigma = []
     for k, channel in enumerate(recording.measurements):
@@ -124,7 +124,7 @@ def problem(scenario: Scenario, recordings: Sequence[Recorded]) -> Problem:
         )
     else:
         model, experiments = _over_time(scenario, [r for r in recordings if isinstance(r, Recording)])
-    return _posed(scenario, model, experiments, _tolerances(scenario, model))
+    return _pose(scenario, model, experiments, _tolerances(scenario, model))
 
 
 def variant(
@@ -144,11 +144,11 @@ def variant(
     scenario = edited(base.scenario, edits)
     inputs = renamed([v.name for v in base.model.inputs], edits)
     outputs = renamed([v.name for v in base.model.outputs], edits)
-    model, experiments = base.experiments[0].bound(scenario, inputs, outputs, base.experiments)
-    return _posed(scenario, model, experiments, _tolerances(scenario, None), extra, held)
+    model, experiments = base.experiments[0].on_variant(scenario, inputs, outputs, base.experiments)
+    return _pose(scenario, model, experiments, _tolerances(scenario, None), extra, held)
 
 
-def _posed(
+def _pose(
     scenario: Scenario,
     model: Model,
     experiments: Sequence[Experiment],

@@ -500,7 +500,7 @@ class Preference:
     far: float = number(
         1.5,
         "floors",
-        "The same where the fitted data are at the floor.",
+        "Excess that is worth explaining where the fitted data are at the floor.",
         "pairs that hide each other (f8fedfc)",
     )
     fitted: float = number(
@@ -524,7 +524,7 @@ class Preference:
     left_at_most: float = number(
         2.0,
         "floors",
-        "But at most this.",
+        "But at most this many floors.",
         "pairs that hide each other (f8fedfc)",
     )
     uncertain: float = number(
@@ -536,7 +536,7 @@ class Preference:
     uncertain_at_most: float = number(
         5.0,
         "floors",
-        "But at most this.",
+        "But at most this many floors.",
         "pairs that hide each other (f8fedfc)",
     )
     unknown: float = number(
@@ -580,6 +580,24 @@ class Preference:
         "tolerances",
         "Distance beyond which a fitted parameter is not believed.",
         "first cases of the truth generator (09d7d5d)",
+    )
+    alike: float = number(
+        1.1,
+        "1",
+        "Ratio of held-out errors up to which a freed parameter is no worse.",
+        "pairs that hide each other (f8fedfc)",
+    )
+    costly: float = number(
+        3.0,
+        "1",
+        "Multiple of `decisive` by which a rival may cost more before it explains as much.",
+        "first cases of the truth generator (09d7d5d)",
+    )
+    at_end: float = number(
+        0.98,
+        "1",
+        "Share of its limit from which a size counts as at its limit.",
+        "proof of 591 cases (8b7f4d1)",
     )
 
 
@@ -642,6 +660,36 @@ class Wording:
         "Held-out error beyond which a sentence about a tie says what is left.",
         "pairs that hide each other (f8fedfc)",
     )
+    far: float = number(
+        3.0,
+        "tolerances",
+        "Distance of a fitted parameter from the value given that is mentioned.",
+        "first cases of the truth generator (09d7d5d)",
+    )
+    unit: float = number(
+        0.02,
+        "1",
+        "A sensor's scale within this share, in the logarithm, of that between two units is mentioned.",
+        "tables and recordings of others (59a88f6)",
+    )
+    few_rows: int = number(
+        8,
+        "rows",
+        "A table with fewer rows is said to be short.",
+        "tables and recordings of others (59a88f6)",
+    )
+    absorbed: float = number(
+        3.0,
+        "floors",
+        "Nominal error from which parameters are said to have absorbed a mismatch.",
+        "tables and recordings of others (59a88f6)",
+    )
+    moved: float = number(
+        0.005,
+        "1",
+        "Change of a parameter that is mentioned then.",
+        "tables and recordings of others (59a88f6)",
+    )
 
 
 @dataclass(frozen=True)
@@ -676,6 +724,30 @@ class RecordingChecks:
         5,
         "samples",
         "Equal samples in a row, at the extreme of a signal, that may be clipping.",
+        "tables and recordings of others (59a88f6)",
+    )
+    level: float = number(
+        0.2,
+        "1",
+        "Scatter of a table about a constant factor, as a share of it in dB, up to which the factor counts.",
+        "tables and recordings of others (59a88f6)",
+    )
+    abrupt: float = number(
+        0.5,
+        "1",
+        "A run at an extreme is clipping if it is entered or left at this share of the usual speed.",
+        "tables and recordings of others (59a88f6)",
+    )
+    beyond: float = number(
+        0.03,
+        "1",
+        "Share of the signal's range by which the model must go beyond the extreme.",
+        "tables and recordings of others (59a88f6)",
+    )
+    runs: int = number(
+        2,
+        "runs",
+        "Runs at an extreme that are clipping whatever the model does.",
         "tables and recordings of others (59a88f6)",
     )
 

@@ -8,7 +8,7 @@ block in; any other change of the scenario is a `Candidate` with its own edits.
 from __future__ import annotations
 
 from diagnosis.api import possible_effects
-from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, Wave, grid, shares, with_unit
+from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, Wave, combinations, shares, with_unit
 from diagnosis.effects.insertion import at_flange, behind_sensor, in_joint, in_signal
 from diagnosis.effects.places import BLOCK, INPUT, JOINT, SENSOR, SHAFT, Place
 from diagnosis.effects.scales import OperatingScales
@@ -36,7 +36,7 @@ __all__ = [
     "Wave",
     "at_flange",
     "behind_sensor",
-    "grid",
+    "combinations",
     "in_joint",
     "in_signal",
     "possible_effects",

@@ -117,7 +117,7 @@ class Candidate:
         return rows
 
 
-def grid(**values: Sequence[float]) -> tuple[Sizes, ...]:
+def combinations(**values: Sequence[float]) -> tuple[Sizes, ...]:
     """Starting sizes: every combination of the values of each parameter."""
     return tuple(dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values()))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from diagnosis.effects.effect import Candidate, EffectParameter, Sizes, grid, shares, with_unit
+from diagnosis.effects.effect import Candidate, EffectParameter, Sizes, combinations, shares, with_unit
 from diagnosis.effects.places import Place
 from diagnosis.effects.scales import OperatingScales
 from scenarios.amend import Edit, Set
@@ -34,5 +34,5 @@ def at_link(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         def loaded(values: Sizes) -> list[Edit]:
             return [Set(name, load, with_unit(values[load], block.unit_of(load)))]
 
-        sizes = grid(**{load: shares(mass, 0.005, 0.05, 0.3)})
+        sizes = combinations(**{load: shares(mass, 0.005, 0.05, 0.3)})
         yield Candidate("payload", name, name, name, loaded, (EffectParameter(load, mass),), sizes)

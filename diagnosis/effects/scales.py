@@ -68,7 +68,7 @@ class OperatingScales:
     @property
     def sample(self) -> float:
         """The shortest time (s) that the recordings resolve."""
-        return self.problem.interval
+        return self.problem.shortest
 
     @property
     def unseen(self) -> tuple[str, ...]:
@@ -80,7 +80,7 @@ class OperatingScales:
         """Factors by which a parameter may be wrong, to start from: a few rows leave a fit in local optima."""
         return TABLES.factors if self.problem.sparse else ()
 
-    def spins(self, flange: str) -> bool:
+    def rotates_fully(self, flange: str) -> bool:
         """Whether a flange turns over by whole turns at a table's lowest frequency: gravity then averages out there."""
         lowest = [w for e in self.problem.experiments if (w := e.lowest_frequency) is not None]
         return bool(lowest) and self.speed[flange] / min(lowest) > math.pi

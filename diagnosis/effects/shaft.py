@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from diagnosis.effects.effect import Candidate, EffectParameter, Wave, grid, shares
+from diagnosis.effects.effect import Candidate, EffectParameter, Wave, combinations, shares
 from diagnosis.effects.insertion import at_flange
 from diagnosis.effects.places import Place
 from diagnosis.effects.scales import OperatingScales
@@ -33,14 +33,14 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         place,
         "quadratic_drag",
         "QuadraticDrag",
-        grid(drag=shares(torque / speed**2, *LEVELS)),
+        combinations(drag=shares(torque / speed**2, *LEVELS)),
         EffectParameter("drag", torque / speed**2),
     )
     yield from at_flange(
         place,
         "stray_spring",
         "GroundSpring",
-        grid(stiffness=shares(torque / angle, *LEVELS), rest_angle=[0.01 * angle]),
+        combinations(stiffness=shares(torque / angle, *LEVELS), rest_angle=[0.01 * angle]),
         EffectParameter("stiffness", torque / angle),
         # One that is at rest farther away pulls evenly: an offset, which is another effect.
         EffectParameter("rest_angle", angle, signed=True, most=3.0),
@@ -49,7 +49,7 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         place,
         "payload",
         "Inertia",
-        grid(inertia=shares(inertia, 0.003, 0.05, 0.3)),
+        combinations(inertia=shares(inertia, 0.003, 0.05, 0.3)),
         EffectParameter("inertia", inertia),
     )
     swing = math.sqrt(torque / (inertia * angle))
@@ -57,7 +57,7 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         place,
         "outside_vibration",
         "Vibration",
-        grid(amplitude=[0.02 * torque], frequency=scales.lines or [3 * swing], phase=PHASES),
+        combinations(amplitude=[0.02 * torque], frequency=scales.lines or [3 * swing], phase=PHASES),
         EffectParameter("amplitude", torque),
         EffectParameter("frequency", swing, signed=True),
         EffectParameter("phase", 1.0, signed=True),
@@ -70,14 +70,14 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         place,
         "extra_mode",
         "Resonator",
-        grid(inertia=shares(inertia, 1e-3, 0.03), frequency=swings, damping_ratio=[0.02]),
+        combinations(inertia=shares(inertia, 1e-3, 0.03), frequency=swings, damping_ratio=[0.02]),
         # A heavier body hardly moves: a spring and a damper to the ground, which are other effects.
         EffectParameter("inertia", inertia, most=2.0),
         EffectParameter("frequency", 100.0),
         EffectParameter("damping_ratio", 0.02),
-        bold=grid(inertia=[0.3 * inertia], frequency=swings[:2], damping_ratio=[0.02]),
+        bold=combinations(inertia=[0.3 * inertia], frequency=swings[:2], damping_ratio=[0.02]),
     )
-    averaged = scales.spins(place.target)
+    averaged = scales.rotates_fully(place.target)
     for turning in scales.turns(place):
         yield from _angular(turning, averaged)
 
@@ -87,7 +87,7 @@ def _friction(place: Place) -> Iterator[Candidate]:
     torque, speed = place.torque, place.speed
     levels = shares(torque, *LEVELS)
     dry, back = EffectParameter("coulomb_friction", torque), EffectParameter("coulomb_friction_backward", torque)
-    yield from at_flange(place, "coulomb_friction", "BearingFriction", grid(coulomb_friction=levels), dry)
+    yield from at_flange(place, "coulomb_friction", "BearingFriction", combinations(coulomb_friction=levels), dry)
     yield from at_flange(
         place,
         "stribeck_friction",
@@ -115,7 +115,7 @@ def _friction(place: Place) -> Iterator[Candidate]:
         place,
         "viscous_friction",
         "BearingFriction",
-        grid(viscous_friction=shares(torque / speed, *LEVELS)),
+        combinations(viscous_friction=shares(torque / speed, *LEVELS)),
         EffectParameter("viscous_friction", torque / speed),
     )
 
@@ -128,19 +128,19 @@ def _angular(place: Place, averaged: bool) -> Iterator[Candidate]:
             place,
             "gravity",
             "GravityTorque",
-            grid(mass=shares(torque / GRAVITY, 1e-3, 0.02, 0.15), hanging_angle=PHASES),
+            combinations(mass=shares(torque / GRAVITY, 1e-3, 0.02, 0.15), hanging_angle=PHASES),
             EffectParameter("mass", torque / GRAVITY),
             EffectParameter("hanging_angle", 1.0, signed=True),
-            wave=Wave("mass", "hanging_angle", grid(mass=[HARDLY * torque / GRAVITY], hanging_angle=[0.0])),
+            wave=Wave("mass", "hanging_angle", combinations(mass=[HARDLY * torque / GRAVITY], hanging_angle=[0.0])),
             radius="1 m",
         )
     yield from at_flange(
         place,
         "torque_ripple",
         "TorqueRipple",
-        grid(order=ORDERS, amplitude=shares(torque, 2e-4, 2e-3, 0.05), phase=PHASES),
+        combinations(order=ORDERS, amplitude=shares(torque, 2e-4, 2e-3, 0.05), phase=PHASES),
         EffectParameter("order", 1.0, fixed=True),
         EffectParameter("amplitude", torque),
         EffectParameter("phase", 1.0, signed=True),
-        wave=Wave("amplitude", "phase", grid(order=ORDERS, amplitude=[HARDLY * torque], phase=[0.0])),
+        wave=Wave("amplitude", "phase", combinations(order=ORDERS, amplitude=[HARDLY * torque], phase=[0.0])),
     )

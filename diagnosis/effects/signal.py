@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, grid, shares, with_unit
+from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, combinations, shares, with_unit
 from diagnosis.effects.insertion import behind_sensor, in_signal
 from diagnosis.effects.places import Place
 from diagnosis.effects.scales import OperatingScales
@@ -27,12 +27,12 @@ def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     yield from in_signal(place, "dead_zone", "DeadZone", few, *both)
     limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.999, 0.99, 0.975, 0.95, 0.9, 0.8, 0.7, 0.55, 0.4))
     yield from in_signal(place, "saturation", "Saturation", limits, *both)
-    offsets = grid(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02))
+    offsets = combinations(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02))
     yield from in_signal(place, "offset", "Offset", offsets, EffectParameter("offset", size, signed=True))
-    uneven = grid(backward=(0.99, 1.01, 0.95, 1.05))
+    uneven = combinations(backward=(0.99, 1.01, 0.95, 1.05))
     backward = EffectParameter("backward", 1.0)
     yield from in_signal(place, "uneven_gain", "UnevenGain", uneven, backward, held=False, forward=1.0)
-    corners = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
+    corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield from in_signal(place, "lag", "LowPass", corners, EffectParameter("corner_frequency", 1 / sample))
     yield _delay(place, sample)
     yield from _inductance(scales, place)
@@ -50,7 +50,7 @@ def _delay(place: Place, sample: float) -> Candidate:
         step = share * sample
         return [{"delay": w} for w in (best["delay"] - step, best["delay"] + step) if w > sample / 50]
 
-    waits = grid(delay=shares(sample, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 14, 20))
+    waits = combinations(delay=shares(sample, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 14, 20))
     return Candidate(
         "delay",
         place.name,
@@ -74,7 +74,7 @@ def _inductance(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     def edits(values: Sizes) -> list[Edit]:
         return [Set(name, key, with_unit(values[key], block.unit_of(key)))]
 
-    sizes = grid(**{key: shares(reference, 0.3, 1.0, 5.0)})
+    sizes = combinations(**{key: shares(reference, 0.3, 1.0, 5.0)})
     yield Candidate("inductance", name, name, name, edits, (EffectParameter(key, reference),), sizes)
 
 
@@ -83,13 +83,13 @@ def at_sensor(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     size, sample = place.size, scales.sample
     offset = EffectParameter("offset", size, signed=True)
     yield from behind_sensor(
-        place, "sensor_bias", "Offset", grid(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02)), offset
+        place, "sensor_bias", "Offset", combinations(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02)), offset
     )
-    gains = grid(gain=(1.01, 0.99, 1.05, 0.95))
+    gains = combinations(gain=(1.01, 0.99, 1.05, 0.95))
     yield from behind_sensor(place, "sensor_scale", "Gain", gains, EffectParameter("gain", 1.0), unit="1")
-    corners = grid(corner_frequency=[1 / (c * sample) for c in CORNERS])
+    corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield from behind_sensor(place, "sensor_lag", "LowPass", corners, EffectParameter("corner_frequency", 1 / sample))
     if all(np.nanmin(m) > -0.05 * size for m in scales.measured(place.target)):
         scale = EffectParameter("sensitivity", 1.0)
-        same = grid(sensitivity=(1.0,))
+        same = combinations(sensitivity=(1.0,))
         yield from behind_sensor(place, "rectified_sensor", "RectifiedSensor", same, scale, unit="1")

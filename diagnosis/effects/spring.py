@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from blocks.registry import find
-from diagnosis.effects.effect import Candidate, EffectParameter, Sizes, grid, shares, with_unit
+from diagnosis.effects.effect import Candidate, EffectParameter, Sizes, combinations, shares, with_unit
 from diagnosis.effects.places import Place, slides
 from diagnosis.effects.scales import OperatingScales
 from engine.block import Block
@@ -47,13 +47,13 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     yield candidate(
         "hardening_spring",
         "HardeningSpring",
-        grid(cubic_stiffness=shares(cubic, 1e-3, 0.01, 0.1, 1.0)),
+        combinations(cubic_stiffness=shares(cubic, 1e-3, 0.01, 0.1, 1.0)),
         EffectParameter("cubic_stiffness", cubic),
     )
     yield candidate(
         "backlash",
         "Backlash",
-        grid(half_gap=shares(twist, 1e-3, 0.01, 0.1, 0.5, 2.0)),
+        combinations(half_gap=shares(twist, 1e-3, 0.01, 0.1, 0.5, 2.0)),
         EffectParameter("half_gap", twist),
         law="push_only",
     )
@@ -62,7 +62,7 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     yield candidate(
         "hysteresis",
         "BoucWenSpring",
-        grid(yield_twist=shares(twist, 3.0, 1.0, 0.2), residual_share=(0.95, 0.6)),
+        combinations(yield_twist=shares(twist, 3.0, 1.0, 0.2), residual_share=(0.95, 0.6)),
         EffectParameter("yield_twist", twist),
         EffectParameter("residual_share", 0.5),
     )
@@ -72,7 +72,7 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     yield candidate(
         "structural_damping",
         "StructuralSpring",
-        grid(loss_factor=sorted({0.01, 0.05, min(max(damping * centre / stiffness, 1e-3), 0.3)})),
+        combinations(loss_factor=sorted({0.01, 0.05, min(max(damping * centre / stiffness, 1e-3), 0.3)})),
         EffectParameter("loss_factor", 0.05),
         lowest_frequency=with_unit(centre / 300, "rad/s"),
         highest_frequency=with_unit(fastest, "rad/s"),

@@ -2,8 +2,8 @@
 
 The covariance of least squares alone claims too much: what disturbs a real recording is not white noise. Here it is the
 sum of three parts: noise that is correlated over a fraction of a second (a sandwich over blocks); the input, whose size
-and timing no amplifier keeps exactly; and what the model still leaves out, which a fit turns towards its parameters,
-where no residual shows it, but data that were not fitted do. A parameter that the recordings only bound, such as the
+and timing no amplifier keeps exactly; and unmodelled dynamics, which a fit absorbs in its parameters, so that only
+held-out data reveal them. A parameter that the recordings only bound, such as the
 limit of an amplifier that is never reached, has no covariance: the cost is followed until it rises.
 """
 
@@ -38,7 +38,7 @@ def covariance(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, tu
         Covariance, shape (n, n); combinations along which the data say less than the tolerances; bounds.
     """
     weights = problem.prior(x)[1]
-    meat, data = weights.T @ weights, np.zeros((len(x), len(x)))
+    score_covariance, data = weights.T @ weights, np.zeros((len(x), len(x)))
     shifts = np.zeros((2, len(x)))
     for e in problem.training:
         try:
@@ -48,14 +48,14 @@ def covariance(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, tu
         data += J.T @ J
         slopes = J.reshape(len(r) // e.measured.shape[1], -1, len(x))
         each = slopes * r.reshape(*slopes.shape[:2], 1)
-        meat = meat + sum(np.outer(g, g) for g in _sums(each.sum(axis=1), INTERVALS.block, e))
+        score_covariance = score_covariance + sum(np.outer(g, g) for g in _sums(each.sum(axis=1), INTERVALS.block, e))
         share = min(max(left, INTERVALS.least_left), INTERVALS.most_left)
         # Each signal errs on its own.
-        meat = meat + share * sum(g.T @ g for g in _sums(slopes, INTERVALS.left_length, e))
+        score_covariance = score_covariance + share * sum(g.T @ g for g in _sums(slopes, INTERVALS.left_length, e))
         for k, there in enumerate(_disturbed(problem, x, e)):
             shifts[k] += J.T @ (there - r)
     inverse = np.linalg.pinv(weights.T @ weights + data)
-    robust = inverse @ meat @ inverse
+    robust = inverse @ score_covariance @ inverse
     least = np.maximum(np.diag(robust), np.diag(inverse))
     found = robust + np.diag(least - np.diag(robust))
     for shift in shifts @ inverse:
@@ -64,7 +64,7 @@ def covariance(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, tu
 
 
 def _sums(rows: Array, length: float, e: Experiment) -> list[Array]:
-    """Sums over blocks of time of rows that belong to its instants; the rows of a table are blocks of their own."""
+    """Sums of rows over blocks of time of ``e``; each row of a table is a block."""
     count = max(1, round(length / e.interval))
     return list(np.add.reduceat(rows, np.arange(0, len(rows), count), axis=0))
 
@@ -79,7 +79,7 @@ def _disturbed(problem: Problem, x: Array, e: Experiment) -> list[Array]:
 
 
 def _bounds(problem: Problem, x: Array, flat: Sequence[int]) -> Flat:
-    """How far each parameter that changes nothing can move before it does."""
+    """For each parameter that changes nothing, the range within which the cost stays flat."""
     rows = []
     for i in flat:
         if problem.free[i].prior or problem.free[i].recording:
@@ -89,7 +89,7 @@ def _bounds(problem: Problem, x: Array, flat: Sequence[int]) -> Flat:
 
 
 def _end(problem: Problem, x: Array, i: int, sign: float) -> float:
-    """Where the cost has risen by `RISE` in one direction; infinite if it does not within `REACH`."""
+    """Where the cost has risen by `INTERVALS.rise`; infinite if it does not within `INTERVALS.reach`."""
     here = problem.cost(x, problem.training)
 
     def rise(distance: float) -> float:

@@ -33,7 +33,7 @@ class Experiment(ABC):
         measured: shape (samples, signals), NaN where nothing was recorded.
         sigma: standard deviation of each signal's noise, shape (signals,).
         free: names of starting values that a fit may choose for this recording.
-        initial: starting values by name (SI), those that are free as they begin.
+        initial: starting values by name (SI); free ones at their first guess.
     """
 
     kind: ClassVar[str]
@@ -72,7 +72,7 @@ class Experiment(ABC):
     @property
     @abstractmethod
     def interval(self) -> float:
-        """Time (s) between samples, within which blocks of correlated residuals are counted; 1 for rows of a table."""
+        """Sampling interval (s), by which blocks of correlated residuals are counted; 1 for rows of a table."""
 
     @property
     @abstractmethod
@@ -85,7 +85,7 @@ class Experiment(ABC):
         return int(np.isfinite(self.measured).sum())
 
     @abstractmethod
-    def bound(
+    def on_variant(
         self, scenario: Scenario, inputs: Sequence[str], outputs: Sequence[str], others: Sequence[Experiment]
     ) -> tuple[Model, list[Experiment]]:
         """The model of a variant of the scenario, and this and other experiments of its kind as experiments on it.
@@ -139,7 +139,7 @@ class Experiment(ABC):
         """
 
     def squares(self, r: Array) -> Array:
-        """What residuals count when a model is judged on data it has not seen, shape as ``r``."""
+        """Contribution of each residual to chi2, shape as ``r``; a robust one for held-out rows of a table."""
         return np.asarray(r**2)
 
     @abstractmethod
@@ -175,7 +175,7 @@ class Experiment(ABC):
         return {}
 
     @abstractmethod
-    def large_where(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
+    def where_residual_is_large(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
         """When, and at which frequency, a residual (samples, signals) is large, in words."""
 
     def unseen_effects(self) -> tuple[str, ...]:

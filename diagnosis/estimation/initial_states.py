@@ -18,7 +18,7 @@ _RATES = [(f".{names[1][0]}", f".{names[0][0]}") for names in MOTION.values()]
 
 
 def starting_values(model: Model, recording: Recording, measured: Array) -> dict[str, float]:
-    """Where the free starting values of a recording begin: at its first sample and slope if they are measured.
+    """First guesses of a recording's free starting values: its first sample or slope where measured, else the model's.
 
     Args:
         model: of the experiment.
@@ -58,7 +58,7 @@ def _first(model: Model, name: str, recording: Recording, measured: Array, other
 
 
 def free_starts(experiment: Experiment) -> list[FreeParameter]:
-    """The free starting values of an experiment, as parameters with a wide prior."""
+    """The free starting values of an experiment, with a prior of 10 % of the value or `FITTING.usual_start`."""
     rows = []
     for name in experiment.free:
         value = experiment.initial.get(name, 0.0)

@@ -37,7 +37,7 @@ class Interval:
         return {"value": self.value, "low": low, "high": high, "unit": self.unit}
 
 
-def span(row: Mapping[str, Any], digits: int = 4) -> str:
+def interval_in_words(row: Mapping[str, Any], digits: int = 4) -> str:
     """An interval as `Interval.numbers` gives it, in words: ``1 to 2``, or ``at least 1``."""
     low, high = ("" if row[key] is None else f"{row[key]:.{digits}g}" for key in ("low", "high"))
     if low and high:
@@ -81,12 +81,12 @@ class Fit:
         for i, f in enumerate(self.problem.free):
             half = 1.96 * math.sqrt(max(self.covariance[i, i], 0.0))
             ends = bounded.get(i, [self.x[i] - half, self.x[i] + half])
-            low, high = sorted(_reached(f, end) for end in ends)
+            low, high = sorted(_end_value(f, end) for end in ends)
             rows.append(Interval(f.name, f.value(self.x[i]), low, high, units.get(f.name, ""), f.start))
         return rows
 
 
-def _reached(f: FreeParameter, end: float) -> float:
+def _end_value(f: FreeParameter, end: float) -> float:
     """The parameter at the end of its interval, infinite where there is none; one that keeps its sign stops at zero."""
     if math.isfinite(end):
         return f.value(end)
@@ -103,8 +103,8 @@ def descend(
     *,
     only: Sequence[int] | None = None,
     iterations: int = 25,
-    tolerance: float = 1e-3,
-    least: float = 1e-7,
+    promised_drop: float = 1e-3,
+    relative_drop: float = 1e-7,
 ) -> tuple[Array, float, bool]:
     """Levenberg-Marquardt with geodesic acceleration from ``x``.
 
@@ -118,14 +118,14 @@ def descend(
         pool: threads.
         only: numbers of the search variables that may move; all if None.
         iterations: at most.
-        tolerance: converged when a full step would reduce the cost by less than this.
-        least: stop when a step reduces the cost by less than this fraction.
+        promised_drop: converged when a full step would reduce the cost by less than this.
+        relative_drop: stop when a step reduces the cost by less than this fraction.
 
     Returns:
         Search vector, cost, and whether it converged.
     """
     damping = 1e-3
-    stack = _Stack(problem, experiments, pool, None if only is None else list(only))
+    stack = _StackedResiduals(problem, experiments, pool, None if only is None else list(only))
     try:
         r, J = stack.linearised(x)
     except SimulationError:
@@ -135,7 +135,7 @@ def descend(
         H, g = J.T @ J, J.T @ r
         scale = np.diag(np.maximum(np.diag(H), 1e-9))
         promised = float(g @ np.linalg.solve(H + 1e-9 * scale, g))
-        if promised < tolerance:
+        if promised < promised_drop:
             return x, cost, True
         for _ in range(12):
             A = H + damping * scale
@@ -155,13 +155,13 @@ def descend(
         except SimulationError:
             return x, float(there @ there), False
         gain, cost = cost - float(r @ r), float(r @ r)
-        if gain < least * cost:
+        if gain < relative_drop * cost:
             return x, cost, promised < max(1.0, FITTING.settled * cost)
     return x, cost, False
 
 
 @dataclass(frozen=True)
-class _Stack:
+class _StackedResiduals:
     """Residuals of experiments and the prior, stacked, as functions of the search variables that may move."""
 
     problem: Problem
@@ -260,7 +260,7 @@ def with_covariance(made: Fit, left: float) -> Fit:
 def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20) -> Array:
     """The search vector with the starting values of held-out recordings fitted, everything else frozen.
 
-    A held-out recording begins in a state of its own, which no other recording tells. It is fitted to the whole of it:
+    No other recording determines the state in which a held-out one begins, so that state is fitted to the whole of it:
     a few numbers, against thousands of samples.
 
     Args:

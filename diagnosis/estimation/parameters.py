@@ -1,7 +1,7 @@
 """The parameters that a fit may move, and what is known of them before: the prior.
 
-A parameter moves in units of its declared tolerance, on a logarithmic scale where its bounds keep it positive. It pays
-the square of that distance: the tolerance is prior knowledge.
+A parameter moves in units of its declared tolerance, on a logarithmic scale where its bounds keep it positive. The
+prior adds the square of that distance to the cost: the tolerance is prior knowledge.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ class FreeParameter:
     Attributes:
         name: of the model's parameter, or of a starting value.
         start: where it stands at first (SI).
-        scale: what one step of the search variable means: a share for ``logarithmic`` ones, else an SI difference.
+        scale: change of the parameter per unit of the search variable: relative if ``logarithmic``, else in SI units.
         logarithmic: value = start * exp(scale * x) rather than start + scale * x.
         low, high: bounds (SI).
         prior: whether distance from the start counts against the fit.
         recording: for a starting value, the recording it belongs to.
-        like: another parameter, of either sign, that is about as large: the two ends of an amplifier's range.
+        like: parameter whose magnitude is expected to be equal, such as the other end of an amplifier's range.
     """
 
     name: str
@@ -50,7 +50,7 @@ class FreeParameter:
         return min(max(raw, self.low), self.high)
 
     def slope(self, x: float) -> float:
-        """D value / d x."""
+        """Derivative of the parameter with respect to its search variable."""
         value = self.value(x)
         return self.scale * value if self.logarithmic else self.scale
 

@@ -72,7 +72,7 @@ class Problem:
         return any(e.sparse for e in self.experiments)
 
     @property
-    def interval(self) -> float:
+    def shortest(self) -> float:
         """The shortest time (s) that the recordings resolve."""
         return min(e.shortest for e in self.experiments)
 
@@ -114,7 +114,7 @@ class Problem:
         return parameters.prior(self.free, x)
 
     def prior_cost(self, x: Array) -> float:
-        """What parameters pay for their distance from the values given."""
+        """Cost of the prior: squared distances from the values given, in tolerances."""
         return float(np.sum(self.prior(x)[0] ** 2))
 
     def cost(self, x: Array, experiments: Sequence[Experiment]) -> float:

@@ -30,7 +30,8 @@ class TimeExperiment(Experiment):
     """Signals over time.
 
     Attributes:
-        step: between simulated rows (s); ``every`` rows make one sample.
+        step: interval (s) of the simulated rows.
+        every: simulated rows per sample.
         drive: inputs, in the model's order.
         from_first: for each signal, whether it counts from the first sample.
         uneven: whether ``time`` is not a multiple of the rows' interval: outputs are then interpolated between rows.
@@ -150,7 +151,7 @@ class TimeExperiment(Experiment):
         made[np.isnan(self.measured)] = 0.0
         return np.asarray(made)
 
-    def bound(
+    def on_variant(
         self, scenario: Scenario, inputs: Sequence[str], outputs: Sequence[str], others: Sequence[Experiment]
     ) -> tuple[Model, list[Experiment]]:
         """The model, and the experiments as they are: inputs and samples do not depend on the model.
@@ -198,8 +199,8 @@ class TimeExperiment(Experiment):
     def noise_levels(self, r: Array) -> list[float] | None:
         """Variance of each signal's white noise, from second differences of its residual.
 
-        A model's errors are smooth at the rate of the samples, save where a friction or a contact that is not quite
-        right makes kinks. So the median of pieces counts. A signal that holds nothing gives no level.
+        A model's errors are smooth at the sampling rate, except for kinks of a wrong friction or contact law; so the
+        median over pieces counts. A signal without samples gives no level.
         """
         if len(self.time) < NOISE.fewest:
             return None
@@ -226,7 +227,7 @@ class TimeExperiment(Experiment):
         run = simulate(model, self.stop, self.step, drive=self.drive, internal_step=longest)
         return {name: (float(np.ptp(run[name])), float(np.sqrt(np.mean(run[name] ** 2)))) for name in names}
 
-    def large_where(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
+    def where_residual_is_large(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
         """When half of the residual's energy occurs, and the frequency of its largest spectral line."""
         r, dt = self.evenly(r)
         energy = np.sum(r**2, axis=1)

@@ -204,7 +204,7 @@ class TableExperiment(Experiment):
         self.slope.fresh(x, r, J)
         return np.clip(r, -FITTING.huge, FITTING.huge), J
 
-    def bound(
+    def on_variant(
         self, scenario: Scenario, inputs: Sequence[str], outputs: Sequence[str], others: Sequence[Experiment]
     ) -> tuple[Model, list[Experiment]]:
         """The model with the sine's input open, and the tables with its periodic answers.
@@ -252,7 +252,7 @@ class TableExperiment(Experiment):
         """Effects that amplitudes of periodic answers do not show."""
         return UNSEEN
 
-    def large_where(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
+    def where_residual_is_large(self, r: Array, names: Sequence[str]) -> tuple[str, str]:
         """At which rows half of the residual's energy lies, and where it is largest in dB."""
         energy = np.sum(r**2, axis=1)
         order = np.argsort(-energy)

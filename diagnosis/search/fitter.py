@@ -130,7 +130,7 @@ class CandidateFitter:
             for point in begun:
                 training = point.problem.training
                 x, cost, converged = descend(
-                    point.problem, point.x, training, pool, iterations=most, least=INSERTION.least_gain
+                    point.problem, point.x, training, pool, iterations=most, relative_drop=INSERTION.least_gain
                 )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
         return min(tried, key=lambda partial: partial.point.cost)
@@ -138,7 +138,7 @@ class CandidateFitter:
     def _begun(
         self, effects: tuple[Candidate, ...], points: Sequence[StartingPoint], parent: dict[str, float]
     ) -> list[StartingPoint]:
-        """The entries to fit; ``entries`` begin from the parent's parameters, best first."""
+        """The starting points to fit; ``points`` start from the parent's parameters, best first."""
         # A wave that goes on from where a fit ended needs no other start.
         waves = [k for k, c in enumerate(effects) if c.wave and len(c.starts) > 1]
         if waves and not self.tables:
@@ -225,7 +225,12 @@ class CandidateFitter:
             training = begun.problem.training
             with ThreadPoolExecutor(1) as pool:
                 x, cost, converged = descend(
-                    begun.problem, begun.x, training, pool, iterations=INSERTION.settles, least=INSERTION.least_gain
+                    begun.problem,
+                    begun.x,
+                    training,
+                    pool,
+                    iterations=INSERTION.settles,
+                    relative_drop=INSERTION.least_gain,
                 )
             tried.append(PartialFit(effects, replace(begun, x=x, cost=cost), converged))
         best = min(tried, key=lambda made: made.point.cost)
@@ -243,7 +248,12 @@ class CandidateFitter:
                     training = made.training
                     with ThreadPoolExecutor(1) as pool:
                         x, cost, converged = descend(
-                            made, best.x, training, pool, iterations=INSERTION.first_steps, least=INSERTION.least_gain
+                            made,
+                            best.x,
+                            training,
+                            pool,
+                            iterations=INSERTION.first_steps,
+                            relative_drop=INSERTION.least_gain,
                         )
                     if cost < partial.point.cost:
                         partial = PartialFit(partial.effects, StartingPoint(cost, made, x, chosen, built), converged)
@@ -284,7 +294,7 @@ def _glance(made: Problem, x: Array) -> float:
 
 
 def _spread(points: Sequence[StartingPoint]) -> list[StartingPoint]:
-    """The best entries that do not lie next to each other; of sizes that are only chosen, the best of the best few."""
+    """The best starting points at least `INSERTION.apart` from each other; of discrete sizes, one each."""
     models: dict[int, StartingPoint] = {}
     for point in points:
         models.setdefault(id(point.problem.model), point)

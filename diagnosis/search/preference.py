@@ -29,9 +29,9 @@ NESTED_ANYWHERE = {"offset": ("stray_spring",)}
 
 
 def noise_floor(trial: ScoredModel) -> float:
-    """Mean squared residual that is noise, in units of the stated variance: that stated, or more where it shows more.
+    """Noise floor of chi2: 1 for the stated noise, more where the residual shows more white noise than stated.
 
-    What a signal did not record counts for nothing.
+    Missing samples are ignored.
     """
     problem, levels = trial.fit.problem, list[float]()
     for e in problem.judged:
@@ -45,8 +45,7 @@ def noise_floor(trial: ScoredModel) -> float:
 def unexplained(trial: ScoredModel, floor: float) -> bool:
     """Whether more than noise is left over, of the held-out data and of those that were fitted.
 
-    Where the fitted data are at the floor, what is left of the others is what the parameters are uncertain by, unless
-    it is much.
+    Where the fitted data are at the floor, a small held-out excess is attributed to the parameters' uncertainty.
     """
     left = trial.hold_out - floor
     fitted = trial.fit.chi2 - floor > PREFERENCE.fitted * floor
@@ -58,15 +57,15 @@ def missing(refit: ScoredModel) -> bool:
     return refit.hold_out - noise_floor(refit) > max(PREFERENCE.unknown, by_chance(refit))
 
 
-def pays(better: ScoredModel, worse: ScoredModel) -> bool:
-    """Whether what a model adds takes enough away of what another leaves over, beyond the bootstrap band."""
+def worth_adding(better: ScoredModel, worse: ScoredModel) -> bool:
+    """Whether the better model reduces the held-out excess by enough, beyond the bootstrap band."""
     floor = noise_floor(better)
     share = PREFERENCE.pays if len(better.effects) == 1 or not worse.effects else PREFERENCE.pays_again
     gain = worse.hold_out - better.hold_out
     return gain > share * (worse.hold_out - floor) and gain_band(better, worse)[0] > 0 and unexplained(worse, floor)
 
 
-def reached(refit: ScoredModel, chosen: ScoredModel) -> bool:
+def reaches_floor(refit: ScoredModel, chosen: ScoredModel) -> bool:
     """Whether the amended model leaves little more than noise of what it was fitted to and of what it was not.
 
     Where the fitted data are at the floor, more may be left of the others: what the parameters are uncertain by.
@@ -100,7 +99,7 @@ def _of_tables(trial: ScoredModel) -> bool:
     return trial.fit.problem.sparse
 
 
-def accounted(recordings: Sequence[Recorded], refit: ScoredModel, chosen: ScoredModel) -> bool:
+def accounts_for_mismatch(recordings: Sequence[Recorded], refit: ScoredModel, chosen: ScoredModel) -> bool:
     """Whether what was found accounts for the mismatch: to the floor where the noise was stated, else most of it.
 
     Where the noise of every signal is stated, a law that is right reaches it; one that only resembles the missing one
@@ -109,14 +108,14 @@ def accounted(recordings: Sequence[Recorded], refit: ScoredModel, chosen: Scored
     least = PREFERENCE.explains if unexplained(refit, noise_floor(chosen)) else 1 - PREFERENCE.relieves
     if not chosen.effects or explained(refit, chosen) < least:
         return False
-    if beyond(refit, chosen):
+    if implausible(refit, chosen):
         return False
     stated = all(r.noise_stated for r in recordings)
-    return reached(refit, chosen) if stated else True
+    return reaches_floor(refit, chosen) if stated else True
 
 
-def beyond(refit: ScoredModel, chosen: ScoredModel) -> list[str]:
-    """What stands far from what it can be for a model to do as it does, where it does not for the refit."""
+def implausible(refit: ScoredModel, chosen: ScoredModel) -> list[str]:
+    """Sizes of effects at their limit, and parameters far outside their tolerances that the refit left within."""
     return [*at_end(chosen), *sorted(_bent(chosen) - _bent(refit))]
 
 
@@ -127,12 +126,12 @@ def _bent(trial: ScoredModel) -> set[str]:
     }
 
 
-def price(trial: ScoredModel) -> float:
+def complexity_cost(trial: ScoredModel) -> float:
     """What a model costs before it explains anything: its parameters, and how far those of the user had to move."""
     return trial.prior_cost + trial.size * math.log(max(trial.samples, 2))
 
 
-def near(best: ScoredModel, trials: Sequence[ScoredModel], before: ScoredModel) -> list[ScoredModel]:
+def equally_good(best: ScoredModel, trials: Sequence[ScoredModel], before: ScoredModel) -> list[ScoredModel]:
     """The trials that do as well as the best one on held-out data, as far as the data can tell.
 
     A model that misses the fitted recordings by far does not qualify: what is missing may hardly show in the others.
@@ -159,7 +158,7 @@ def near(best: ScoredModel, trials: Sequence[ScoredModel], before: ScoredModel) 
 
 
 def choose(parent: ScoredModel, trials: Sequence[ScoredModel]) -> ScoredModel:
-    """The trial to prefer to its parent, or the parent: of those that do equally well the one of the least price.
+    """The model to prefer to its parent, or the parent; of those that do equally well, the least complex one.
 
     Args:
         parent: the model without what the trials add.
@@ -170,14 +169,14 @@ def choose(parent: ScoredModel, trials: Sequence[ScoredModel]) -> ScoredModel:
     if not parent.effects and not unexplained(parent, noise_floor(trials[0])):
         return _freed(parent, trials) if outside_tolerances(parent) else parent
     able = [t for t in trials if not at_end(t)]
-    if able and reached(parent, able[0]):
-        trials = able  # an effect that ended where it is another one does well because it is like something
-    best = min(near(trials[0], trials, parent), key=lambda t: (price(t), t.merit))
-    return best if pays(best, parent) else parent
+    if able and reaches_floor(parent, able[0]):
+        trials = able  # an effect at its limit fits well only because it imitates another
+    best = min(equally_good(trials[0], trials, parent), key=lambda t: (complexity_cost(t), t.merit))
+    return best if worth_adding(best, parent) else parent
 
 
-def relieved(chosen: ScoredModel, pairs: Sequence[ScoredModel]) -> ScoredModel:
-    """The pair with a wrong parameter that lets all others stay within their tolerances, where the best model strains.
+def with_parameter_freed(chosen: ScoredModel, pairs: Sequence[ScoredModel]) -> ScoredModel:
+    """The pair with one freed parameter that brings all others back within their tolerances.
 
     Args:
         chosen: the best model found.
@@ -186,7 +185,7 @@ def relieved(chosen: ScoredModel, pairs: Sequence[ScoredModel]) -> ScoredModel:
     if not outside_tolerances(chosen) or len(chosen.effects) > 1:
         return chosen
     mine = {c.key for c in chosen.effects}
-    able = [t for t in pairs if mine <= {c.key for c in t.effects} and t.hold_out < 1.1 * chosen.hold_out]
+    able = [t for t in pairs if mine <= {c.key for c in t.effects} and t.hold_out < PREFERENCE.alike * chosen.hold_out]
     best = min(able, key=lambda t: t.fit.cost, default=chosen)
     return best if chosen.fit.cost - best.fit.cost > PREFERENCE.decisive * max(best.fit.chi2, 1.0) else chosen
 
@@ -200,7 +199,7 @@ def _freed(refit: ScoredModel, trials: Sequence[ScoredModel]) -> ScoredModel:
 
 def _relieving(refit: ScoredModel, chosen: ScoredModel, trials: Sequence[ScoredModel]) -> list[ScoredModel]:
     """Single changes that take most of the strain away; what only follows the noise closer does not."""
-    able = [t for t in trials if t.size == 1 and t.hold_out < 1.1 * chosen.hold_out]
+    able = [t for t in trials if t.size == 1 and t.hold_out < PREFERENCE.alike * chosen.hold_out]
     return [t for t in able if t.prior_cost < PREFERENCE.relieves * refit.prior_cost]
 
 
@@ -215,11 +214,16 @@ def rivals(chosen: ScoredModel, refit: ScoredModel, trials: Sequence[ScoredModel
     if not unexplained(refit, noise_floor(chosen)):
         able = _relieving(refit, chosen, others)
         return tuple(t for t in able if t.fit.cost - chosen.fit.cost < PREFERENCE.decisive)
-    alike = [t for t in near(chosen, others, refit) if not at_end(t)]
+    alike = [t for t in equally_good(chosen, others, refit) if not at_end(t)]
     if _of_tables(chosen) and not outside_tolerances(chosen):
         # A model that needs further parameters outside their tolerances does not qualify.
         alike = [t for t in alike if not outside_tolerances(t)]
-    rows = [t for t in alike if not _contains(t, chosen) and price(t) - price(chosen) < 3 * PREFERENCE.decisive]
+    rows = [
+        t
+        for t in alike
+        if not _contains(t, chosen)
+        and complexity_cost(t) - complexity_cost(chosen) < PREFERENCE.costly * PREFERENCE.decisive
+    ]
     # The simpler law was taken for its simplicity; a richer one is a rival if it does better beyond chance.
     richer = [t for t in others if _contains(t, chosen) and t.merit < (1 + PREFERENCE.least) * chosen.merit]
     rows += [t for t in richer if better(t, chosen)]

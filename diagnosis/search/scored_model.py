@@ -107,7 +107,7 @@ def at_end(trial: ScoredModel) -> list[str]:
     """Sizes that went as far as they may, beyond which their effect is another one."""
     ends = {f"{c.effect}.{k.name}": k.most * k.reference for c in trial.effects for k in c.parameters if k.most}
     found = trial.added() if ends else {}
-    return [name for name, most in ends.items() if abs(found[name]) > 0.98 * most]
+    return [name for name, most in ends.items() if abs(found[name]) > PREFERENCE.at_end * most]
 
 
 def log_evidence(trial: ScoredModel, best: ScoredModel) -> float:

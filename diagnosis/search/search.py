@@ -18,16 +18,16 @@ from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import PartialFit, ended
 from diagnosis.search.preference import (
-    accounted,
+    accounts_for_mismatch,
     better,
     choose,
+    equally_good,
     missing,
-    near,
     noise_floor,
-    pays,
-    reached,
-    relieved,
+    reaches_floor,
     unexplained,
+    with_parameter_freed,
+    worth_adding,
 )
 from diagnosis.search.promising_pairs import promising
 from diagnosis.search.scored_model import ScoredModel, at_end
@@ -78,21 +78,15 @@ def study(
         for start, beside in pairs(fitter, suspected, trials):
             found += _try_all(fitter, beside, replace(start, cost=refit.fit.cost), progress)[0]
         found.sort(key=lambda t: (t.merit, t.size))
-        chosen = relieved(choose(chosen, found), found)
+        chosen = with_parameter_freed(choose(chosen, found), found)
         notes += [s.told() for s in suspected if s.candidate.key in {c.key for c in chosen.effects}]
         trials += found
     lead = min(trials, key=lambda t: t.fit.chi2, default=refit)
-    if not (notes or fitter.tables or reached(refit, chosen)) and lead.hold_out - noise_floor(
-        lead
-    ) > EXCHANGE.blind * noise_floor(lead):
-        floor = noise_floor(lead)
-        swapped = exchanged(
-            fitter,
-            lead,
-            max(
-                PREFERENCE.fitted, min(PREFERENCE.left_over * (refit.fit.chi2 - floor) / floor, PREFERENCE.left_at_most)
-            ),
-        )
+    floor = noise_floor(lead)
+    blind = lead.hold_out - floor > EXCHANGE.blind * floor
+    if blind and not (notes or fitter.tables or reaches_floor(refit, chosen)):
+        left = min(PREFERENCE.left_over * (refit.fit.chi2 - floor) / floor, PREFERENCE.left_at_most)
+        swapped = exchanged(fitter, lead, max(PREFERENCE.fitted, left))
         if swapped:
             return study(fitter.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
     if most > 1 and len(chosen.effects) <= 1 and unexplained(chosen, noise_floor(chosen)):
@@ -103,7 +97,7 @@ def study(
     for made in (fitter.polish(t) for t in _try_all(fitter, [pair] if pair else [], refit.fit, progress)[0]):
         trials.append(made)
         simpler = made.size <= chosen.size and made.hold_out < chosen.hold_out and better(made, chosen)
-        if simpler or (at_end(chosen) and made in near(chosen, [made], refit)):
+        if simpler or (at_end(chosen) and made in equally_good(chosen, [made], refit)):
             chosen = made
     twins = same_laws(chosen, listed)
     alike = [{c.key for c in twin} for twin in twins]
@@ -112,13 +106,13 @@ def study(
     whole = Study(
         fitter.scenario, fitter.recordings, before, refit, tuple(trials), chosen, scales, tuple(failures), tuple(notes)
     )
-    return whole if accounted(whole.recordings, refit, chosen) else _unnamed(fitter, whole, progress)
+    return whole if accounts_for_mismatch(whole.recordings, refit, chosen) else _unnamed(fitter, whole, progress)
 
 
 def _unnamed(fitter: CandidateFitter, study: Study, progress: Progress | None) -> Study:
-    """The study with a law without a name, where none with a name accounts for what the refit leaves over.
+    """The study with a nonparametric law where no effect of the catalogue accounts for the mismatch.
 
-    If that is little, nothing is.
+    Where the mismatch is small, nothing is missing, and the refit is chosen.
     """
     refit = study.refit
     if not unexplained(refit, noise_floor(refit)):
@@ -127,7 +121,7 @@ def _unnamed(fitter: CandidateFitter, study: Study, progress: Progress | None) -
         return replace(study, chosen=refit)
     curves = [(c,) for c in laws(replace(study, chosen=refit))]
     found, _ = _try_all(fitter, curves, refit.fit, progress)
-    found = [t for t in sorted(found, key=lambda t: t.merit) if pays(t, study.chosen)]
+    found = [t for t in sorted(found, key=lambda t: t.merit) if worth_adding(t, study.chosen)]
     if not found:
         return study
     return replace(study, chosen=min(fitter.polish(found[0]), found[0], key=lambda t: t.hold_out))
@@ -136,15 +130,15 @@ def _unnamed(fitter: CandidateFitter, study: Study, progress: Progress | None) -
 def exchanged(
     fitter: CandidateFitter, refit: ScoredModel, slack: float = PREFERENCE.fitted
 ) -> tuple[list[Recorded], str] | None:
-    """The recordings with the worst held-out one fitted in place of none, where only held-out data show a mismatch.
+    """The recordings with the worst held-out one moved to training, where only held-out data show a mismatch.
 
-    What no recording to fit shows cannot be fitted: an amplifier that saturates in the held-out recordings alone. Where
-    a single recording shows it, that one is fitted in part and judged in part, for the others could not judge.
+    An effect that no training recording excites cannot be fitted, such as an amplifier that saturates in the held-out
+    recordings alone. Where one recording alone shows it, it is fitted in part and judged in part.
 
     Args:
         fitter: of the study.
-        refit: a model that brings the fitted recordings to the floor, or to this share above it:
-        slack: share.
+        refit: a model that explains the training recordings.
+        slack: share above the floor within which they count as explained.
     """
     base, floor = fitter.base, noise_floor(refit)
     held = base.held_out
@@ -153,7 +147,7 @@ def exchanged(
     model = refit.fit.problem
     errors = {e.name: model.chi2(refit.fit.x, [e]) for e in held}
     worst = max(held, key=lambda e: errors[e.name])
-    told = f"what the recordings to fit show can be fitted, and what '{worst.name}' shows cannot: "
+    told = f"'{worst.name}' shows a mismatch that the training recordings do not show: "
     if any(error - floor > EXCHANGE.unseen * floor for name, error in errors.items() if name != worst.name):
         moved = [replace(r, role="train") if r.name == worst.name else r for r in fitter.recordings]
         return moved, told + "it was fitted too, and the rest is held out"
@@ -196,14 +190,14 @@ def _second(
             pairs += _beside(fitter, leader, leader.effects[0], others, pairs, progress)
     pairs.sort(key=lambda t: (t.merit, t.size))
     left = chosen.hold_out - noise_floor(chosen)
-    if not pairs or not (pays(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > PAIRS.swaps * left):
+    if not pairs or not (worth_adding(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > PAIRS.swaps * left):
         return chosen, pairs
     for _ in range(PAIRS.rounds):
         best, nearest = pairs[0], min(pairs, key=lambda t: t.fit.cost)
         for pair in [best] if best is nearest or _settled(refit, best) else [best, nearest]:
             pairs += _around(fitter, refit, pair, singles, pairs, progress)
         pairs.sort(key=lambda t: (t.merit, t.size))
-        if not pays(pairs[0], chosen):
+        if not worth_adding(pairs[0], chosen):
             return chosen, pairs
         if pairs[0] is best:
             break
@@ -214,7 +208,7 @@ def _second(
         with contextlib.suppress(FlexarmError):
             alone.append(fitter.reduced(best, effect))
     alone.sort(key=lambda t: t.merit)
-    if not alone or pays(best, alone[0]):
+    if not alone or worth_adding(best, alone[0]):
         return best, [*alone, *pairs]
     # Then it is the model's own parameters that were helped, and the other effects are fitted from there as well.
     known = alone[0].effects[0].key
@@ -226,7 +220,7 @@ def _second(
 
 def _settled(refit: ScoredModel, pair: ScoredModel) -> bool:
     """Whether a pair leaves nothing to look for."""
-    return reached(refit, pair) and not unexplained(pair, noise_floor(pair))
+    return reaches_floor(refit, pair) and not unexplained(pair, noise_floor(pair))
 
 
 def _leaders(fitter: CandidateFitter, chosen: ScoredModel, singles: Sequence[ScoredModel]) -> list[ScoredModel]:
@@ -277,7 +271,7 @@ def _around(
     Beside another effect a wide law may be a narrow one, and alone other places may have looked poor.
     """
     found: list[ScoredModel] = []
-    # What ended above it may have been in a local optimum, and is tried again from here.
+    # Pairs with a higher cost may sit in a local optimum, and are tried again from here.
     known = [t for t in done if t.fit.cost <= pair.fit.cost]
     begun = replace(pair, fit=replace(pair.fit, cost=refit.fit.cost))  # what they gain is counted from there
     for kept, moved in (pair.effects, pair.effects[::-1]):

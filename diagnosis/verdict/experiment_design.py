@@ -18,7 +18,7 @@ from diagnosis.frequency_response.table_experiment import tables
 from diagnosis.search.preference import NESTED
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import NEXT_EXPERIMENT
-from diagnosis.verdict.table_report import choose
+from diagnosis.verdict.table_report import choose_rows
 from engine.errors import FlexarmError
 from engine.simulate import Drive
 
@@ -127,7 +127,7 @@ def propose(rivals: Sequence[ScoredModel], most: int = 8) -> Proposal | None:
     """
     problem = rivals[0].fit.problem
     if tables(problem.experiments):
-        return _rows(rivals, problem)
+        return propose_rows(rivals, problem)
     e = over_time(problem.experiments)[0]
     kept = [r for r in rivals if r is rivals[0] or not any(_richer(r, other) for other in rivals)][:most]
     if e.drive is None or len(problem.model.inputs) != 1 or len(kept) < 2:
@@ -188,9 +188,9 @@ def _worded(found: Proposal, alike: Sequence[list[str]], count: int) -> Proposal
     return replace(found, sentence=f"{'; '.join([found.sentence, *rows])}: {REMEDY}")
 
 
-def _rows(rivals: Sequence[ScoredModel], problem: Problem) -> Proposal | None:
+def propose_rows(rivals: Sequence[ScoredModel], problem: Problem) -> Proposal | None:
     """The rows of a frequency-response table to measure next."""
-    found = choose(rivals)
+    found = choose_rows(rivals)
     if found is None:
         return None
     apart = {label: value for label, value in found.factors.items() if value >= NEXT_EXPERIMENT.separated}

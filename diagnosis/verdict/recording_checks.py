@@ -93,7 +93,7 @@ def _level(e: TableExperiment, simulated: Array) -> list[Remark]:
     found = []
     for k, apart in enumerate((e.measured - simulated).T):
         middle = float(np.median(apart))
-        if np.median(np.abs(apart - middle)) > 0.2 * abs(middle):
+        if np.median(np.abs(apart - middle)) > RECORDING_CHECKS.level * abs(middle):
             continue
         gain = 10 ** (middle / 20)
         found += [
@@ -164,11 +164,11 @@ def _clipped(where: str, y: Array, s: Array) -> list[Remark]:
         runs = [
             (b, e) for b, e in zip(begins, ends, strict=True) if e - b >= RECORDING_CHECKS.run and b > 0 and e < len(y)
         ]
-        abrupt = [(b, e) for b, e in runs if min(moves[b - 1], moves[e - 1]) >= 0.5 * usual]
+        abrupt = [(b, e) for b, e in runs if min(moves[b - 1], moves[e - 1]) >= RECORDING_CHECKS.abrupt * usual]
         held = sum(e - b for b, e in abrupt)
         model = y.mean() + gain * (s - s.mean()) if gain else y
-        beyond = any((sign * (model[b:e] - extreme)).max() > 0.03 * span for b, e in abrupt)
-        if len(abrupt) >= 2 or (abrupt and beyond):
+        beyond = any((sign * (model[b:e] - extreme)).max() > RECORDING_CHECKS.beyond * span for b, e in abrupt)
+        if len(abrupt) >= RECORDING_CHECKS.runs or (abrupt and beyond):
             side, runs_said = (
                 "largest" if sign > 0 else "smallest",
                 f"{len(abrupt)} run{'s' if len(abrupt) > 1 else ''}",

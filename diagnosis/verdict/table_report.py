@@ -14,7 +14,7 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.frequency_response.table_experiment import BroydenJacobian, TableExperiment, tables
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
-from diagnosis.thresholds import NEXT_EXPERIMENT
+from diagnosis.thresholds import NEXT_EXPERIMENT, WORDING
 from engine.errors import SimulationError
 
 
@@ -30,7 +30,7 @@ def remarks(problem: Problem) -> list[str]:
             f"all rows have one amplitude ({fitted[0].amplitude[0]:g} {fitted[0].unit}): effects that depend on "
             "amplitude are hard to tell apart"
         )
-    if all(len(e.time) < 8 for e in given):
+    if all(len(e.time) < WORDING.few_rows for e in given):
         count = sum(len(e.time) for e in given)
         rows.append(f"{count} rows are few: small gains on held-out rows may be chance")
     return rows
@@ -42,12 +42,12 @@ def absorbed(study: Study) -> list[str]:
     if (
         not tables(refit.fit.problem.experiments)
         or study.chosen.effects
-        or study.nominal[1] < 3 * max(refit.hold_out, 1.0)
+        or study.nominal[1] < WORDING.absorbed * max(refit.hold_out, 1.0)
     ):
         return []
     moved = [(f.name, f.value(x) / f.start - 1) for f, x in zip(refit.fit.problem.free, refit.fit.x, strict=True)]
     moved.sort(key=lambda pair: -abs(pair[1]))
-    shown = ", ".join(f"{name} by {100 * share:+.1f} %" for name, share in moved[:4] if abs(share) > 0.005)
+    shown = ", ".join(f"{name} by {100 * share:+.1f} %" for name, share in moved[:4] if abs(share) > WORDING.moved)
     return [
         f"the parameters took up a mismatch of {study.nominal[1]:.3g} times the floor within their tolerances "
         f"({shown}): "
@@ -55,7 +55,7 @@ def absorbed(study: Study) -> list[str]:
     ]
 
 
-def menu(e: TableExperiment) -> dict[str, tuple[str, Array, Array]]:
+def row_menu(e: TableExperiment) -> dict[str, tuple[str, Array, Array]]:
     """Rows worth measuring: kind -> (what to do, frequencies, amplitudes); as many readings each."""
     top = float(e.amplitude.max())
     order = np.sort(e.frequency)
@@ -93,7 +93,7 @@ class Choice:
     factors: dict[str, float]
 
 
-def choose(models: Sequence[ScoredModel]) -> Choice | None:
+def choose_rows(models: Sequence[ScoredModel]) -> Choice | None:
     """The rows of the menu that separate most rivals from the model that leads, the first.
 
     Returns:
@@ -104,7 +104,7 @@ def choose(models: Sequence[ScoredModel]) -> Choice | None:
         return None
     first = given[0]
     best: tuple[float, Choice] | None = None
-    for kind, (sentence, frequency, amplitude) in menu(first).items():
+    for kind, (sentence, frequency, amplitude) in row_menu(first).items():
         rows = _rows(first, frequency, amplitude)
         predictions: dict[str, Array] = {}
         for model in models:

@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit, with_covariance
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.preference import accounted, explained, missing, noise_floor, reached, rivals
+from diagnosis.search.preference import accounts_for_mismatch, explained, missing, noise_floor, reaches_floor, rivals
 from diagnosis.search.scored_model import ScoredModel, log_evidence
 from diagnosis.search.study import Study
 from diagnosis.thresholds import INTERVALS
@@ -85,11 +85,11 @@ class Diagnosis:
 def place_odds(study: Study) -> dict[str, float]:
     """Odds of each place: the evidence of its best candidate, shared out."""
     best: dict[str, float] = {}
-    noise_floor = study.trials[0] if study.trials else study.refit
+    reference = study.trials[0] if study.trials else study.refit
     for trial in study.trials:
         effect = trial.effects[0]
         if effect.effect != "wrong_parameter":
-            best[effect.place] = max(best.get(effect.place, -math.inf), log_evidence(trial, noise_floor))
+            best[effect.place] = max(best.get(effect.place, -math.inf), log_evidence(trial, reference))
     if not best:
         return {}
     top = max(best.values())
@@ -131,7 +131,11 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     findings = []
     for k, effect in enumerate(chosen.effects):
         against = [t for t in others if effect.key not in {c.key for c in t.effects}]
-        if effect.effect == "unknown" or not accounted(study.recordings, refit, chosen) or _spoilt(study, found):
+        if (
+            effect.effect == "unknown"
+            or not accounts_for_mismatch(study.recordings, refit, chosen)
+            or _spoilt(study, found)
+        ):
             status = "unknown"
         elif against:
             status = "tie"
@@ -146,7 +150,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
 
 def _spoilt(study: Study, found: Sequence[Remark]) -> bool:
     """Whether a recording looks so wrong that no name is to be trusted, and the amended model does not refute that."""
-    refuted = reached(study.refit, study.chosen)
+    refuted = reaches_floor(study.refit, study.chosen)
     return any(r.grave and not (r.refutable and refuted) for r in found)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.time_experiment import over_time
-from diagnosis.search.preference import accounted, beyond
+from diagnosis.search.preference import accounts_for_mismatch, implausible
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
 from diagnosis.thresholds import PREFERENCE, WORDING
@@ -28,7 +28,7 @@ WORDS = {
     "viscous_friction": "viscous friction",
     "quadratic_drag": "quadratic drag",
     "joint_flexibility": "a flexible joint",
-    "one_sided_contact": "a contact that only pushes, without play,",
+    "one_sided_contact": "one-sided contact",
     "hardening_spring": "a hardening spring",
     "extra_mode": "a further bending mode",
     "torque_ripple": "torque ripple",
@@ -76,12 +76,12 @@ def finding_sentence(
         return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
     if status == "unknown" and explained >= PREFERENCE.explains:
         what = f"{what.capitalize()} at {place} would explain {explained:.0%}"
-        if accounted(study.recordings, study.refit, study.chosen):
+        if accounts_for_mismatch(study.recordings, study.refit, study.chosen):
             return f"{what}, but a recording looks wrong: see the warnings."
-        far = beyond(study.refit, study.chosen)
+        far = implausible(study.refit, study.chosen)
         if far:
-            return f"{what}, but only with {', '.join(far)} far from what it can be: something like it is missing."
-        return f"{what}, but leaves more than noise ({after:.3g} times the floor): something like it is missing."
+            return f"{what}, but only with an implausible {', '.join(far)}: a similar effect is missing."
+        return f"{what}, but leaves more than noise ({after:.3g} times the floor): a similar effect is missing."
     if status == "unknown":
         return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."
     return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."
@@ -113,7 +113,7 @@ def traits(trial: ScoredModel) -> tuple[str, str]:
     """When and at which frequency the residual of a model is large, in words."""
     problem = trial.fit.problem
     e = problem.judged[0]
-    return e.large_where(problem.residual(trial.fit.x, e), [v.name for v in problem.model.outputs])
+    return e.where_residual_is_large(problem.residual(trial.fit.x, e), [v.name for v in problem.model.outputs])
 
 
 def warnings_of(study: Study) -> tuple[str, ...]:
@@ -137,9 +137,9 @@ def warnings_of(study: Study) -> tuple[str, ...]:
     if not study.chosen.fit.converged:
         rows.append("the fit of the chosen model did not converge")
     pairs = zip(study.chosen.fit.problem.free, study.chosen.fit.x, strict=True)
-    beyond = [f.name for f, x in pairs if f.prior and abs(x) > 3]
-    if beyond:
-        rows.append(f"fitted more than three tolerances away: {', '.join(beyond)}")
+    far = [f.name for f, x in pairs if f.prior and abs(x) > WORDING.far]
+    if far:
+        rows.append(f"more than {WORDING.far:g} tolerances from the given value: {', '.join(far)}")
     return tuple(rows)
 
 
@@ -151,7 +151,7 @@ def _units(study: Study) -> list[str]:
             if key == "sensor_scale.gain" and value:
                 off = {what: abs(abs(math.log(abs(value))) / math.log(factor) - 1) for what, factor in SCALES.items()}
                 what = min(off, key=lambda k: off[k])
-                if off[what] < 0.02:
+                if off[what] < WORDING.unit:
                     place = next((c.place for c in trial.effects), "")
                     rows.append(f"a scale of {value:.4g} at {place} is near that between {what}: is its unit right?")
     return list(dict.fromkeys(rows))

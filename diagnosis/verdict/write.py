@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.estimation.least_squares import span
+from diagnosis.estimation.least_squares import interval_in_words
 from diagnosis.verdict.experiment_design import Proposal
 from diagnosis.verdict.verdict import Diagnosis
 from engine.errors import FlexarmError
@@ -40,7 +40,7 @@ def amended_text(found: Diagnosis) -> str:
             i = intervals.get(f"{effect.name}.{parameter.name}")
             if i is None:
                 continue
-            evidence.append(f"{parameter.name}: 95 % interval {span(i.numbers())} {i.unit}")
+            evidence.append(f"{parameter.name}: 95 % interval {interval_in_words(i.numbers())} {i.unit}")
         notes[effect.name] = "\n".join(evidence)
     given = {p.name: p for p in study.refit.fit.problem.model.parameters}
     for name, value in values.items():

@@ -102,7 +102,7 @@ def diagnose(
 
 def page(found: Diagnosis) -> str:
     """The verdict in plain sentences."""
-    from diagnosis.estimation.least_squares import span
+    from diagnosis.estimation.least_squares import interval_in_words
     from diagnosis.verdict.verdict import place_odds
     from flexarm.console.text import columns, number, plural
 
@@ -120,7 +120,7 @@ def page(found: Diagnosis) -> str:
                 continue
             factor = f", {row['factor']:.3g} times the given value" if "factor" in row else ""
             unit = "" if row["unit"] in ("*", "1") else f" {row['unit']}"
-            parts.append(f"    {name} = {number(row['value'])}{unit}  (95 %: {span(row, 6)}){factor}")
+            parts.append(f"    {name} = {number(row['value'])}{unit}  (95 %: {interval_in_words(row, 6)}){factor}")
         if finding["when"]:
             parts.append(f"    the mismatch: {finding['when']}; {finding['frequency']}")
     rows = [

@@ -48,11 +48,12 @@ def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
 
 def fit_page(made: Fit, scores: dict[str, float]) -> str:
     """A fit as text: values, intervals, scores and what the data do not settle."""
-    from diagnosis.estimation.least_squares import span
+    from diagnosis.estimation.least_squares import interval_in_words
     from flexarm.console.text import columns, number
 
     rows = [
-        [i.name, number(i.start), number(i.value), span(i.numbers(), 6), i.unit.strip("*")] for i in made.intervals()
+        [i.name, number(i.start), number(i.value), interval_in_words(i.numbers(), 6), i.unit.strip("*")]
+        for i in made.intervals()
     ]
     parts = [columns(["parameter", "given", "fitted", "95 % interval", "unit"], rows)]
     parts += [f"  {name}: mean squared error {value:.4g} times the noise variance" for name, value in scores.items()]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from diagnosis.estimation.least_squares import span
+from diagnosis.estimation.least_squares import interval_in_words
 from engine.files import writing
 from flexarm.plotting.wiring.places import share
 from flexarm.report.series import Chart, as_json, fitting
@@ -71,7 +71,7 @@ def significant(value: float, digits: int = 4) -> str:
 
 def interval(row: Mapping[str, Any]) -> str:
     """An interval in words, as `diagnosis.estimation.least_squares.span` says it."""
-    return _typeset(span(row))
+    return _typeset(interval_in_words(row))
 
 
 def _typeset(text: str) -> str:

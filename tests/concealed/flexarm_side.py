@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.concealed.scenario import text, write
 from benchmarks.concealed.truth import MAXWELL_BAND, Nuisance, fine
-from diagnosis.binding import bind, grid
+from diagnosis.binding import bind, row_interval
 from diagnosis.recordings.mapping import from_scenario
 from diagnosis.recordings.types import Recording
 from engine.simulate import simulate
@@ -118,7 +118,7 @@ def simulated(case: Any, folder: Any, concealed: Any = (), internal_step: Any = 
         recording = from_scenario(scenario, recorded.name)
         assert isinstance(recording, Recording)
         made = bind(scenario, recording)
-        step, every = grid(recording.time, 1e-3)
+        step, every = row_interval(recording.time, 1e-3)
         stop = step * every * (len(recording.time) - 1)
         run = simulate(made.model, stop, step, drive=made.drive, internal_step=internal_step)
         out.append(np.asarray(run.values)[::every] / case.bench.sigma)

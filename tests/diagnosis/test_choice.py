@@ -215,8 +215,8 @@ def test_where_the_fitted_data_are_at_the_floor_nothing_is_unexplained(silent: A
 def test_an_effect_must_take_its_share_of_the_excess(silent: Any, count: int, share: Any) -> None:
     effects = [effect(f"e{k}") for k in range(count)]
     worse = trial(11.0, *effects[1:])
-    assert choice.pays(trial(11 - 10 * (share + 0.02), *effects), worse)
-    assert not choice.pays(trial(11 - 10 * (share - 0.02), *effects), worse)
+    assert choice.worth_adding(trial(11 - 10 * (share + 0.02), *effects), worse)
+    assert not choice.worth_adding(trial(11 - 10 * (share - 0.02), *effects), worse)
 
 
 def test_a_gain_that_comes_from_few_blocks_does_not_pay(silent: Any) -> None:
@@ -227,7 +227,7 @@ def test_a_gain_that_comes_from_few_blocks_does_not_pay(silent: Any) -> None:
     better = trial(6.0, effect("e"), errors=errors)
     assert worse.errors.sum() - errors.sum() == pytest.approx(5.0 * worse.samples)
     assert gain_band(better, worse)[0] <= 0
-    assert not choice.pays(better, worse)
+    assert not choice.worth_adding(better, worse)
 
 
 def test_the_share_explained_is_that_of_the_excess(silent: Any) -> None:
@@ -242,28 +242,28 @@ def test_the_share_explained_is_that_of_the_excess(silent: Any) -> None:
 def test_a_right_law_reaches_the_floor(silent: Any) -> None:
     refit = trial(101.0)
     small = 1 + 0.9 * PREFERENCE.reached
-    assert choice.reached(refit, trial(small, effect("e")))
-    assert choice.reached(refit, trial(1 + 90 * PREFERENCE.left_over, effect("e")))
-    assert not choice.reached(refit, trial(1 + 110 * PREFERENCE.left_over, effect("e")))
+    assert choice.reaches_floor(refit, trial(small, effect("e")))
+    assert choice.reaches_floor(refit, trial(1 + 90 * PREFERENCE.left_over, effect("e")))
+    assert not choice.reaches_floor(refit, trial(1 + 110 * PREFERENCE.left_over, effect("e")))
     # Or the fitted data are there, and no more is left of the others than the parameters may be uncertain by.
     at_floor, less = 1 + 0.5 * PREFERENCE.fitted, trial(11.0)
-    assert choice.reached(less, trial(1 + 9.9 * PREFERENCE.uncertain, effect("e"), fitted=at_floor))
-    assert not choice.reached(less, trial(1 + 10.1 * PREFERENCE.uncertain, effect("e"), fitted=at_floor))
+    assert choice.reaches_floor(less, trial(1 + 9.9 * PREFERENCE.uncertain, effect("e"), fitted=at_floor))
+    assert not choice.reaches_floor(less, trial(1 + 10.1 * PREFERENCE.uncertain, effect("e"), fitted=at_floor))
 
 
 def test_a_law_that_misses_what_it_was_fitted_to_is_not_right(silent: Any) -> None:
     refit = trial(5.0, fitted=46.0)
-    assert choice.reached(refit, trial(1.3, effect("e"), fitted=1.3))
-    assert not choice.reached(refit, trial(1.3, effect("e"), fitted=29.0))
+    assert choice.reaches_floor(refit, trial(1.3, effect("e"), fitted=1.3))
+    assert not choice.reaches_floor(refit, trial(1.3, effect("e"), fitted=29.0))
 
 
 def test_a_share_of_a_huge_mismatch_is_not_little(silent: Any) -> None:
     """Thousands of floors are far from the noise, however small a part they are of what was there before."""
     refit, at_floor = trial(1e6), 1 + 0.5 * PREFERENCE.fitted
-    assert choice.reached(refit, trial(1 + 0.9 * PREFERENCE.left_at_most, effect("e")))
-    assert not choice.reached(refit, trial(1 + 1.1 * PREFERENCE.left_at_most, effect("e")))
-    assert choice.reached(refit, trial(1 + 0.9 * PREFERENCE.uncertain_at_most, effect("e"), fitted=at_floor))
-    assert not choice.reached(refit, trial(1 + 1.1 * PREFERENCE.uncertain_at_most, effect("e"), fitted=at_floor))
+    assert choice.reaches_floor(refit, trial(1 + 0.9 * PREFERENCE.left_at_most, effect("e")))
+    assert not choice.reaches_floor(refit, trial(1 + 1.1 * PREFERENCE.left_at_most, effect("e")))
+    assert choice.reaches_floor(refit, trial(1 + 0.9 * PREFERENCE.uncertain_at_most, effect("e"), fitted=at_floor))
+    assert not choice.reaches_floor(refit, trial(1 + 1.1 * PREFERENCE.uncertain_at_most, effect("e"), fitted=at_floor))
 
 
 def test_a_name_must_reach_the_floor_where_the_noise_was_stated(silent: Any) -> None:
@@ -273,12 +273,12 @@ def test_a_name_must_reach_the_floor_where_the_noise_was_stated(silent: Any) -> 
     refit, halfway = trial(101.0), trial(21.0, effect("e"))
     assert choice.explained(refit, halfway) == pytest.approx(0.8)
     assert PREFERENCE.explains < 0.8
-    assert not choice.accounted([stated], refit, halfway)
-    assert not choice.accounted([stated, unstated], refit, trial(1 + 99 * PREFERENCE.explains, effect("e")))
-    assert choice.accounted([unstated], refit, halfway)
-    assert choice.accounted([stated, unstated], refit, halfway)
-    assert choice.accounted([stated], refit, trial(1.1, effect("e")))
-    assert not choice.accounted([unstated], refit, refit)
+    assert not choice.accounts_for_mismatch([stated], refit, halfway)
+    assert not choice.accounts_for_mismatch([stated, unstated], refit, trial(1 + 99 * PREFERENCE.explains, effect("e")))
+    assert choice.accounts_for_mismatch([unstated], refit, halfway)
+    assert choice.accounts_for_mismatch([stated, unstated], refit, halfway)
+    assert choice.accounts_for_mismatch([stated], refit, trial(1.1, effect("e")))
+    assert not choice.accounts_for_mismatch([unstated], refit, refit)
 
 
 # -- which one
@@ -287,7 +287,7 @@ def test_a_name_must_reach_the_floor_where_the_noise_was_stated(silent: Any) -> 
 def test_the_price_counts_parameters_and_strain() -> None:
     made = trial(1.0, effect("e", parameters=2), effect("wrong_parameter", parameters=0), x=(1.0, -3.0), samples=1000)
     assert made.prior_cost == pytest.approx(10.0)
-    assert choice.price(made) == pytest.approx(10.0 + 3 * math.log(1000))
+    assert choice.complexity_cost(made) == pytest.approx(10.0 + 3 * math.log(1000))
     assert made.merit == pytest.approx(1.0 + 10.0 / 1000)
 
 
@@ -296,9 +296,9 @@ def test_models_that_do_equally_well_are_near(silent: Any) -> None:
     close = trial(1.0 + 0.9 * PREFERENCE.near, effect("close"))
     far = trial(1.0 + 1.1 * PREFERENCE.near, effect("far"))
     noisy = replace(far, errors=far.errors + 3000 * np.where(np.arange(50) % 2, 1.0, -1.0))
-    assert choice.near(best, [best, close, far, noisy], parent) == [best, close, noisy]
+    assert choice.equally_good(best, [best, close, far, noisy], parent) == [best, close, noisy]
     few = [replace(t, samples=40) for t in (best, far)]
-    assert choice.near(few[0], few, parent) == few
+    assert choice.equally_good(few[0], few, parent) == few
 
 
 @pytest.mark.parametrize(("left", "apart"), [(0.03, 0.05), (0.2, 0.2), (3.0, 0.25)])
@@ -307,17 +307,17 @@ def test_what_the_best_leaves_over_may_favour_one_law_or_another(silent: Any, le
     parent, best = trial(500.0), trial(1 + left, effect("best"))
     reach = max(apart, PREFERENCE.near * (1 + left))
     close, far = (trial(1 + left + share * reach, effect("e")) for share in (0.95, 1.05))
-    assert choice.near(best, [best, close, far], parent) == [best, close]
+    assert choice.equally_good(best, [best, close, far], parent) == [best, close]
 
 
 def test_a_model_that_misses_the_fitted_recordings_is_not_near() -> None:
     """Held-out data that hardly show what is missing cannot make up for it."""
     parent, best = trial(1.1, fitted=20.0), trial(1.03, effect("best"), fitted=1.0)
     blind, almost = trial(1.04, effect("blind"), fitted=15.0), trial(1.04, effect("almost"), fitted=1.2)
-    assert choice.near(best, [best, blind, almost], parent) == [best, almost]
+    assert choice.equally_good(best, [best, blind, almost], parent) == [best, almost]
     huge = trial(500.0, fitted=600.0)
     told = trial(1.04, effect("told"), fitted=1.0 + 0.9 * PREFERENCE.left_over * 599)
-    assert choice.near(best, [best, told], huge) == [best, told]
+    assert choice.equally_good(best, [best, told], huge) == [best, told]
 
 
 def test_of_equals_the_one_with_fewest_parameters_is_taken(silent: Any) -> None:
@@ -354,16 +354,16 @@ def test_a_strained_model_is_relieved_by_a_wrong_parameter_beside_it(silent: Any
     law, wrong = effect("law"), effect("wrong_parameter", "a.inertia", 0)
     bent = trial(1.0, law, x=(PREFERENCE.believed + 2.0,), cost=500.0)
     eased = trial(1.05, law, wrong, cost=480.0)
-    assert choice.relieved(bent, [eased]) is eased
-    assert choice.relieved(bent, []) is bent
+    assert choice.with_parameter_freed(bent, [eased]) is eased
+    assert choice.with_parameter_freed(bent, []) is bent
     for other in (
         trial(1.05, law, wrong, cost=500.0 - 0.5 * PREFERENCE.decisive),
         trial(1.2, law, wrong, cost=480.0),
         trial(1.05, effect("other"), wrong, cost=480.0),
     ):
-        assert choice.relieved(bent, [other]) is bent
+        assert choice.with_parameter_freed(bent, [other]) is bent
     straight = trial(1.0, law, x=(PREFERENCE.believed - 0.5,), cost=500.0)
-    assert choice.relieved(straight, [eased]) is straight
+    assert choice.with_parameter_freed(straight, [eased]) is straight
 
 
 # -- what rivals it
@@ -373,7 +373,7 @@ def test_equals_elsewhere_are_rivals_and_others_are_not(silent: Any) -> None:
     refit, chosen = trial(50.0), trial(1.0, effect("chosen"))
     equal, worse = trial(1.01, effect("equal", "b.shaft")), trial(3.0, effect("worse"))
     costly = trial(1.0, effect("costly", parameters=9))
-    assert choice.price(costly) - choice.price(chosen) > 3 * PREFERENCE.decisive
+    assert choice.complexity_cost(costly) - choice.complexity_cost(chosen) > 3 * PREFERENCE.decisive
     assert choice.rivals(chosen, refit, [chosen, equal, worse, costly]) == (equal,)
 
 
@@ -437,9 +437,9 @@ def test_a_size_that_went_as_far_as_it_may_is_another_effect(silent: Any) -> Non
     assert choice.choose(refit, [near, zone]) is near
     worse = trial(9.0, effect("dead_zone", "u -> a"))
     assert choice.choose(refit, [far, worse]) is far
-    assert choice.beyond(refit, far) == ["stray_spring.rest_angle"]
-    assert not choice.accounted([], refit, far)
-    assert choice.accounted([], refit, near)
+    assert choice.implausible(refit, far) == ["stray_spring.rest_angle"]
+    assert not choice.accounts_for_mismatch([], refit, far)
+    assert choice.accounts_for_mismatch([], refit, near)
 
 
 def test_where_little_is_left_over_that_no_effect_accounts_for_nothing_is_missing(
@@ -465,10 +465,10 @@ def test_what_needs_a_parameter_far_from_what_was_given_has_no_name(silent: Any)
     bent, straight = (
         trial(1.0, effect("e"), x=(x, -PREFERENCE.bent - 1)) for x in (PREFERENCE.bent + 1, PREFERENCE.bent - 1)
     )
-    assert choice.beyond(refit, bent) == ["p0"]
-    assert not choice.accounted([], refit, bent)
-    assert choice.beyond(refit, straight) == []
-    assert choice.accounted([], refit, straight)
+    assert choice.implausible(refit, bent) == ["p0"]
+    assert not choice.accounts_for_mismatch([], refit, bent)
+    assert choice.implausible(refit, straight) == []
+    assert choice.accounts_for_mismatch([], refit, straight)
 
 
 def test_what_takes_most_of_the_strain_away_accounts_for_it(silent: Any) -> None:
@@ -476,8 +476,8 @@ def test_what_takes_most_of_the_strain_away_accounts_for_it(silent: Any) -> None
     refit = trial(1.0, x=(9.0,))
     eased = trial(1.0, effect("wrong_parameter", "a.mass"), x=(9.0 * math.sqrt(PREFERENCE.relieves) - 0.1,))
     kept = trial(1.0, effect("wrong_parameter", "a.mass"), x=(9.0 * math.sqrt(PREFERENCE.relieves) + 0.1,))
-    assert choice.accounted([], refit, eased)
-    assert not choice.accounted([], refit, kept)
+    assert choice.accounts_for_mismatch([], refit, eased)
+    assert not choice.accounts_for_mismatch([], refit, kept)
 
 
 def test_where_only_tolerances_are_strained_rivals_cost_as_little(silent: Any) -> None:

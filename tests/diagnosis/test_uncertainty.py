@@ -13,7 +13,7 @@ import pytest
 
 from diagnosis.api import gather
 from diagnosis.estimation.covariance import covariance
-from diagnosis.estimation.least_squares import Fit, Interval, descend, span, with_covariance
+from diagnosis.estimation.least_squares import Fit, Interval, descend, interval_in_words, with_covariance
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.problems import problem, variant
 from diagnosis.thresholds import INTERVALS
@@ -117,10 +117,10 @@ def test_a_limit_that_is_never_reached_is_bounded_on_one_side_alone(tmp_path: Pa
     assert -1.0 < lower.high < -0.95
     assert 0.95 < upper.low < 1.0
     assert lower.numbers()["low"] is None
-    assert span(upper.numbers()) == f"at least {upper.low:.4g}"
+    assert interval_in_words(upper.numbers()) == f"at least {upper.low:.4g}"
 
 
 def test_an_interval_in_words() -> None:
-    assert span(Interval("a", 1.0, 0.5, 2.0, "V", 1.0).numbers()) == "0.5 to 2"
-    assert span(Interval("a", 1.0, -math.inf, 2.0, "V", 1.0).numbers()) == "at most 2"
-    assert span(Interval("a", 1.0, -math.inf, math.inf, "V", 1.0).numbers()) == "without bound"
+    assert interval_in_words(Interval("a", 1.0, 0.5, 2.0, "V", 1.0).numbers()) == "0.5 to 2"
+    assert interval_in_words(Interval("a", 1.0, -math.inf, 2.0, "V", 1.0).numbers()) == "at most 2"
+    assert interval_in_words(Interval("a", 1.0, -math.inf, math.inf, "V", 1.0).numbers()) == "without bound"

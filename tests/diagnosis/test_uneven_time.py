@@ -38,7 +38,7 @@ def instants() -> np.ndarray:
 def test_the_strongest_frequency_is_that_of_the_residual(uneven: bool) -> None:
     time = instants() if uneven else np.arange(0.0, 4.0, 0.01)
     made, r = recorded(time, uneven=uneven)
-    when, frequency = made.large_where(r, ["speed"])
+    when, frequency = made.where_residual_is_large(r, ["speed"])
     assert frequency.startswith("strongest at ")
     assert float(frequency.split()[2]) == pytest.approx(FREQUENCY, rel=0.02)
     assert f"of {4.0:.2g} s" in when

@@ -64,10 +64,12 @@ def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path: Path) -> None:
     }
 
 
-def test_candidates_are_built_without_reading_anything_again(fitter, listed, monkeypatch):
+def test_candidates_are_built_without_reading_anything_again(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Recordings are prepared once a study, and a candidate edits the system in memory."""
 
-    def refuse(*given, **more):
+    def refuse(*given: Any, **more: Any) -> None:
         raise AssertionError("read again")
 
     for name in ("diagnosis.problems.experiment", "diagnosis.problems.bind", "scenarios.load.load"):

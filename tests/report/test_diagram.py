@@ -47,12 +47,12 @@ def _touch(a: Any, b: Any) -> Any:
 
 def _joined(segments: Any) -> bool:
     """Whether the segments hang together."""
-    reached, waiting = segments[:1], segments[1:]
+    reaches_floor, waiting = segments[:1], segments[1:]
     while waiting:
-        more = [s for s in waiting if any(_touch(s, r) for r in reached)]
+        more = [s for s in waiting if any(_touch(s, r) for r in reaches_floor)]
         if not more:
             return False
-        reached, waiting = reached + more, [s for s in waiting if s not in more]
+        reaches_floor, waiting = reaches_floor + more, [s for s in waiting if s not in more]
     return True
 
 

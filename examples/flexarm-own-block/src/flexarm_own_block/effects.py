@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexarm.effects import SHAFT, Candidate, EffectParameter, OperatingScales, Place, at_flange, grid, shares
+from flexarm.effects import SHAFT, Candidate, EffectParameter, OperatingScales, Place, at_flange, combinations, shares
 
 
 def eddy_current_drag(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
@@ -15,7 +15,7 @@ def eddy_current_drag(scales: OperatingScales, place: Place) -> Iterator[Candida
         place,
         "eddy_current_drag",
         "EddyBrake",
-        grid(
+        combinations(
             greatest_torque=shares(place.torque, 0.01, 0.1, 0.5),
             critical_speed=shares(place.speed, 0.1, 0.4, 1.5),
         ),
