@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import flexarm
+from diagnosis.api import DiagnosisKeywords
 from engine.simulate import SimulationKeywords
 from flexarm.api import ExportKeywords
 from flexarm.sweeps.sweep import SweepKeywords
@@ -21,6 +22,7 @@ from flexarm.sweeps.sweep import SweepKeywords
         (flexarm.SimulationOptions, SimulationKeywords),
         (flexarm.SweepOptions, SweepKeywords),
         (flexarm.ExportOptions, ExportKeywords),
+        (flexarm.DiagnosisOptions, DiagnosisKeywords),
     ],
 )
 def test_keywords_are_the_fields(options: type[Any], keywords: type[Any]) -> None:

@@ -80,7 +80,7 @@ def test_uneven_free_decays_are_fitted_with_their_own_starts(swing: Path) -> Non
     )
     assert scores["fitted"] < 1.0
     assert any("uneven" in note for note in find_recording(load(swing), "one").notes)
-    (experiment,) = made.problem.experiments
+    experiment = made.problem.experiments[0]
     assert isinstance(experiment, TimeExperiment)
     assert experiment.uneven
 
@@ -93,7 +93,7 @@ def test_outputs_at_uneven_instants_are_those_of_the_model(swing: Path) -> None:
     )
     residual = made.residual(x, made.experiments[0]) * made.experiments[0].sigma
     # Linear interpolation between rows h apart leaves up to h^2 max|y''| / 8, y'' of about w^2 0.45.
-    (experiment,) = made.experiments
+    experiment = made.experiments[0]
     assert isinstance(experiment, TimeExperiment)
     bound = experiment.step**2 * (K / J) * 0.5 / 8
     assert np.abs(residual).max() < 1.2 * bound
