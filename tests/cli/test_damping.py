@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.diagnosis.decays import LIGHT, MODES, coulomb, two_modes, viscous
+from tests.diagnosis.decay.decays import LIGHT, MODES, coulomb, two_modes, viscous
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

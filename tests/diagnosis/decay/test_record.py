@@ -17,7 +17,7 @@ from diagnosis.decay.record import decay_record, read_decay
 from diagnosis.decay.report import analyse_decay
 from diagnosis.recordings.columns import RecordingError
 from engine.errors import FlexarmError
-from tests.diagnosis.decays import LIGHT, MODES, two_modes, viscous
+from tests.diagnosis.decay.decays import LIGHT, MODES, two_modes, viscous
 
 KINDS = {
     "decay": lambda t, f, g: np.exp(-g * f * t) * np.cos(2 * np.pi * f * t),

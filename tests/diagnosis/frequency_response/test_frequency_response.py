@@ -16,8 +16,8 @@ from diagnosis.frequency_response.table_experiment import TableExperiment
 from diagnosis.problems import problem
 from engine.errors import FlexarmError
 from scenarios.load import load
-from tests.diagnosis.test_orbit import PUSHING, decibels
-from tests.diagnosis.test_sines import MOTOR, STUCK, scenario, sticking_motor
+from tests.diagnosis.frequency_response.test_periodic_solver import PUSHING, decibels
+from tests.diagnosis.frequency_response.test_table_experiment import MOTOR, STUCK, scenario, sticking_motor
 
 SPEED = "motor.shaft.speed"
 

@@ -16,7 +16,7 @@ from engine.errors import FlexarmError
 from scenarios.files import packed
 from scenarios.load import load
 from tests.diagnosis.plants import case
-from tests.diagnosis.test_resume import LEFT_OUT
+from tests.diagnosis.search.test_resume import LEFT_OUT
 
 
 @pytest.fixture(scope="module")

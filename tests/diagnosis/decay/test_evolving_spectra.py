@@ -14,7 +14,7 @@ from diagnosis.decay.record import DampingWarning
 from diagnosis.decay.spectrum import find_lines
 from diagnosis.recordings.columns import RecordingError
 from engine.errors import ParameterError
-from tests.diagnosis.decays import HEAVY, LIGHT, MODES, coulomb, two_modes, viscous
+from tests.diagnosis.decay.decays import HEAVY, LIGHT, MODES, coulomb, two_modes, viscous
 
 
 def estimate(

@@ -15,7 +15,7 @@ from diagnosis.api import diagnose
 from diagnosis.verdict import figures
 from diagnosis.verdict.verdict import place_odds
 from tests.diagnosis.plants import case
-from tests.diagnosis.test_resume import LEFT_OUT
+from tests.diagnosis.search.test_resume import LEFT_OUT
 
 DRAWN = ["held_out", "odds", "before_after", "recovered"]
 

@@ -14,7 +14,7 @@ from diagnosis.decay.log_decrement import decrement_of, logarithmic_decrement, r
 from diagnosis.decay.record import DampingWarning
 from diagnosis.recordings.columns import RecordingError
 from engine.errors import ParameterError
-from tests.diagnosis.decays import coulomb, viscous
+from tests.diagnosis.decay.decays import coulomb, viscous
 
 FREQUENCY = 0.96  # Hz, the pendulum of [Mohan 2010, Table 1]
 
