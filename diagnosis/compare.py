@@ -20,6 +20,7 @@ from diagnosis.recording import Channel, FrequencyTable, Recording, from_scenari
 from diagnosis.starts import starting_values
 from engine.assemble import build
 from engine.errors import FlexarmError, ParameterError, Where, nearest
+from engine.files import is_file
 from engine.quantity import compatible, factor
 from engine.simulate import Drive, simulate
 from engine.system import bypass
@@ -106,10 +107,10 @@ def find_recording(scenario: Scenario, given: str | Path) -> Recording | Frequen
     text, path = str(given), Path(given)
     if text in scenario.recordings:
         return from_scenario(scenario, text)
-    if path.is_file():
+    if is_file(path):
         for name in scenario.recordings:
             declared = location(scenario, name) if at_hand(scenario, name) else Path()
-            if declared.is_file() and declared.samefile(path):
+            if is_file(declared) and declared.samefile(path):
                 return from_scenario(scenario, name)
         signals, inputs = names_of(scenario)
         return from_file(path, inputs, signals)

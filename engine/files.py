@@ -19,10 +19,31 @@ def check_suffix(path: Path, allowed: Sequence[str]) -> None:
     """
     if path.suffix.lower() not in allowed:
         raise FlexarmError(f"'{path}' is of no kind that can be written here", remedy=f"end it in {', '.join(allowed)}")
-    if not path.parent.is_dir():
-        raise FlexarmError(f"there is no folder '{path.parent}'", remedy="make it first, or write somewhere else")
-    if path.is_dir():
-        raise FlexarmError(f"'{path}' is a folder", remedy="give a file name")
+    try:
+        if not path.parent.is_dir():
+            raise FlexarmError(f"there is no folder '{path.parent}'", remedy="make it first, or write somewhere else")
+        if path.is_dir():
+            raise FlexarmError(f"'{path}' is a folder", remedy="give a file name")
+    except OSError as error:
+        raise FlexarmError(f"cannot write '{path}': {error.strerror}", remedy="give another file name") from error
+    if "\0" in str(path):
+        raise FlexarmError(f"cannot write '{path}': a file name holds no NUL", remedy="give another file name")
+
+
+def is_file(path: Path) -> bool:
+    """Whether a regular file stands there; a name that no file system takes names none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def missing(path: Path) -> bool:
+    """Whether nothing stands there; false for a name that no file system takes, which opening it explains."""
+    try:
+        return not path.exists()
+    except OSError:
+        return False
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from engine.errors import FlexarmError, Where
+from engine.readers.regular import FileProblem, content
 
 LARGEST_FILE = 5_000_000
 """Bytes."""
@@ -144,15 +145,9 @@ def read(path: Path, shown: str = "") -> Node:
     """
     shown = shown or str(path)
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise DocumentError(
-                f"the file has {path.stat().st_size / 1e6:.1f} MB; at most {LARGEST_FILE / 1e6:.0f} MB are read",
-                Where(shown),
-                "keep recordings in .csv, .mat or .parquet files and name them here",
-            )
-        data = path.read_bytes()
-    except OSError as error:
-        raise DocumentError(f"cannot read the file: {error.strerror}", Where(shown)) from error
+        data = content(path, LARGEST_FILE, "keep recordings in .csv, .mat or .parquet files and name them here")
+    except FileProblem as error:
+        raise DocumentError(error.message, Where(shown), error.remedy) from error
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
