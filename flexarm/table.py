@@ -14,7 +14,7 @@ import numpy as np
 from engine.errors import FlexarmError, nearest
 from engine.files import missing
 from engine.readers.matlab import read_mat, simplified
-from engine.readers.regular import opened
+from engine.readers.regular import FileProblem, opened
 from engine.readers.text import LARGEST, check_names
 from flexarm.text import columns as in_columns
 from flexarm.text import number, plural
@@ -113,6 +113,10 @@ def read(path: str | Path, columns: list[str] | None = None) -> Table:
         pass  # the readers below take a name, and would wait for a pipe
     try:
         made = reader(file, columns)
+    except FileProblem as error:
+        raise FlexarmError(
+            f"'{file}' is no result file that can be read: {error.message}", remedy=error.remedy
+        ) from error
     except FlexarmError:
         raise
     except Exception as error:

@@ -1,8 +1,8 @@
 """A YAML file as a tree of nodes that know their line.
 
 The events come from ruamel.yaml; the values follow the YAML 1.2 core schema, so ``on`` and ``no`` stay texts and
-``0777`` is a decimal number. Tags, duplicate keys, several documents and hostile input (aliases that multiply, deep
-nesting) are refused, each with its line.
+``0777`` is a decimal number. Merge keys (``<<: *name``) are read, as in YAML 1.1. Tags, duplicate keys, several
+documents and hostile input (aliases that multiply, deep nesting, control characters) are refused, each with its line.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ DEEPEST = 40
 
 MOST_NODES = 200_000
 """Values in a file, after every alias is written out."""
+
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ufffe\uffff]")
+"""Characters that no text of a scenario holds: controls, and those that turn or end lines, but for tab and newline."""
 
 Key = str | int
 
@@ -256,25 +259,49 @@ class _Builder:
     def mapping(self, line: int) -> Node:
         items: dict[str, Node] = {}
         lines: dict[str, int] = {}
+        merged: list[Node] | None = None
         while type(event := next(self.events)).__name__ != "MappingEndEvent":
             if type(event).__name__ != "ScalarEvent":
                 raise self.problem(event, "a key must be a name")
             self.node(event)
             key = self.text(event)
+            if key == "<<" and event.implicit[0]:
+                if merged is not None:
+                    raise self.problem(event, "the key '<<' was given before", "write '<<: [*one, *two]'")
+                merged = self.merged(event)
+                continue
             if key in items:
                 raise self.problem(event, f"the key '{key}' was given before, in line {lines[key]}", "keep one of them")
             lines[key] = event.start_mark.line + 1
             items[key] = self.node(next(self.events))
+        # What the mapping says itself comes first, then the merged mappings in their order.
+        for source in merged or ():
+            for key, item in source.items():
+                if key not in items:
+                    items[key], lines[key] = item, source.key_lines.get(key, item.line)
         size = 1 + sum(1 + item.size for item in items.values())
         return Node(items, self.shown, line, lines, size)
+
+    def merged(self, event: Any) -> list[Node]:
+        """The mappings that a merge key takes in (YAML 1.1, https://yaml.org/type/merge.html)."""
+        given = self.node(next(self.events))
+        sources = given.value if isinstance(given.value, list) else [given]
+        if not all(isinstance(source.value, dict) for source in sources):
+            raise self.problem(event, "'<<' takes in mappings alone", "write '<<: *name', or '<<: [*one, *two]'")
+        return list(sources)
 
     def text(self, event: Any) -> str:
         """The text of a scalar, characters that were escaped as two halves joined."""
         text = str(event.value)
         try:
-            return text if text.isascii() else text.encode("utf-16", "surrogatepass").decode("utf-16")
+            text = text if text.isascii() else text.encode("utf-16", "surrogatepass").decode("utf-16")
         except UnicodeDecodeError:
             raise self.problem(event, "the text holds half of a character (a lone surrogate)") from None
+        found = CONTROL.search(text)
+        if found:
+            # XML, the terminal and MATLAB cannot hold them, and texts of a scenario go there.
+            raise self.problem(event, f"the text holds the control character U+{ord(found[0]):04X}", "leave it out")
+        return text
 
     def count(self, event: Any, size: int) -> None:
         self.nodes += size

@@ -58,7 +58,7 @@ def opened(path: Path, largest: float, remedy: str = "save a part of it") -> Bin
     if found.st_size > largest:
         file.close()
         raise problem(
-            path, f"the file holds {found.st_size / 1e6:.3g} MB; at most {largest / 1e6:g} MB are read", remedy
+            path, f"the file holds {found.st_size / 1e6:.1f} MB; at most {largest / 1e6:g} MB are read", remedy
         )
     return file
 
