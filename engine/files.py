@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from engine.errors import FlexarmError
 
@@ -44,6 +47,21 @@ def missing(path: Path) -> bool:
         return not path.exists()
     except OSError:
         return False
+
+
+def json_text(value: Any, indent: int | None = None) -> str:
+    """JSON that every reader takes: numbers that it cannot hold (NaN, infinity) as null."""
+    return json.dumps(_held(value), indent=indent, allow_nan=False)
+
+
+def _held(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _held(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_held(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 @contextmanager

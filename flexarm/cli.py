@@ -221,6 +221,7 @@ def compare(
 ) -> None:
     """Simulate with a recording's own input and print the error of every signal."""
     from diagnosis.compare import find_recording
+    from engine.files import json_text
     from flexarm.api import compare as compare_one
     from flexarm.progress import Progress
     from flexarm.text import comparison_page
@@ -240,7 +241,7 @@ def compare(
             typer.echo(comparison_page(comparison, rows))
     if as_json:
         typer.echo(
-            json.dumps({"scenario": loaded.name, "overrides": list(loaded.overrides), "recordings": done}, indent=2)
+            json_text({"scenario": loaded.name, "overrides": list(loaded.overrides), "recordings": done}, indent=2)
         )
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from engine.files import json_text
 from flexarm.options import ScenarioArgument, SetOption
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def fit(
         scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
     )
     if as_json:
-        typer.echo(json.dumps(_fit_numbers(made, scores), indent=2))
+        typer.echo(json_text(_fit_numbers(made, scores), indent=2))
         return
     typer.echo(fit_page(made, scores))
 
@@ -149,7 +149,7 @@ def diagnose(
         typer.echo(f"interrupted; {hint}", err=True)
         raise typer.Exit(INTERRUPTED) from None
     if as_json:
-        typer.echo(json.dumps(found.numbers(), indent=2))
+        typer.echo(json_text(found.numbers(), indent=2))
         return
     typer.echo(page(found))
     if output is not None:
