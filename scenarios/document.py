@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from engine.errors import FlexarmError, Where
+from engine.names import CONTROL
 from engine.readers.regular import FileProblem, content
 
 LARGEST_FILE = 5_000_000
@@ -24,9 +25,6 @@ DEEPEST = 40
 
 MOST_NODES = 200_000
 """Values in a file, after every alias is written out."""
-
-CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ufffe\uffff]")
-"""Characters that no text of a scenario holds: controls, and those that turn or end lines, but for tab and newline."""
 
 Key = str | int
 
