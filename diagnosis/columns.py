@@ -22,8 +22,8 @@ from engine.readers.text import LARGEST, Oddity, as_numbers, check_names, read_p
 Vector = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".mat", ".parquet", ".json", ".dat")
-MOST_CELLS = 200_000_000
-"""Rows times columns of a Parquet file beyond which it is refused; its header alone may say any number."""
+FREE_CELLS, CELLS_A_BYTE = 10_000_000, 10
+"""Rows times columns that a Parquet file may unpack to in any case, and for each of its bytes."""
 DEEPEST = 40
 """Levels of structures in a MATLAB or JSON file that are searched for columns."""
 
@@ -196,7 +196,8 @@ def _parquet(path: Path) -> Columns:
         try:
             described = parquet.ParquetFile(file)
             names, rows = list(described.schema_arrow.names), described.metadata.num_rows
-            if rows * len(names) <= MOST_CELLS:
+            most = FREE_CELLS + CELLS_A_BYTE * path.stat().st_size
+            if rows * len(names) <= most:
                 table = described.read()
         except Exception as error:
             # What the library says may repeat the file, so that its kind alone is told.
@@ -204,8 +205,9 @@ def _parquet(path: Path) -> Columns:
                 path, f"the Parquet file cannot be read ({type(error).__name__})", "save it anew, or as .csv"
             ) from error
     check_names(path, names)
-    if rows * len(names) > MOST_CELLS:
-        raise problem(path, f"the file says that it holds {rows} rows of {len(names)} columns", "save a part of it")
+    if rows * len(names) > most:
+        said = f"it says that it holds {rows} rows of {len(names)} columns, out of all proportion to its size"
+        raise problem(path, f"the Parquet file is refused: {said}", "save it without so much compression, or as .csv")
     columns: dict[str, Vector] = {}
     odd: dict[str, Oddity] = {}
     for name in names:

@@ -64,7 +64,7 @@ def collect(given: Mapping[str, Rows], file: str, wanted: Iterable[str]) -> dict
         if here or there:
             made[name] = np.array(given[name], dtype=float, ndmin=2) if here else read_in[name]
             if not np.isfinite(made[name]).all():
-                raise ParameterError(f"'{name}' holds a number that is not finite")
+                raise ParameterError(f"'{name}' holds a number that is not finite", remedy="give finite numbers alone")
     if file and not made:
         found = nearest("", map(shown, read_in)) if read_in else "it holds no matrices"
         raise ParameterError(f"'{file}' holds none of {', '.join(wanted)}", remedy=found)

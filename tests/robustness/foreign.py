@@ -185,7 +185,7 @@ def check_foreign_file(given: tuple[str, bytes]) -> str:
 
     kind, content = given
     outcomes = []
-    with tempfile.TemporaryDirectory() as folder, bounded(10):
+    with tempfile.TemporaryDirectory() as folder, bounded():
         path = Path(folder) / f"odd{kind}"
         path.write_bytes(content)
 
@@ -220,7 +220,8 @@ def check_foreign_file(given: tuple[str, bytes]) -> str:
 
 def _silent(error: FlexarmError) -> None:
     """A message that says nothing of the file's content; a header's name may be repeated, cut."""
-    explained(error)
+    assert error.message.strip()
+    assert len(str(error)) < 2000
     assert SECRET not in str(error) or "called" in error.message or "column" in error.message, str(error)
     assert error.remedy, str(error)
 
