@@ -84,8 +84,8 @@ ten for each byte. One CSV reader takes every size: rows of another length than 
 and unfinished quotes are refused with their line. Every size in a MATLAB file is compared with the bytes that are
 left before anything is made of it. Messages repeat nothing of such a file but names of columns, each cut at 60
 characters: `SECRET` stands in the files of the property `foreign`, and no message may hold it.
-`tests/engine/test_readers.py` compares the MATLAB reader with SciPy on 110 files of eight versions of MATLAB, and
-lets it read 1200 damaged ones and 24 made by hand.
+`tests/engine/test_readers.py` compares the MATLAB reader with SciPy on the 85 sound files of SciPy's own
+collection, and lets it read its 7 damaged ones, 1200 damaged at random and 24 made by hand.
 
 ## Texts and names
 

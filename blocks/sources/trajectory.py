@@ -60,7 +60,8 @@ class Trajectory(Block):
         ends = [State(*(self.values[f"{end}_{order}"] for order in _ORDERS[:4])) for end in ("start", "end")]
         limits = Limits(*(self.values[f"{order}_limit"] for order in _ORDERS[1:]))
         try:
-            self.motion = plan(ends[0], ends[1], limits, triangular=self.values["profile"] == "triangular")
+            with np.errstate(all="ignore"):
+                self.motion = plan(ends[0], ends[1], limits, triangular=self.values["profile"] == "triangular")
             computed = bool(np.isfinite(self.motion.instants).all() and np.isfinite(self.motion.states).all())
         except (ArithmeticError, RuntimeError):  # beyond the range of numbers, or a root not found within it
             computed = False
