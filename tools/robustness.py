@@ -27,6 +27,7 @@ SHARES = {
     "recordings": 1.5,
     "runs": 2.0,
     "quantities": 3.0,
+    "blocks": 5.0,
     "points": 1.0,
     "foreign": 10.0,
     "anchors": 1.0,
@@ -39,7 +40,7 @@ HEAD = """\
 # Robustness
 
 This page is written by `python -m tools.robustness`; the properties are in `tests/robustness/properties.py` and
-`tests/robustness/foreign.py`.
+the modules beside it.
 
 Each example is odd input: a shipped scenario, a recording, a set of parameter values or the arguments of a run,
 changed at random (keys deleted, doubled or renamed; values of other kinds, huge, not finite, with other units; bytes

@@ -243,7 +243,6 @@ def shared_documents(draw: st.DrawFn) -> tuple[str, str, int]:
         gain = str(draw(st.integers(1, 9)))
         if draw(st.integers(0, 3)) == 0:
             gain = f"&s{name} {gain}"
-            scalars.append(f"s{name}")
         elif scalars and draw(st.booleans()):
             gain = f"*{draw(st.sampled_from(scalars))}"
         inner = f"type: Gain, gain: {gain}"
@@ -252,6 +251,8 @@ def shared_documents(draw: st.DrawFn) -> tuple[str, str, int]:
         elif way == "list" and len(mappings) > 1:
             inner = f"<<: [{', '.join('*' + m for m in draw(st.permutations(mappings)))}]"
         lines.append(f"  {name}: {anchor}{{{inner}}}")
+        if f"&s{name} " in inner:
+            scalars.append(f"s{name}")
         if anchor:
             mappings.append(name)
     lines += ["recordings:", "  one: &one {file: a.csv, time: {interval: 1 ms}, measurements: {b0.out: {column: u}}}"]

@@ -20,6 +20,7 @@ from engine.quantity import coherent, convert
 from engine.simulate import Drive, simulate
 from scenarios.load import SHIPPED, Scenario, load, shipped_names
 from tests.robustness.archives import archives, check_archive
+from tests.robustness.every_block import check_block, odd_blocks
 from tests.robustness.foreign import (
     check_foreign_file,
     check_page,
@@ -411,6 +412,7 @@ PROPERTIES = {
     "overrides": Property("`--set` texts", overrides, check_override),
     "parameters": Property("Parameter values of shipped models", parameter_sets, check_parameters),
     "recordings": Property("Recordings with cells, rows, columns and bytes changed", recordings, check_recording),
+    "blocks": Property("Every block with odd parameters and options", odd_blocks, check_block),
     "runs": Property("Times, starting values and drives of a run", arguments, check_run),
     "quantities": Property("Numbers with units", quantities, check_quantity),
     "points": Property("Operating points of `linearise`, written as JSON", points, check_point),
