@@ -21,6 +21,7 @@ from diagnosis.recordings.paths import is_available, recording_path
 from diagnosis.recordings.types import Channel, FrequencyTable, Recorded, Recording
 from engine.assemble import build
 from engine.errors import FlexarmError, ParameterError, Where, nearest
+from engine.files import is_file
 from engine.quantity import compatible, factor
 from engine.simulate import Drive
 from engine.system import bypass
@@ -58,7 +59,7 @@ def find_recording(scenario: Scenario, given: str | Path) -> Recorded:
     text, path = str(given), Path(given)
     if text in scenario.recordings:
         return from_scenario(scenario, text)
-    if not path.is_file():
+    if not is_file(path):
         raise RecordingError(
             f"'{text}' is neither a recording of the scenario nor a file",
             Where(scenario.document.file),
@@ -66,7 +67,7 @@ def find_recording(scenario: Scenario, given: str | Path) -> Recorded:
         )
     for name in scenario.recordings:
         described = recording_path(scenario, name) if is_available(scenario, name) else Path()
-        if described.is_file() and described.samefile(path):
+        if is_file(described) and described.samefile(path):
             return from_scenario(scenario, name)
     signals, inputs = names_of(scenario)
     return from_file(path, inputs, signals)

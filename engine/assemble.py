@@ -24,6 +24,7 @@ from engine.model import (
     TableData,
     Variable,
 )
+from engine.names import check_text
 from engine.net import Net
 from engine.ports import MOTION, Expression
 from engine.stamps import Input, ModelParameter, Motion
@@ -46,6 +47,12 @@ def build(
     Raises:
         FlexarmError: a wrong connection, an algebraic loop, a massless motion, a closed loop of ties or frictions.
     """
+    for what, text in (
+        ("name", system.name),
+        ("description", system.description),
+        *(("block", b) for b in system.blocks),
+    ):
+        check_text(f"the system's {what}" if what != "block" else f"the block name {text!r}", text)
     return _Assembly(system, list(inputs or []), outputs, energy).model()
 
 

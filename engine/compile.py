@@ -49,8 +49,14 @@ def compiler() -> tuple[str, ...]:
         CompilerUnavailable: neither can be found.
     """
     chosen = os.environ.get("FLEXARM_CC")
-    if chosen:
-        return tuple(shlex.split(chosen))
+    if chosen and chosen.strip():
+        try:
+            return tuple(shlex.split(chosen))
+        except ValueError as error:
+            raise CompilerUnavailable(
+                f"FLEXARM_CC is not a command: {str(error).lower()} in {chosen!r}",
+                remedy="quote it as for a shell, or unset it to use zig",
+            ) from None
     try:
         import ziglang
     except ImportError as error:
@@ -98,7 +104,7 @@ def _cpu() -> str:
 def cache_folder() -> Path:
     """Where compiled models are kept: ``$FLEXARM_CACHE``, else the user's cache folder."""
     chosen = os.environ.get("FLEXARM_CACHE")
-    if chosen:
+    if chosen and chosen.strip():
         return Path(chosen)
     return _user_cache() / "flexarm"
 

@@ -59,8 +59,8 @@ def _short(text: str) -> str:
 
 
 def _printable(text: str) -> str:
-    """Half characters (surrogates), which no stream can write, as escapes."""
-    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+    """Characters as escapes that no stream can write, or that a terminal would obey: halves, controls, turns."""
+    return "".join(c if c == "\n" or c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 class ParameterError(FlexarmError):

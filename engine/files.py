@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from engine.errors import FlexarmError
 
@@ -19,10 +22,46 @@ def check_suffix(path: Path, allowed: Sequence[str]) -> None:
     """
     if path.suffix.lower() not in allowed:
         raise FlexarmError(f"'{path}' is of no kind that can be written here", remedy=f"end it in {', '.join(allowed)}")
-    if not path.parent.is_dir():
-        raise FlexarmError(f"there is no folder '{path.parent}'", remedy="make it first, or write somewhere else")
-    if path.is_dir():
-        raise FlexarmError(f"'{path}' is a folder", remedy="give a file name")
+    try:
+        if not path.parent.is_dir():
+            raise FlexarmError(f"there is no folder '{path.parent}'", remedy="make it first, or write somewhere else")
+        if path.is_dir():
+            raise FlexarmError(f"'{path}' is a folder", remedy="give a file name")
+    except OSError as error:
+        raise FlexarmError(f"cannot write '{path}': {error.strerror}", remedy="give another file name") from error
+    if "\0" in str(path):
+        raise FlexarmError(f"cannot write '{path}': a file name holds no NUL", remedy="give another file name")
+
+
+def is_file(path: Path) -> bool:
+    """Whether a regular file stands there; a name that no file system takes names none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def missing(path: Path) -> bool:
+    """Whether nothing stands there; false for a name that no file system takes, which opening it explains."""
+    try:
+        return not path.exists()
+    except OSError:
+        return False
+
+
+def json_text(value: Any, indent: int | None = None) -> str:
+    """JSON that every reader takes: numbers that it cannot hold (NaN, infinity) as null."""
+    return json.dumps(_held(value), indent=indent, allow_nan=False)
+
+
+def _held(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _held(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_held(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 @contextmanager

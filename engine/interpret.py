@@ -142,7 +142,7 @@ class Simulation:
         return h, end, self.call("derivative", t + h, end), self.call("guards", t + h, end)
 
     def locate(self, whole: float, b: tuple[float, Vector, Vector, Vector]) -> tuple[float, Vector, Vector, Vector]:
-        """Shorten a trial that violates a guard to the instant of the first violation."""
+        """Shorten a trial that violates a guard to the instant of the first violation; see ``fa_locate``."""
         a, tolerance = 0.0, 1e-13 * whole
         which = int(np.argmax(b[3]))
         fa, fb, wa, wb, side = self.g[which], b[3][which], 1.0, 1.0, 0
@@ -167,6 +167,8 @@ class Simulation:
                 a, fa, wa = h, c[3][which], 1.0
                 wb = wb / 2 if side < 0 else 1.0
                 side = -1
+        if a == 0 and which < 2 * len(self.frictions) and fa < 0 and b[0] <= tolerance:
+            return b[0], self.x + (b[1] - self.x) * (fa / (fa - fb)), b[2], b[3]
         return b
 
     def check(self) -> None:

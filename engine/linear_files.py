@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import re
 import zipfile
 from collections.abc import Iterable, Sequence
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from engine.discretise import DiscreteModel
+from engine.files import json_text
 from engine.linearise import LinearModel, Matrix
 
 _MAT_TEXT = b"MATLAB 5.0 MAT-file, written by flexarm"
@@ -39,7 +39,7 @@ def as_json(linear: LinearModel, name: str = "", discrete: DiscreteModel | None 
     made = ({"name": name} if name else {}) | content(linear)
     if discrete is not None:
         made["discrete"] = content(discrete)
-    return (json.dumps(made, indent=1) + "\n").encode()
+    return (json_text(made, indent=1) + "\n").encode()
 
 
 def as_npz(linear: LinearModel, discrete: DiscreteModel | None = None) -> bytes:

@@ -169,6 +169,11 @@ def linearise(
         )
     rates = np.array(model.functions["derivative"](*point.arguments).full()).ravel()[keep]
     names = tuple(model.states[i].name for i in keep)
+    if not np.isfinite(rates).all():
+        raise ParameterError(
+            f"the rate of state '{names[int(np.argmin(np.isfinite(rates)))]}' is not finite at this point",
+            remedy="a value of the point may be out of all proportion; linearise at another",
+        )
     variables = (*model.states, *model.inputs, *model.outputs)
     kept = A[np.ix_(keep, keep)]
     return LinearModel(

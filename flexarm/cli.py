@@ -5,9 +5,12 @@ Exit code 0: done. 1: a problem with what the user gave, explained on stderr. 2:
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 import sys
 import warnings
-from typing import Annotated, TextIO
+from typing import Annotated, NoReturn, TextIO
 
 import typer
 
@@ -85,12 +88,33 @@ def _show_warning(
     sys.stderr.write(f"warning: {message}\n")
 
 
+def _give_up(error: OSError) -> NoReturn:
+    """Say what the system refuses: a full disk, a name that is too long, an output that nobody reads."""
+    place = f" '{error.filename}'" if error.filename else ""
+    problem = FlexarmError(
+        f"cannot read or write{place}: {error.strerror or error}", remedy="is there space and access?"
+    )
+    sys.stderr.write(f"error: {problem}\n")
+    # What is left in the buffer would be tried again when the interpreter ends, with a message of its own.
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(1)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """The command line; ends the process with 0, 1 or 2."""
     warnings.showwarning = _show_warning
     given = list(sys.argv[1:] if arguments is None else arguments)
+    os.environ["MPLBACKEND"] = "agg"  # figures become files; a backend that does not exist would end the import
+    if isinstance(sys.stdout, io.TextIOWrapper):  # what the terminal's encoding does not have is written as an escape
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        app(args=_with_default_plot(given), prog_name="flexarm")
+        try:
+            app(args=_with_default_plot(given), prog_name="flexarm")
+        finally:
+            sys.stdout.flush()
+    except OSError as error:
+        _give_up(error)
     except FlexarmError as error:
         sys.stderr.write(f"error: {error}\n")
         sys.exit(1)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from engine.files import writing
+from engine.files import json_text, writing
 from flexarm._version import version
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ def _parquet(path: Path, result: Result, scenario: Scenario) -> None:
     units = {"time": "s", **result.units}
     described = {"units": units, **provenance(scenario)}
     table = pyarrow.table(columns)
-    metadata = {**(table.schema.metadata or {}), b"flexarm": json.dumps(described).encode()}
+    metadata = {**(table.schema.metadata or {}), b"flexarm": json_text(described).encode()}
     pyarrow.parquet.write_table(table.replace_schema_metadata(metadata), path)
 
 

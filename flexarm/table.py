@@ -12,6 +12,10 @@ from typing import Any
 import numpy as np
 
 from engine.errors import FlexarmError, nearest
+from engine.files import missing
+from engine.readers.matlab import read_mat, simplified
+from engine.readers.regular import FileProblem, opened
+from engine.readers.text import LARGEST, check_names
 from flexarm.console.text import columns as in_columns
 from flexarm.console.text import number, plural
 
@@ -98,19 +102,28 @@ def read(path: str | Path, columns: list[str] | None = None) -> Table:
         FlexarmError: no such file or column, or it cannot be read.
     """
     file = Path(path)
-    if not file.is_file():
+    if missing(file):
         beside = [p.name for p in sorted(file.parent.glob("*")) if p.suffix in KINDS] if file.parent.is_dir() else []
         raise FlexarmError(f"there is no file '{file}'", remedy=nearest(file.name, beside) if beside else "")
     readers = {".parquet": _parquet, ".csv": _csv, ".mat": _mat}
     reader = readers.get(file.suffix.lower())
     if reader is None:
         raise FlexarmError(f"'{file}' is of no kind that can be read", remedy=f"its name ends in {', '.join(KINDS)}")
+    with opened(file, LARGEST):
+        pass  # the readers below take a name, and would wait for a pipe
     try:
         made = reader(file, columns)
+    except FileProblem as error:
+        raise FlexarmError(
+            f"'{file}' is no result file that can be read: {error.message}", remedy=error.remedy
+        ) from error
     except FlexarmError:
         raise
     except Exception as error:
-        raise FlexarmError(f"'{file}' is no result file that can be read: {str(error)[:300]}") from error
+        # What a library says may repeat the file, so that its kind alone is told.
+        raise FlexarmError(
+            f"'{file}' is no result file that can be read ({type(error).__name__})", remedy="is it the right file?"
+        ) from error
     for name in columns or ():
         made[name]
     return made if columns is None else Table(file, {n: made[n] for n in columns}, made.units, made.metadata)
@@ -120,6 +133,7 @@ def _parquet(path: Path, columns: list[str] | None) -> Table:
     import pyarrow.parquet
 
     schema = pyarrow.parquet.read_schema(path)
+    check_names(path, schema.names)
     metadata = json.loads((schema.metadata or {}).get(b"flexarm", b"{}"))
     units = metadata.pop("units", {})
     wanted = schema.names if columns is None else [name for name in columns if name in schema.names]
@@ -140,6 +154,7 @@ def _csv(path: Path, columns: list[str] | None) -> Table:
     import pyarrow.csv
 
     table = pyarrow.csv.read_csv(path)
+    check_names(path, table.column_names)
     made: dict[str, Any] = {}
     units: dict[str, str] = {}
     for head in table.column_names:
@@ -152,9 +167,7 @@ def _csv(path: Path, columns: list[str] | None) -> Table:
 
 
 def _mat(path: Path, columns: list[str] | None) -> Table:
-    from scipy.io import loadmat
-
-    content = loadmat(path, simplify_cells=True)
+    content = simplified(read_mat(path))
     if "flexarm_names" not in content:
         raise FlexarmError(f"'{path}' was not written by flexarm run", remedy="read it as a recording")
     names = [str(name) for name in np.atleast_1d(content["flexarm_names"])]

@@ -108,6 +108,6 @@ def plan(model: Model, step: float = 1e-3, stop: float = 10.0) -> Plan:
 
 
 def identifier(name: str) -> str:
-    """A C identifier made of a model's name."""
-    plain = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") or "model"
+    """A C identifier made of a model's name, short enough for the name of a file."""
+    plain = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")[:100] or "model"
     return plain if plain[0].isalpha() else f"m_{plain}"

@@ -5,14 +5,17 @@ ruamel's round trip edits the text, so the rest of the user's file stays as it i
 
 from __future__ import annotations
 
+import copy
 import io
 import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from engine.errors import FlexarmError
+from scenarios.document import parse
 
 
 @dataclass(frozen=True)
@@ -120,45 +123,115 @@ def amended(
     Raises:
         FlexarmError: an edit names a place the scenario does not have.
     """
-    yaml = _yaml()
-    document = yaml.load(text)
-    for edit in edits:
-        _apply(document, edit, resolve)
-        name = edit.name
-        note = (notes or {}).get(name)
-        if note and name in document["blocks"]:
-            document["blocks"].yaml_set_comment_before_after_key(name, before=note, indent=2)
-    out = io.StringIO()
-    yaml.dump(document, out)
-    return out.getvalue()
+
+    def change(document: Any) -> None:
+        for edit in edits:
+            _apply(document, edit, resolve)
+            name = edit.name
+            note = (notes or {}).get(name)
+            if note and name in document["blocks"]:
+                document["blocks"].yaml_set_comment_before_after_key(name, before=note, indent=2)
+
+    return _changed(text, change)
 
 
 def without(text: str, *sections: str) -> str:
     """The scenario's text without some of its top-level sections, such as ``recordings``."""
-    yaml = _yaml()
-    document = yaml.load(text)
-    for section in sections:
-        document.pop(section, None)
-    out = io.StringIO()
-    yaml.dump(document, out)
-    return out.getvalue()
+
+    def change(document: Any) -> None:
+        for section in sections:
+            document.pop(section, None)
+
+    return _changed(text, change)
 
 
 def relocated(text: str, old: Path, new: Path) -> str:
     """The text with the files it names relative to ``old`` named relative to ``new``."""
+
+    def change(document: Any) -> None:
+        entries = [*(document.get("recordings") or {}).values(), *(document.get("blocks") or {}).values()]
+        for entry in entries:
+            for key in ("file", "type"):
+                value = entry.get(key) if isinstance(entry, dict) else None
+                if not isinstance(value, str) or value.startswith("$") or Path(value).is_absolute():
+                    continue
+                if key == "file" or value.endswith((".yaml", ".yml")):
+                    entry[key] = os.path.relpath((old / value).resolve(), new.resolve())
+
+    return _changed(text, change)
+
+
+def _changed(text: str, change: Callable[[Any], None]) -> str:
+    """The text after a change that sees no anchors: every place holds a value of its own.
+
+    Sections that the change leaves as they were keep their anchors, aliases and merge keys; the others are written out.
+    """
     yaml = _yaml()
-    document = yaml.load(text)
-    entries = [*(document.get("recordings") or {}).values(), *(document.get("blocks") or {}).values()]
-    for entry in entries:
-        for key in ("file", "type"):
-            value = entry.get(key) if isinstance(entry, dict) else None
-            if not isinstance(value, str) or value.startswith("$") or Path(value).is_absolute():
-                continue
-            if key == "file" or value.endswith((".yaml", ".yml")):
-                entry[key] = os.path.relpath((old / value).resolve(), new.resolve())
+
+    def changed() -> Any:
+        document = yaml.load(text)
+        document = _unshared(document, set()) if _SHARED.search(text) else document
+        change(document)
+        return document
+
+    written = _dumped(yaml, changed())
+    if not _SHARED.search(text):
+        return written
+    # Anew, because ruamel moves comments while it writes.
+    meant, original, mixed = parse(written).plain(), parse(text).plain(), changed()
+    for key, value in yaml.load(text).items():
+        if key in mixed and meant[key] == original[key]:
+            mixed[key] = value
+    kept = _dumped(yaml, mixed)
+    try:  # a section that was not changed may share with one that was; if that went wrong, all is written out
+        return kept if parse(kept).plain() == meant else written
+    except FlexarmError:
+        return written
+
+
+_SHARED = re.compile(r"&\S.*(\*\S|<<)", re.DOTALL)
+"""A text that may hold an anchor and a use of it."""
+
+
+def _dumped(yaml: Any, document: Any) -> str:
     out = io.StringIO()
     yaml.dump(document, out)
     return out.getvalue()
+
+
+def _unshared(node: Any, seen: set[int]) -> Any:
+    """The tree with a copy in place of every alias, merge keys written out, and no anchors."""
+    from ruamel.yaml.anchor import Anchor
+    from ruamel.yaml.comments import CommentedMap, CommentedSeq, merge_attrib
+
+    if isinstance(node, CommentedMap | CommentedSeq):
+        if id(node) in seen:
+            node = copy.deepcopy(node)
+            _uncommented(node)
+        seen.add(id(node))
+        if isinstance(node, CommentedMap):
+            entries = [(key, node[key]) for key in node]
+            if hasattr(node, merge_attrib):
+                delattr(node, merge_attrib)
+        else:
+            entries = list(enumerate(node))
+        for key, value in entries:
+            node[key] = _unshared(value, seen)
+    elif hasattr(node, Anchor.attrib):
+        node = copy.copy(node)
+    if hasattr(node, Anchor.attrib):
+        delattr(node, Anchor.attrib)
+    return node
+
+
+def _uncommented(node: Any) -> None:
+    """Take the comments off a tree; they stay where they were written first."""
+    from ruamel.yaml.comments import Comment
+
+    if hasattr(node, Comment.attrib):
+        delattr(node, Comment.attrib)
+    for inner in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+        _uncommented(inner)
 
 
 def _yaml() -> Any:

@@ -1,8 +1,8 @@
 """A YAML file as a tree of nodes that know their line.
 
 The events come from ruamel.yaml; the values follow the YAML 1.2 core schema, so ``on`` and ``no`` stay texts and
-``0777`` is a decimal number. Tags, duplicate keys, several documents and hostile input (aliases that multiply, deep
-nesting) are refused, each with its line.
+``0777`` is a decimal number. Merge keys (``<<: *name``) are read, as in YAML 1.1. Tags, duplicate keys, several
+documents and hostile input (aliases that multiply, deep nesting, control characters) are refused, each with its line.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from engine.errors import FlexarmError, Where
+from engine.names import CONTROL
+from engine.readers.regular import FileProblem, content
 
 LARGEST_FILE = 5_000_000
 """Bytes."""
@@ -144,15 +146,9 @@ def read(path: Path, shown: str = "") -> Node:
     """
     shown = shown or str(path)
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise DocumentError(
-                f"the file has {path.stat().st_size / 1e6:.1f} MB; at most {LARGEST_FILE / 1e6:.0f} MB are read",
-                Where(shown),
-                "keep recordings in .csv, .mat or .parquet files and name them here",
-            )
-        data = path.read_bytes()
-    except OSError as error:
-        raise DocumentError(f"cannot read the file: {error.strerror}", Where(shown)) from error
+        data = content(path, LARGEST_FILE, "keep recordings in .csv, .mat or .parquet files and name them here")
+    except FileProblem as error:
+        raise DocumentError(error.message, Where(shown), error.remedy) from error
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -261,25 +257,49 @@ class _Builder:
     def mapping(self, line: int) -> Node:
         items: dict[str, Node] = {}
         lines: dict[str, int] = {}
+        merged: list[Node] | None = None
         while type(event := next(self.events)).__name__ != "MappingEndEvent":
             if type(event).__name__ != "ScalarEvent":
                 raise self.problem(event, "a key must be a name")
             self.node(event)
             key = self.text(event)
+            if key == "<<" and event.implicit[0]:
+                if merged is not None:
+                    raise self.problem(event, "the key '<<' was given before", "write '<<: [*one, *two]'")
+                merged = self.merged(event)
+                continue
             if key in items:
                 raise self.problem(event, f"the key '{key}' was given before, in line {lines[key]}", "keep one of them")
             lines[key] = event.start_mark.line + 1
             items[key] = self.node(next(self.events))
+        # What the mapping says itself comes first, then the merged mappings in their order.
+        for source in merged or ():
+            for key, item in source.items():
+                if key not in items:
+                    items[key], lines[key] = item, source.key_lines.get(key, item.line)
         size = 1 + sum(1 + item.size for item in items.values())
         return Node(items, self.shown, line, lines, size)
+
+    def merged(self, event: Any) -> list[Node]:
+        """The mappings that a merge key takes in (YAML 1.1, https://yaml.org/type/merge.html)."""
+        given = self.node(next(self.events))
+        sources = given.value if isinstance(given.value, list) else [given]
+        if not all(isinstance(source.value, dict) for source in sources):
+            raise self.problem(event, "'<<' takes in mappings alone", "write '<<: *name', or '<<: [*one, *two]'")
+        return list(sources)
 
     def text(self, event: Any) -> str:
         """The text of a scalar, characters that were escaped as two halves joined."""
         text = str(event.value)
         try:
-            return text if text.isascii() else text.encode("utf-16", "surrogatepass").decode("utf-16")
+            text = text if text.isascii() else text.encode("utf-16", "surrogatepass").decode("utf-16")
         except UnicodeDecodeError:
             raise self.problem(event, "the text holds half of a character (a lone surrogate)") from None
+        found = CONTROL.search(text)
+        if found:
+            # XML, the terminal and MATLAB cannot hold them, and texts of a scenario go there.
+            raise self.problem(event, f"the text holds the control character U+{ord(found[0]):04X}", "leave it out")
+        return text
 
     def count(self, event: Any, size: int) -> None:
         self.nodes += size

@@ -10,6 +10,7 @@ from typing import Any
 
 from engine.block import Block
 from engine.errors import FlexarmError, ParameterError, Where, nearest
+from engine.files import is_file
 from engine.system import Connection, System
 from scenarios.document import Node, read
 from scenarios.patch import is_assembly, patch
@@ -144,7 +145,7 @@ class _Flattener:
         given = str(entry.get("type").value)  # type: ignore[union-attr]
         where = document.where("blocks", name, "type")
         target = path.parent / given
-        if not target.is_file():
+        if not is_file(target):
             siblings = [f"./{p.name}" for p in sorted(path.parent.glob("*.y*ml"))]
             raise ScenarioError(f"there is no file '{target}'", where, nearest(given, siblings))
         if target.resolve() in above:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from engine.errors import FlexarmError, ParameterError, Where, nearest
+from engine.files import is_file
 from engine.ports import MOTION
 from engine.quantity import convert
 from engine.system import System
@@ -182,15 +183,18 @@ def find(path_or_name: str | Path) -> Path:
         ScenarioError: there is none; names the nearest.
     """
     path = Path(path_or_name)
-    if path.is_file():
+    if is_file(path):
         return path
     text = str(path_or_name)
     if path.name == text and not path.suffix:
         shipped = SHIPPED / f"{text}.yaml"
         if shipped.is_file():
             return shipped
-    around = [str(p) for p in sorted(path.parent.glob("*.y*ml"))] if path.parent.is_dir() else []
-    what = "is a folder" if path.is_dir() else "does not exist"
+    try:
+        around = [str(p) for p in sorted(path.parent.glob("*.y*ml"))] if path.parent.is_dir() else []
+        what = "is a folder" if path.is_dir() else "is no regular file" if path.exists() else "does not exist"
+    except OSError as error:  # such as a name that is too long
+        raise ScenarioError(f"'{text}' cannot be read: {error.strerror}", remedy="give a file name") from None
     raise ScenarioError(f"'{text}' {what}", remedy=nearest(text, [*shipped_names(), *around]))
 
 

@@ -33,6 +33,8 @@ FILE = (
     "a .csv, .mat, .parquet, .json or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in the "
     "folder that this environment variable names"
 )
+LONGEST_NAME = 100
+"""Characters of a name; names of files, of C functions and of variables are made of it."""
 NAME_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
 ASSEMBLY_PATTERN = r"\.ya?ml$"
 
@@ -48,7 +50,18 @@ def _quantity(value: object) -> object:
 def _name(value: str) -> str:
     if not value.isascii() or not value.isidentifier() or value in SECTIONS:
         raise PydanticCustomError("name", "a name is made of letters, digits and _, and is not the name of a section")
+    if len(value) > LONGEST_NAME:
+        raise PydanticCustomError("name", f"a name has at most {LONGEST_NAME} characters")
     return value
+
+
+def _title(value: object) -> object:
+    # Names of files, figures and C functions are made of it.
+    if isinstance(value, str) and (len(value) > LONGEST_NAME or len(value.splitlines()) > 1):
+        raise PydanticCustomError(
+            "title", f"a short name of one line, of at most {LONGEST_NAME} characters, is expected"
+        )
+    return _text(value)
 
 
 def _text(value: object) -> object:
@@ -63,6 +76,7 @@ Quantity = Annotated[
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}),
 ]
 Text = Annotated[str, BeforeValidator(_text)]
+Title = Annotated[str, BeforeValidator(_title), Field(json_schema_extra={"maxLength": LONGEST_NAME})]
 Name = Annotated[str, AfterValidator(_name), Field(json_schema_extra={"pattern": NAME_PATTERN})]
 Endpoint = Annotated[Text, Field(description="block.port, for example motor.shaft")]
 
@@ -259,7 +273,7 @@ class ScenarioFile(Section):
     """A scenario, or a sub-assembly that another file takes in."""
 
     schema_: Literal[1] = Field(alias="schema", description="version of this format")
-    name: Text = Field(description="short name")
+    name: Title = Field(description="short name")
     description: Text = Field(default="", description="one sentence")
     parameters: dict[Name, Quantity] = Field(default_factory=dict, description="values that blocks refer to as $name")
     blocks: dict[Name, BlockEntry] = Field(description="what there is", min_length=1)

@@ -61,7 +61,7 @@ def _translate(document: Node, found: dict[str, Any]) -> ScenarioError:
         return ScenarioError(f"{given.plain()!r} is not allowed", where, nearest(str(given.plain()), map(str, allowed)))
     if kind == "name":
         return ScenarioError(f"'{key}' cannot be a name: {found['msg']}", where)
-    shown = "" if given is None or isinstance(given.value, dict | list | None) else f"{given.value!r}: "
+    shown = "" if given is None or isinstance(given.value, dict | list | None) else f"{_cut(repr(given.value))}: "
     words = {
         "dict_type": "a mapping (key: value) is expected",
         "model_type": "a mapping (key: value) is expected",
@@ -74,6 +74,10 @@ def _translate(document: Node, found: dict[str, Any]) -> ScenarioError:
     if kind == "too_short" and path and path[0] == "connect":
         return ScenarioError("a connection needs at least two ends", where, "write [block.port, block.port]")
     return ScenarioError(shown + words.get(kind, found["msg"]), where, _description(location))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= 80 else f"{text[:70]}..."
 
 
 def _path(document: Node, location: Sequence[Key], kind: str) -> tuple[Key, ...]:

@@ -27,6 +27,11 @@ SHARES = {
     "recordings": 1.5,
     "runs": 2.0,
     "quantities": 3.0,
+    "blocks": 5.0,
+    "points": 1.0,
+    "foreign": 10.0,
+    "anchors": 1.0,
+    "pages": 0.5,
     "archives": 5.0,
 }
 """Examples of each property, as a multiple of ``--examples``."""
@@ -34,14 +39,16 @@ SHARES = {
 HEAD = """\
 # Robustness
 
-This page is written by `python -m tools.robustness`; the properties are in `tests/robustness/properties.py`.
+This page is written by `python -m tools.robustness`; the properties are in `tests/robustness/properties.py` and
+the modules beside it.
 
 Each example is odd input: a shipped scenario, a recording, a set of parameter values or the arguments of a run,
 changed at random (keys deleted, doubled or renamed; values of other kinds, huge, not finite, with other units; bytes
-that are not UTF-8; deep nesting; time that runs backwards; parameters from their bounds to 1e308; archives with
-links, paths that lead out, document types and sizes that are not theirs). Every example must end in one of two ways:
-a **result** without NaN or infinity, or a **refusal** with a message that says what is wrong and where. Another
-exception, a crash, NaN in a result, or more than {longest} s for one example is a failure.
+that are not UTF-8; deep nesting; time that runs backwards; parameters from their bounds to 1e308; tables, MATLAB,
+JSON and Parquet files that are not what they say; values shared by anchors; markup and control characters in names;
+archives with links, paths that lead out, document types and sizes that are not theirs). Every example must end in one
+of two ways: a **result** without NaN or infinity, or a **refusal** with a message that says what is wrong and where.
+Another exception, a crash, NaN in a result, or more than {longest} s for one example is a failure.
 
 {examples} examples, seed {seed}, hypothesis {version}, {spent} of work. No failures.
 
@@ -67,6 +74,28 @@ identifier that is not a C identifier (it names the library to load), components
 components or connectors of one name, connections to nothing, times that are not numbers.
 `tests/robustness/test_hostile_archives.py` holds cases of these for each way in, with bounds on time and memory. An
 FMU that passes is still a program of its maker's and runs with all rights of the user.
+
+## Files of data
+
+Tables, MATLAB and JSON files are read by `engine/readers`, for recordings and for blocks alike ([ADR
+14](adr/0014-foreign-files.md)). Only regular files are opened, so that a pipe or `/dev/zero` is refused; a text file
+holds at most 2 GB (200 MB for `Table` and `Spline`), a JSON file 200 MB, a MATLAB file 2 GB and 100000 arrays, and
+what is compressed unpacks to at most 100 MB plus 50 times the file's size; a Parquet file to ten million cells plus
+ten for each byte. One CSV reader takes every size: rows of another length than the header, two columns of one name
+and unfinished quotes are refused with their line. Every size in a MATLAB file is compared with the bytes that are
+left before anything is made of it. Messages repeat nothing of such a file but names of columns, each cut at 60
+characters: `SECRET` stands in the files of the property `foreign`, and no message may hold it.
+`tests/engine/test_readers.py` compares the MATLAB reader with SciPy on the 85 sound files of SciPy's own
+collection, and lets it read its 7 damaged ones, 1200 damaged at random and 24 made by hand.
+
+## Texts and names
+
+A text of a scenario holds no control characters, a name at most 100 characters of one line; names of files that are
+made of one are cut at 200 bytes. The property `pages` puts markup, quotes, template code and control characters into
+names, descriptions and command lines: a report has the same elements and attributes as a harmless one, its script is
+the one that its security policy names, its picture is well-formed XML and its data are strict JSON; so are the
+descriptions of an FMU made of the same scenario. Every JSON file is written with `null` for numbers that JSON does
+not have.
 
 ## Killed in the middle
 

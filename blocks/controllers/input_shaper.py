@@ -12,6 +12,9 @@ from engine.errors import ParameterError
 if TYPE_CHECKING:
     from engine.net import Net
 
+LONGEST = 20_000
+"""Samples in half a cycle of the mode, as in a `Delay`; the shaper keeps as many, or twice as many."""
+
 
 class InputShaper(SignalBlock):
     """Input shaper: out(t) = sum A_i in(t - t_i), sum A_i = 1, so that a mode w, zeta is left at rest.
@@ -74,6 +77,11 @@ def zero_vibration(frequency: float, damping_ratio: float, period: float) -> lis
     """
     sigma, wd = frequency * damping_ratio, frequency * math.sqrt(1 - damping_ratio**2)
     ratio, half = math.exp(-math.pi * sigma / wd), math.pi / wd
+    if not half / period <= LONGEST:
+        raise ParameterError(
+            f"half a cycle of the mode takes {half / period:.3g} samples of {period:g} s; at most {LONGEST} are kept",
+            remedy="give a longer period, or a higher frequency",
+        )
     n = math.floor(half / period + 1e-9)
     f = max(half / period - n, 0.0)
     x = ratio * math.sin(wd * (1 - f) * period) / math.sin(wd * period) * math.exp(sigma * f * period)
@@ -89,6 +97,7 @@ def convolved(a: list[float], b: list[float]) -> list[float]:
     """Amplitudes of one shaper after another."""
     out = [0.0] * (len(a) + len(b) - 1)
     for i, x in enumerate(a):
-        for j, y in enumerate(b):
-            out[i + j] += x * y
+        for j, y in enumerate(b) if x else ():
+            if y:
+                out[i + j] += x * y
     return out

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +12,9 @@ from numpy.typing import NDArray
 
 from engine.errors import ParameterError, nearest
 from engine.ports import Expression, Port
+from engine.readers.matlab import read_mat
+from engine.readers.objects import read_json
+from engine.readers.regular import FileProblem, shown
 
 Matrix = NDArray[np.float64]
 Rows = Sequence[Sequence[float]]
@@ -32,36 +34,10 @@ def read(file: str) -> dict[str, Matrix]:
     if kind not in (".json", ".mat"):
         raise ParameterError(f"'{file}' is not a .json or .mat file", remedy="save the matrices as one of these")
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ParameterError(f"'{file}' is larger than {LARGEST_FILE / 1e6:g} MB", remedy="save the matrices alone")
-        found: Mapping[str, Any] = _json(path) if kind == ".json" else _mat(path)
-    except OSError as error:
-        raise ParameterError(f"cannot read '{file}': {error.strerror or error}", remedy="check the path") from None
+        found = (read_json if kind == ".json" else read_mat)(path, LARGEST_FILE)
+    except FileProblem as error:
+        raise ParameterError(f"'{file}': {error.message}", remedy=error.remedy) from None
     return {name: made for name, value in found.items() if (made := _numeric(value)) is not None}
-
-
-def _json(path: Path) -> Mapping[str, Any]:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise ParameterError(f"'{path}' is not JSON: {error}", remedy='write {"A": [[...]], ...}') from None
-    if not isinstance(found, dict):
-        raise ParameterError(f"'{path}' holds no JSON object", remedy='write {"A": [[...]], ...}')
-    return found
-
-
-def _mat(path: Path) -> Mapping[str, Any]:
-    from scipy.io import loadmat
-
-    try:
-        found: Mapping[str, Any] = loadmat(path, struct_as_record=True)
-    except NotImplementedError:
-        raise ParameterError(f"'{path}' is a MATLAB file of version 7.3", remedy="save it with '-v7'") from None
-    except OSError:
-        raise
-    except Exception as error:
-        raise ParameterError(f"'{path}' is not a MATLAB file: {error}", remedy="save it with '-v7'") from None
-    return {name: value for name, value in found.items() if not name.startswith("__")}
 
 
 def _numeric(value: Any) -> Matrix | None:
@@ -88,9 +64,9 @@ def collect(given: Mapping[str, Rows], file: str, wanted: Iterable[str]) -> dict
         if here or there:
             made[name] = np.array(given[name], dtype=float, ndmin=2) if here else read_in[name]
             if not np.isfinite(made[name]).all():
-                raise ParameterError(f"'{name}' holds a number that is not finite")
+                raise ParameterError(f"'{name}' holds a number that is not finite", remedy="give finite numbers alone")
     if file and not made:
-        found = nearest("", read_in) if read_in else "it holds no matrices"
+        found = nearest("", map(shown, read_in)) if read_in else "it holds no matrices"
         raise ParameterError(f"'{file}' holds none of {', '.join(wanted)}", remedy=found)
     return made
 
@@ -129,7 +105,11 @@ def period_of(given: float, matrices: Mapping[str, Matrix]) -> float:
     Raises:
         ParameterError: neither, or both and different.
     """
-    found = float(matrices["dt"].ravel()[0]) if "dt" in matrices else 0.0
+    stated = matrices.get("dt")
+    if stated is not None and not (stated.size == 1 and 0 <= stated.item() < math.inf):
+        what = f"{stated.item():g}" if stated.size == 1 else f"{stated.shape[0]} by {stated.shape[1]} numbers"
+        raise ParameterError(f"'dt' of the file is {what}", remedy="it is the sample period, one number of seconds")
+    found = stated.item() if stated is not None else 0.0
     if given and found and not math.isclose(given, found, rel_tol=1e-9):
         raise ParameterError(f"period = {given:g} s, but the file says dt = {found:g} s", remedy="leave the period out")
     if not (given or found > 0):

@@ -26,8 +26,8 @@ class Multisine(Source):
     amount = "amplitude"
 
     lines = option(int, 10, "number of lines K", ge=1, le=1000)
-    first = option(int, 1, "multiple of the first line", ge=1)
-    spacing = option(int, 1, "multiples from one line to the next", ge=1)
+    first = option(int, 1, "multiple of the first line", ge=1, le=1_000_000)
+    spacing = option(int, 1, "multiples from one line to the next", ge=1, le=1_000_000)
     phases = option(str, "schroeder", "how the phases are chosen", choices=("schroeder", "random", "zero"))
     seed = option(int, 1, "which random phases", ge=0)
     base_frequency = parameter("Hz", ..., "frequency f of which all lines are multiples", gt=0)

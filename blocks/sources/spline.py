@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from blocks.sources.table import read_columns
 from engine.block import Block, option, parameter, signal_out
+from engine.errors import ParameterError
 
 if TYPE_CHECKING:
     from engine.net import Net
+
+STEEPEST = 1e100
+"""Slope (1/s) beyond which the cubics' coefficients leave the range of numbers."""
 
 
 class Spline(Block):
@@ -39,6 +45,14 @@ class Spline(Block):
         """Read the file, so that an error in it is reported where the block is declared."""
         times, self.samples = read_columns(self.file, self.time, self.column)
         self.times = [self.time_unit * t for t in times]
+        with np.errstate(all="ignore"):
+            intervals = np.diff(self.times)
+            slopes = np.diff(self.samples) / intervals
+        if not ((intervals > 0).all() and np.isfinite(slopes).all() and (abs(slopes) < STEEPEST).all()):
+            raise ParameterError(
+                f"time_unit = {self.time_unit:g} s leaves slopes that no number can hold",
+                remedy="give the duration of one unit of the time column, such as '1 ms'",
+            )
 
     def stamp(self, net: Net) -> None:
         rows = _pieces(self.times, self.samples)

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-import csv
-import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from engine.block import Block, option, parameter, signal_out
 from engine.errors import ParameterError, nearest
+from engine.readers.regular import FileProblem, shown
+from engine.readers.text import read_table
 
 if TYPE_CHECKING:
     from engine.net import Net
+
+LARGEST_TEXT = 200_000_000
+"""Bytes of a CSV file; its rows become part of the model."""
 
 
 class Table(Block):
@@ -57,22 +64,13 @@ def read_vectors(file: str, time: str, column: str) -> tuple[list[float], list[f
     found = read(file)
     for name in (time, column):
         if name not in found:
-            raise ParameterError(f"'{file}' has no vector '{name}'", remedy=nearest(name, found))
-    times, values = (found[name].ravel().tolist() for name in (time, column))
+            raise ParameterError(f"'{file}' has no vector '{name}'", remedy=nearest(name, map(shown, found)))
+    times, values = (found[name].ravel() for name in (time, column))
     if len(times) != len(values):
         raise ParameterError(
             f"'{file}' has {len(times)} times but {len(values)} values in '{column}'", remedy="give one value per time"
         )
-    for k, (t, value) in enumerate(zip(times, values, strict=True)):
-        if not (math.isfinite(t) and math.isfinite(value)):
-            raise ParameterError(f"'{file}' entry {k + 1} is not finite", remedy="remove it")
-        if k and t <= times[k - 1]:
-            raise ParameterError(
-                f"'{file}' entry {k + 1}: time {t:g} does not come after {times[k - 1]:g}", remedy="sort by time"
-            )
-    if not times:
-        raise ParameterError(f"'{file}' holds no rows", remedy="give at least one")
-    return times, values
+    return _checked(file, "entry", range(1, len(times) + 1), {time: times, column: values})
 
 
 def read_columns(file: str, time: str, column: str) -> tuple[list[float], list[float]]:
@@ -83,47 +81,33 @@ def read_columns(file: str, time: str, column: str) -> tuple[list[float], list[f
             increase; it names the line.
     """
     try:
-        text = Path(file).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else error.strerror
-        raise ParameterError(f"cannot read '{file}': {reason}", remedy="check the path, and that it is CSV") from None
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    if not lines:
-        raise ParameterError(f"'{file}' is empty", remedy="give a CSV file with a header and rows")
-    header = [name.strip() for name in next(csv.reader([lines[0][1]]))]
-    for name in (time, column):
-        if name not in header:
-            raise ParameterError(f"'{file}' has no column '{name}'", remedy=nearest(name, header))
-        if header.count(name) > 1:
-            raise ParameterError(f"'{file}' has {header.count(name)} columns '{name}'", remedy="rename one of them")
-    places = header.index(time), header.index(column)
-    times: list[float] = []
-    values: list[float] = []
-    for number, line in lines[1:]:
-        cells = next(csv.reader([line]))
-        t, value = (_number(file, number, header[place], cells, place) for place in places)
-        if times and t <= times[-1]:
+        table = read_table(Path(file), LARGEST_TEXT)
+        read = {name: table.numbers(name) for name in (time, column)}
+    except FileProblem as error:
+        place = f"'{file}' line {error.where.line}: " if error.where and error.where.line else f"'{file}': "
+        raise ParameterError(f"{place if error.where else ''}{error.message}", remedy=error.remedy) from None
+    return _checked(file, "line", table.lines, read)
+
+
+def _checked(
+    file: str, row: str, rows: Sequence[int] | NDArray[np.int64], read: dict[str, NDArray[np.float64]]
+) -> tuple[list[float], list[float]]:
+    """Times and values, finite and in order; ``read`` holds the times first."""
+    for name, numbers in read.items():
+        holes = np.flatnonzero(~np.isfinite(numbers))
+        if len(holes):
             raise ParameterError(
-                f"'{file}' line {number}: time {t:g} does not come after {times[-1]:g}",
-                remedy="sort the rows by time and drop repeated ones",
+                f"'{file}' {row} {rows[int(holes[0])]}: column '{name}' is not a finite number",
+                remedy="remove the row, or fill the cell",
             )
-        times.append(t)
-        values.append(value)
-    if not times:
-        raise ParameterError(f"'{file}' has a header but no rows", remedy="give at least one row")
-    return times, values
-
-
-def _number(file: str, line: int, name: str, cells: list[str], place: int) -> float:
-    """One cell as a finite number."""
-    cell = cells[place].strip() if place < len(cells) else ""
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
+    times, values = next(iter(read.values())), list(read.values())[-1]
+    if not len(times):
+        raise ParameterError(f"'{file}' holds no rows", remedy="give at least one")
+    back = np.flatnonzero(np.diff(times) <= 0)
+    if len(back):
+        k = int(back[0]) + 1
         raise ParameterError(
-            f"'{file}' line {line}: '{cell}' in column '{name}' is not a finite number",
-            remedy="remove the row, or fill the cell",
+            f"'{file}' {row} {rows[k]}: time {times[k]:g} does not come after {times[k - 1]:g}",
+            remedy="sort the rows by time and drop repeated ones",
         )
-    return value
+    return times.tolist(), values.tolist()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from blocks.symbolic import choose, select
 from engine.block import Block, option, parameter, signal_out
 from engine.errors import ParameterError
@@ -57,7 +59,17 @@ class Trajectory(Block):
         self._unit = self._position_unit()
         ends = [State(*(self.values[f"{end}_{order}"] for order in _ORDERS[:4])) for end in ("start", "end")]
         limits = Limits(*(self.values[f"{order}_limit"] for order in _ORDERS[1:]))
-        self.motion = plan(ends[0], ends[1], limits, triangular=self.values["profile"] == "triangular")
+        try:
+            with np.errstate(all="ignore"):
+                self.motion = plan(ends[0], ends[1], limits, triangular=self.values["profile"] == "triangular")
+            computed = bool(np.isfinite(self.motion.instants).all() and np.isfinite(self.motion.states).all())
+        except (ArithmeticError, RuntimeError):  # beyond the range of numbers, or a root not found within it
+            computed = False
+        if not computed:
+            raise ParameterError(
+                "the motion cannot be computed: a limit is out of all proportion to the others or to the distance",
+                remedy="check the units of the limits",
+            )
 
     def _position_unit(self) -> str:
         """Unit of the position, from whatever value has one; ``*`` if none has."""

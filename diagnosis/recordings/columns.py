@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import json
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,29 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import FlexarmError, Where, nearest
+from engine.files import missing
+from engine.readers.matlab import read_mat, simplified
+from engine.readers.objects import read_json
+from engine.readers.regular import FileProblem, opened, problem, shown
+from engine.readers.text import LARGEST, Oddity, as_numbers, check_names, read_plain, read_table
 
 Vector = NDArray[np.float64]
 
-EMPTY = frozenset({"", "na", "n/a", "nan", "null", "none", "-"})
 SUFFIXES = (".csv", ".mat", ".parquet", ".json", ".dat")
-LONG_TEXT = 20_000_000
-"""Bytes of a text file beyond which it is read at once as numbers, not cell by cell."""
-LONGEST_TEXT = 2_000_000_000
-"""Bytes of a text file beyond which it is refused."""
+FREE_CELLS, CELLS_A_BYTE = 10_000_000, 10
+"""Rows times columns that a Parquet file may unpack to in any case, and for each of its bytes."""
+DEEPEST = 40
+"""Levels of structures in a MATLAB or JSON file that are searched for columns."""
 
 
 class RecordingError(FlexarmError):
     """A recording cannot be used."""
-
-
-def _remedy(text: str, first: bool) -> str:
-    """What to do about a text where a number should be."""
-    if any(c.isdigit() for c in text):
-        dated = text.count("-") > 1 or ":" in text
-        return "give the time as a number of seconds" if dated else "numbers are written with a decimal point"
-    if first:
-        return "if this row holds units, put '#' before it"
-    return "leave it empty, or write 'nan', where nothing was recorded"
 
 
 @dataclass
@@ -44,17 +38,19 @@ class Columns:
 
     Attributes:
         file: the file's name, for messages.
-        raw: column name -> texts or numbers.
+        raw: column name -> numbers, shape (rows,); NaN where a cell holds none.
         rows: for each value the row (line) of the file that holds it, 1-based.
         row: what a row is called: ``line`` or ``row``.
         units: units that the file itself states, by column.
+        odd: the first text of each column that holds texts; its numbers cannot be asked for.
     """
 
     file: str
-    raw: Mapping[str, Any]
+    raw: Mapping[str, Vector]
     rows: NDArray[np.int64]
     row: str = "row"
     units: dict[str, str] = field(default_factory=dict)
+    odd: Mapping[str, Oddity] = field(default_factory=dict)
 
     @property
     def names(self) -> list[str]:
@@ -75,26 +71,17 @@ class Columns:
             RecordingError: no such column, or a cell that is neither a number nor empty.
         """
         if name not in self.raw:
-            raise RecordingError(f"'{self.file}' has no column '{name}'", where, nearest(name, self.names))
-        values = self.raw[name]
-        if not isinstance(values, list):
-            return np.asarray(values, dtype=float)
-        try:
-            return np.array(values, dtype=float)
-        except ValueError:
-            return np.array([self._cell(name, i, text) for i, text in enumerate(values)])
-
-    def _cell(self, name: str, i: int, text: str) -> float:
-        if text.strip().lower() in EMPTY:
-            return float("nan")
-        try:
-            return float(text)
-        except ValueError:
             raise RecordingError(
-                f"column '{name}' holds '{text.strip()[:40]}' in {self.row} {self.rows[i]}, which is not a number",
-                Where(self.file, int(self.rows[i])),
-                _remedy(text, first=i == 0),
-            ) from None
+                f"'{self.file}' has no column '{shown(name)}'", where, nearest(name, map(shown, self.names))
+            )
+        if name in self.odd:
+            odd = self.odd[name]
+            raise RecordingError(
+                f"column '{shown(name)}' holds {odd.what} in {self.row} {odd.row}, which is not a number",
+                Where(self.file, odd.row),
+                odd.remedy,
+            )
+        return self.raw[name]
 
 
 def read_columns(path: Path, where: Where | None = None, like: str = "") -> Columns:
@@ -111,140 +98,53 @@ def read_columns(path: Path, where: Where | None = None, like: str = "") -> Colu
     Raises:
         RecordingError: it does not exist or cannot be read.
     """
-    if not path.is_file():
+    if missing(path):
         beside = [p.name for p in sorted(path.parent.glob("*")) if p.suffix in SUFFIXES] if path.parent.is_dir() else []
         raise RecordingError(f"there is no recording '{path}'", where, nearest(path.name, beside) if beside else "")
     kind = path.suffix.lower()
-    if kind in (".mat", ".json"):
-        columns = _structure(path, like)
-    elif kind in (".csv", ".txt", ".parquet", ".dat"):
-        columns = {".parquet": _parquet, ".dat": _plain}.get(kind, _csv)(path)
-    else:
-        raise RecordingError(f"'{path.name}' is of no known kind", where, f"recordings are {', '.join(SUFFIXES)} files")
+    try:
+        if kind in (".mat", ".json"):
+            columns = _structure(path, like)
+        elif kind in (".csv", ".txt", ".dat"):
+            columns = _text(path)
+        elif kind == ".parquet":
+            columns = _parquet(path)
+        else:
+            raise RecordingError(
+                f"'{path.name}' is of no known kind", where, f"recordings are {', '.join(SUFFIXES)} files"
+            )
+    except FileProblem as error:
+        raise RecordingError(error.message, error.where or where, error.remedy) from error
     if not len(columns):
         raise RecordingError("the recording is empty", Where(str(path)), "it needs a header and at least two rows")
     return columns
 
 
-def _csv(path: Path) -> Columns:
-    size = path.stat().st_size
-    if size > LONGEST_TEXT:
-        raise RecordingError(
-            f"the file holds {size / 1e9:.3g} GB of text", Where(str(path)), "save it as .parquet, or a part of it"
-        )
-    if size > LONG_TEXT:
-        return _long_csv(path)
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise RecordingError("the file is not UTF-8 text", Where(str(path)), "save it as UTF-8") from error
-    lines = [(i, line) for i, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    if not lines:
-        raise RecordingError("the recording is empty", Where(str(path)), "it needs a header and at least two rows")
-    header_line, header = lines[0]
-    delimiter = max((";", "\t", ","), key=header.count)
-    names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
-    if all(_is_number(name) for name in names):
-        raise RecordingError(
-            "the first line holds numbers, not names", Where(str(path), header_line), "give every column a name"
-        )
-    twice = {name for name in names if names.count(name) > 1}
-    if twice:
-        raise RecordingError(f"two columns are called '{min(twice)}'", Where(str(path), header_line), "rename one")
-    records = list(csv.reader((line for _, line in lines[1:]), delimiter=delimiter))
-    for (number, _), record in zip(lines[1:], records, strict=False):
-        if len(record) != len(names):
-            raise RecordingError(
-                f"{len(record)} values where the header names {len(names)} columns",
-                Where(str(path), number),
-                "numbers are written with a decimal point; put '#' before lines that describe the file",
-            )
-    turned = zip(*records, strict=True) if records else ([] for _ in names)
-    columns = {name: list(values) for name, values in zip(names, turned, strict=True)}
-    return Columns(str(path), columns, np.array([number for number, _ in lines[1:]], dtype=np.int64), "line")
-
-
-def _long_csv(path: Path) -> Columns:
-    """A long file, read into numbers at once: cell by cell it would take some fifty times its size of memory."""
-    import pandas
-
-    try:
-        with path.open(encoding="utf-8-sig") as lines:
-            before, header = next(
-                (i, line) for i, line in enumerate(lines) if line.strip() and not line.startswith("#")
-            )
-        delimiter = max((";", "\t", ","), key=header.count)
-        table = pandas.read_csv(path, sep=delimiter, skiprows=before, comment="#", dtype=float, na_values=list(EMPTY))
-    except (ValueError, StopIteration, UnicodeDecodeError) as error:
-        raise RecordingError(
-            f"the file cannot be read as columns of numbers: {str(error)[:200]}",
-            Where(str(path)),
-            "numbers are written with a decimal point, and every row has every column",
-        ) from error
-    columns = {str(name).strip(): np.asarray(table[name], dtype=float) for name in table.columns}
-    return Columns(str(path), columns, np.arange(before + 2, before + 2 + len(table), dtype=np.int64), "line")
-
-
-def _plain(path: Path) -> Columns:
-    try:
-        table = np.loadtxt(path, ndmin=2)
-    except ValueError as error:
-        raise RecordingError(
-            f"the file cannot be read as a table of numbers: {error}", Where(str(path)), "a .dat file has no header"
-        ) from error
-    return Columns(str(path), {f"[{i + 1}]": table[:, i] for i in range(table.shape[1])}, np.arange(1, len(table) + 1))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def _text(path: Path) -> Columns:
+    table = (read_plain if path.suffix.lower() == ".dat" else read_table)(path)
+    return Columns(str(path), table.columns, table.lines, "line", odd=table.odd)
 
 
 def _structure(path: Path, like: str) -> Columns:
     """Every vector and matrix of a MATLAB or JSON file that is as long as most, or as ``like``."""
-    content = _json(path) if path.suffix.lower() == ".json" else _mat(path)
+    content = read_json(path) if path.suffix.lower() == ".json" else simplified(read_mat(path))
     flat: dict[str, Vector] = {}
-    _collect("", {key: value for key, value in content.items() if not key.startswith("__")}, flat)
+    _collect("", content, flat, path)
     if not flat:
         raise RecordingError("the file holds no columns of numbers", Where(str(path)))
-    lengths = [len(values) for values in flat.values()]
-    length = len(flat[like]) if like in flat else max(set(lengths), key=lambda n: (lengths.count(n) * (n > 1), n))
+    lengths = Counter(len(values) for values in flat.values())
+    length = len(flat[like]) if like in flat else max(lengths, key=lambda n: (lengths[n] * (n > 1), n))
     columns = {name: values for name, values in flat.items() if len(values) == length}
     return Columns(str(path), columns, np.arange(1, length + 1), units=_mat_units(content))
 
 
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise RecordingError(f"cannot read the JSON file: {error}", Where(str(path))) from error
-    if not isinstance(content, dict):
-        raise RecordingError("the file holds no JSON object", Where(str(path)), 'write {"t": [...], "u": [...]}')
-    return content
-
-
-def _mat(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    try:
-        content: dict[str, Any] = loadmat(path, simplify_cells=True)
-    except NotImplementedError as error:
-        raise RecordingError(
-            "this is a MATLAB 7.3 file", Where(str(path)), "save it with save(..., '-v7'), or as .parquet or .csv"
-        ) from error
-    except Exception as error:
-        raise RecordingError(f"cannot read the MATLAB file: {error}", Where(str(path))) from error
-    return content
-
-
-def _collect(prefix: str, value: Any, flat: dict[str, Vector]) -> None:
+def _collect(prefix: str, value: Any, flat: dict[str, Vector], path: Path, depth: int = 0) -> None:
     """Every vector of numbers in a structure, under its path; time runs along the longer side of a matrix."""
+    if depth > DEEPEST:
+        raise problem(path, f"structures are nested more than {DEEPEST} levels deep")
     if isinstance(value, dict):
         for key, inner in value.items():
-            _collect(f"{prefix}.{key}" if prefix else key, inner, flat)
+            _collect(f"{prefix}.{key}" if prefix else key, inner, flat, path, depth + 1)
         return
     try:
         array = np.asarray(value)
@@ -255,7 +155,7 @@ def _collect(prefix: str, value: Any, flat: dict[str, Vector]) -> None:
     if array.dtype.kind == "O" and array.ndim == 1:
         for i, cell in enumerate(array):
             if isinstance(cell, np.ndarray | dict):
-                _collect(f"{prefix}{{{i + 1}}}", cell, flat)
+                _collect(f"{prefix}{{{i + 1}}}", cell, flat, path, depth + 1)
         return
     if array.dtype.kind not in "fiub":
         return
@@ -264,32 +164,70 @@ def _collect(prefix: str, value: Any, flat: dict[str, Vector]) -> None:
     if array.ndim == 0:
         array = array.reshape(1)
     if array.ndim == 1:
-        flat[prefix] = array.astype(float)
+        _add(flat, prefix, array, path)
     elif array.ndim == 2:
         array = array if array.shape[0] >= array.shape[1] else array.T
         for i in range(array.shape[1]):
-            flat[f"{prefix}[{i + 1}]"] = array[:, i].astype(float)
+            _add(flat, f"{prefix}[{i + 1}]", array[:, i], path)
+
+
+def _add(flat: dict[str, Vector], name: str, values: NDArray[Any], path: Path) -> None:
+    check_names(path, [*([name] if name in flat else []), name])
+    flat[name] = values.astype(float)
 
 
 def _mat_units(content: dict[str, Any]) -> dict[str, str]:
-    names, units = content.get("flexarm_names"), content.get("flexarm_units")
-    if names is None or units is None:
-        return {}
-    plain = [str(name).strip().replace(".", "_") for name in np.atleast_1d(names)]
-    return dict(zip(plain, [str(unit).strip() for unit in np.atleast_1d(units)], strict=False))
+    names, units = _all_texts(content.get("flexarm_names")), _all_texts(content.get("flexarm_units"))
+    return dict(zip([name.replace(".", "_") for name in names], units, strict=False))
+
+
+def _all_texts(value: Any) -> list[str]:
+    """A text or a list of texts as a list; empty for anything else."""
+    found = [value] if isinstance(value, str) else value
+    if not isinstance(found, list | np.ndarray) or not all(isinstance(text, str) for text in found):
+        return []
+    return [text.strip() for text in found]
 
 
 def _parquet(path: Path) -> Columns:
     import pyarrow.parquet as parquet
 
-    try:
-        table = parquet.read_table(path)
-    except Exception as error:
-        raise RecordingError(f"cannot read the Parquet file: {error}", Where(str(path))) from error
-    metadata = table.schema.metadata or {}
-    units = json.loads(metadata.get(b"flexarm", b"{}")).get("units", {})
-    columns: dict[str, Any] = {}
-    for name in table.column_names:
+    with opened(path, LARGEST, "save a part of it") as file:
+        try:
+            described = parquet.ParquetFile(file)
+            names, rows = list(described.schema_arrow.names), described.metadata.num_rows
+            most = FREE_CELLS + CELLS_A_BYTE * path.stat().st_size
+            if rows * len(names) <= most:
+                table = described.read()
+        except Exception as error:
+            # What the library says may repeat the file, so that its kind alone is told.
+            raise problem(
+                path, f"the Parquet file cannot be read ({type(error).__name__})", "save it anew, or as .csv"
+            ) from error
+    check_names(path, names)
+    if rows * len(names) > most:
+        said = f"it says that it holds {rows} rows of {len(names)} columns, out of all proportion to its size"
+        raise problem(path, f"the Parquet file is refused: {said}", "save it without so much compression, or as .csv")
+    columns: dict[str, Vector] = {}
+    odd: dict[str, Oddity] = {}
+    for name in names:
         values = table.column(name).to_numpy()
-        columns[name] = values.astype(float) if values.dtype.kind in "fiub" else [str(v) for v in values]
-    return Columns(str(path), columns, np.arange(1, table.num_rows + 1), units=units)
+        if values.dtype.kind in "fiub":
+            columns[name] = values.astype(float)
+            continue
+        texts = ["" if value is None else str(value) for value in values]
+        columns[name], found = as_numbers(texts, range(1, len(texts) + 1))
+        odd |= {name: found} if found is not None else {}
+    units = _units(table.schema.metadata or {})
+    return Columns(str(path), columns, np.arange(1, table.num_rows + 1), units=units, odd=odd)
+
+
+def _units(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
+    """The units of a file that flexarm wrote; none of another, whatever it says under the same key."""
+    try:
+        units = json.loads(metadata.get(b"flexarm", b"{}"))["units"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return {}
+    if not isinstance(units, dict):
+        return {}
+    return {name: unit for name, unit in units.items() if isinstance(unit, str)}

@@ -17,6 +17,7 @@ from diagnosis.frequency_response.table_experiment import tables
 from diagnosis.search.scored_model import ScoredModel, log_evidence
 from diagnosis.verdict.table_report import draw
 from diagnosis.verdict.verdict import Diagnosis, fit_table, place_odds
+from engine.figures import save
 from engine.files import writing
 
 COLOURS = {"recording": "#333333", "nominal": "#b0b0b0", "refit": "#c8405a", "amended": "#1a6aad"}
@@ -214,5 +215,5 @@ def before_after(diagnosis: Diagnosis, path: Path) -> Path:
 
 def _save(figure: Any, path: Path) -> Path:
     with writing(path, (".png", ".pdf", ".svg")) as temporary:
-        figure.savefig(temporary, dpi=130)
+        save(figure, temporary, dpi=130)
     return path

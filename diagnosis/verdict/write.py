@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from diagnosis.estimation.least_squares import interval_in_words
 from diagnosis.verdict.experiment_design import Proposal
 from diagnosis.verdict.verdict import Diagnosis
 from engine.errors import FlexarmError
-from engine.files import writing
+from engine.files import json_text, writing
 from scenarios.amend import Edit, Feed, Set, amended, relocated, without
 
 EXPERIMENT = "next_experiment"
@@ -65,7 +64,7 @@ def write(found: Diagnosis, folder: Path) -> list[Path]:
         raise FlexarmError(f"cannot make the folder '{folder}': {error.strerror}") from error
     made = [folder / "diagnosis.json", folder / "amended.yaml"]
     with writing(made[0], (".json",)) as temporary:
-        temporary.write_text(json.dumps(_plain(found.numbers()), indent=2) + "\n", encoding="utf-8")
+        temporary.write_text(json_text(found.numbers(), indent=2) + "\n", encoding="utf-8")
     text = relocated(amended_text(found), found.study.scenario.path.parent, folder)
     with writing(made[1], (".yaml",)) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -122,14 +121,3 @@ def experiment_text(found: Diagnosis, proposal: Proposal, folder: Path) -> str:
 def _table(path: Path, header: str, columns: list[Any]) -> None:
     with writing(path, (".csv",)) as temporary:
         np.savetxt(temporary, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
-
-
-def _plain(value: Any) -> Any:
-    """The value with numbers that JSON cannot hold as null."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

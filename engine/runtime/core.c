@@ -205,7 +205,9 @@ static double fa_worst_guard(const double *guards, int *which) {
 }
 
 /* Shorten the trial b, which violates a guard, to the instant of the first violation: Illinois' rule on the guard that
- * is worst at the end, bisection where it stalls, until the bracket is 1e-13 of the step. b stays on the far side. */
+ * is worst at the end, bisection where it stalls, until the bracket is 1e-13 of the step. b stays on the far side, unless
+ * a friction stops its joint within that bracket from the start: speeds are straight lines over so short a time, and the
+ * far side of one that falls at 1e300 m/s2 is out of all proportion, so that the state is the one where the line is zero. */
 static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
   fa_trial c;
   double a = 0, fa, fb, wa = 1, wb = 1;
@@ -236,6 +238,8 @@ static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
       side = -1;
     }
   }
+  if (FA_NF && a == 0 && which < 2 * FA_NF && fa < 0 && b->h <= tolerance)
+    for (int i = 0; i < FA_NX; i++) b->x[i] = s->x[i] + (b->x[i] - s->x[i]) * (fa / (fa - fb));
 }
 
 static int fa_not_finite(fa_sim *s) {

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated, Any
 
 import typer
 
 from engine.errors import FlexarmError
+from engine.files import json_text
 from flexarm.console.options import ScenarioArgument, SetOption, load
 
 
@@ -42,5 +42,5 @@ def compare(
             typer.echo(comparison_page(comparison, rows))
     if as_json:
         typer.echo(
-            json.dumps({"scenario": loaded.name, "overrides": list(loaded.overrides), "recordings": done}, indent=2)
+            json_text({"scenario": loaded.name, "overrides": list(loaded.overrides), "recordings": done}, indent=2)
         )

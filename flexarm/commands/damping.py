@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from engine.errors import FlexarmError, ParameterError, Where
+from engine.files import json_text
 
 if TYPE_CHECKING:
     from diagnosis.decay.evolving_spectra import Waterfall
@@ -62,7 +62,7 @@ def damping(
         typer.echo(_page(report, recording))
     written = _write(output, report, recording, numbers) if output is not None else []
     if as_json:
-        typer.echo(json.dumps(numbers, indent=2))
+        typer.echo(json_text(numbers, indent=2))
     else:
         for path in written:
             typer.echo(f"written: {path}")
@@ -107,7 +107,7 @@ def _write(output: Path, report: DampingReport, recording: Path, numbers: dict[s
     if report.decrement is not None:
         written.append(plot_decrement(report.record, report.decrement, output / "decrement.png", title))
     with writing(output / "damping.json", (".json",)) as temporary:
-        temporary.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
+        temporary.write_text(json_text(numbers, indent=2) + "\n", encoding="utf-8")
     return [*written, output / "damping.json"]
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from engine.files import json_text
 from flexarm.console.options import (
     HoldOutOption,
     RecordingsArgument,
@@ -93,7 +93,7 @@ def diagnose(
         typer.echo(f"interrupted; {hint}", err=True)
         raise typer.Exit(INTERRUPTED) from None
     if as_json:
-        typer.echo(json.dumps(found.numbers(), indent=2))
+        typer.echo(json_text(found.numbers(), indent=2))
         return
     typer.echo(page(found))
     if output is not None:

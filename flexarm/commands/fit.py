@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from engine.files import json_text
 from flexarm.console.options import (
     HoldOutOption,
     RecordingsArgument,
@@ -36,7 +36,7 @@ def fit(
         scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
     )
     if as_json:
-        typer.echo(json.dumps(_fit_numbers(made, scores), indent=2))
+        typer.echo(json_text(_fit_numbers(made, scores), indent=2))
         return
     typer.echo(fit_page(made, scores))
 

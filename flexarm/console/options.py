@@ -115,8 +115,9 @@ def load(scenario: str, overrides: list[str] | None) -> Scenario:
 
 
 def file_name(scenario: Scenario) -> str:
-    """The scenario's name without what a file name cannot hold."""
-    return "".join(c if c.isalnum() or c in "-_. " else "_" for c in scenario.name).strip(". ") or "scenario"
+    """The scenario's name without what a file name cannot hold, which is at most 255 bytes with its ending."""
+    plain = "".join(c if c.isalnum() or c in "-_. " else "_" for c in scenario.name)
+    return plain.encode()[:200].decode(errors="ignore").strip(". ") or "scenario"
 
 
 def say_bypassed(blocks: tuple[str, ...], by: str) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from engine.figures import save
 from engine.files import writing
 from flexarm.plotting.results import COLOURS, FIGURES
 
@@ -89,7 +90,7 @@ def draw_decay(axis: Any, waterfall: Waterfall) -> None:
     for i, mode in enumerate(waterfall.modes):
         colour = COLOURS[i % len(COLOURS)]
         used, rest = waterfall.times[: mode.used], waterfall.times[mode.used :]
-        label = f"{mode.frequency:.4g} Hz: $\\xi$ = {mode.ratio:.4g} $\\pm$ {mode.standard_error:.1g}"
+        label = f"{mode.frequency:.4g} Hz: ξ = {mode.ratio:.4g} ± {mode.standard_error:.1g}"
         axis.plot(used, mode.amplitudes[: mode.used], "o", color=colour, markersize=5, label=label)
         axis.plot(rest, mode.amplitudes[mode.used :], "o", color=colour, markersize=4, markerfacecolor="white")
         axis.plot(used, np.exp(mode.intercept + mode.slope * used), "-", color=colour, linewidth=1.2)
@@ -118,7 +119,7 @@ def draw_decrement(axis: Any, record: DecayRecord, decrement: Decrement) -> None
         "o",
         color=COLOURS[0],
         markersize=4,
-        label=f"peaks: $\\xi$ = {decrement.ratio:.4g}",
+        label=f"peaks: ξ = {decrement.ratio:.4g}",
     )
     times = np.linspace(decrement.extreme_times[0], decrement.extreme_times[-1], 400)
     fits = decrement.envelopes.fits if decrement.envelopes is not None else ()
@@ -165,5 +166,5 @@ def _write(path: str | Path, title: str, size: tuple[float, float], draw: Callab
         draw(figure)
         if title:
             figure.suptitle(title, fontsize=11, fontweight="bold")
-        figure.savefig(temporary, dpi=130)
+        save(figure, temporary, dpi=130)
     return Path(path)

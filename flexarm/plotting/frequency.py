@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.figures import save
 from engine.files import writing
 from flexarm.plotting.results import COLOURS, FIGURES
 
@@ -127,7 +128,7 @@ def plot_linear(linear: LinearModel, path: str | Path, title: str = "") -> Path:
         head += "\nno output depends on an input here"
     figure.suptitle(head, fontsize=11)
     with writing(Path(path), FIGURES) as temporary:
-        figure.savefig(temporary, dpi=130)
+        save(figure, temporary, dpi=130)
     return Path(path)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from engine.figures import save
 from engine.files import writing
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def plot(results: Result | Sequence[tuple[str, Result]], path: str | Path, title
         if title:
             figure.suptitle(title, fontsize=11, fontweight="bold")
         figure.align_ylabels()
-        figure.savefig(temporary, dpi=150)
+        save(figure, temporary, dpi=150)
     return Path(path)
 
 

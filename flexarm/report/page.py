@@ -12,6 +12,7 @@ from typing import Any
 
 from diagnosis.estimation.least_squares import interval_in_words
 from engine.files import writing
+from engine.names import CONTROL
 from flexarm.plotting.wiring.places import share
 from flexarm.report.series import Chart, as_json, fitting
 
@@ -36,6 +37,7 @@ def render(template: str, charts: Sequence[Chart], **values: Any) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_printable,
     )
     environment.filters["sig"] = significant
     environment.filters["interval"] = interval
@@ -51,6 +53,13 @@ def render(template: str, charts: Sequence[Chart], **values: Any) -> str:
         charts={chart.key: chart for chart in made},
         **values,
     )
+
+
+def _printable(value: Any) -> Any:
+    """Control characters of a text, which a file's name or a command line may hold, as escapes."""
+    if type(value) is not str:
+        return value
+    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), value)
 
 
 def write_page(path: Path, text: str) -> Path:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from engine.errors import FlexarmError
-from engine.files import check_suffix, writing
+from engine.files import check_suffix, json_text, writing
 from flexarm.sweeps.plan import SweepPlan
 from flexarm.sweeps.work import SUMMARIES, Span
 
@@ -88,7 +88,7 @@ class SweepStore:
         else:
             with writing(manifest, (".json",)) as temporary:
                 content = {"plan_hash": self.plan.hash, "scenario_hash": self.plan.digest, "plan": self.plan.numbers()}
-                temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+                temporary.write_text(json_text(content, indent=2) + "\n", encoding="utf-8")
         for left in self.parts.glob(".*"):  # of a process that was killed while it wrote
             if left.name != ".lock":
                 left.unlink(missing_ok=True)
@@ -211,4 +211,4 @@ class SweepStore:
             "plan_hash": plan.hash,
             "plan": plan.numbers(),
         }
-        return {b"flexarm": json.dumps(described).encode()}
+        return {b"flexarm": json_text(described).encode()}

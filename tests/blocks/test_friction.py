@@ -274,3 +274,37 @@ def test_friction_in_a_loop_is_refused() -> None:
     }
     with pytest.raises(StructureError, match=r"friction 'joint' closes a loop with one, two"):
         model(parts, "first.shaft one.shaft joint.a", "second.shaft two.shaft joint.b")
+
+
+@pytest.mark.parametrize("backend", ["c", "interpreter"])
+@pytest.mark.parametrize("level", [1e3, 1e12, 1e20, 1e26, 1e30, 1e100, 1e300])
+def test_a_stop_shorter_than_any_step_goes_no_further_than_it_should(level: float, backend: str) -> None:
+    """x = m v^2 / 2 F; the far side of the located instant was at -1e267 m with 1e300 N."""
+    parts: dict[str, Block] = {"body": Mass(mass=2.0), "friction": TranslationalBearingFriction(coulomb_friction=level)}
+    result = run(
+        parts,
+        "body.flange friction.slide",
+        stop=0.01,
+        initial={"body.flange.speed": 3.0},
+        backend=backend,
+        energy=False,
+    )
+    assert result["body.flange.position"][-1] == pytest.approx(9.0 / level, rel=1e-9, abs=1e-15)
+    assert result["body.flange.speed"][-1] == 0
+    assert switches(result, "friction") == [0]
+
+
+def test_a_stop_shorter_than_any_step_keeps_the_momentum() -> None:
+    """Of a joint between two bodies, which go on together."""
+    parts: dict[str, Block] = {
+        "first": Mass(mass=2.0),
+        "second": Mass(mass=1.0),
+        "joint": TranslationalJointFriction(coulomb_friction=1e300),
+    }
+    wires = ["first.flange joint.a", "joint.b second.flange"]
+    result = run(
+        parts, *wires, stop=0.01, initial={"first.flange.speed": 3.0, "second.flange.speed": 0.0}, energy=False
+    )
+    for name in ("first", "second"):
+        np.testing.assert_allclose(result[f"{name}.flange.speed"][1:], 2.0, rtol=1e-12)
+        np.testing.assert_allclose(result[f"{name}.flange.position"], 2.0 * result.time, atol=1e-12)

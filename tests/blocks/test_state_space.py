@@ -150,7 +150,7 @@ def test_files_that_are_refused(tmp_path: Path, name: str, content: bytes, messa
 
 
 def test_a_missing_file_is_named() -> None:
-    with pytest.raises(ParameterError, match=r"cannot read '/nowhere/k.mat': No such file"):
+    with pytest.raises(ParameterError, match=r"'/nowhere/k.mat': cannot read the file: No such file"):
         StateSpace(file="/nowhere/k.mat")
 
 

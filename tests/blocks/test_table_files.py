@@ -44,7 +44,7 @@ def test_a_vector_is_held_or_interpolated(tmp_path: Path, kind: str) -> None:
         ({"time": TIMES, "v": VALUES}, "no vector 'u'"),
         ({"time": TIMES, "u": VALUES[:2]}, "3 times but 2 values"),
         ({"time": [0.0, 0.5, 0.5], "u": VALUES}, "does not come after"),
-        ({"time": TIMES, "u": [1.0, float("nan"), 2.0]}, "not finite"),
+        ({"time": TIMES, "u": [1.0, float("nan"), 2.0]}, "not a finite number"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, vectors: dict[str, list[float]], said: str) -> None:

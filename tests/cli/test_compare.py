@@ -182,8 +182,8 @@ def test_wrapped_angle(tmp_path: Path) -> None:
 BAD_ROWS = {
     "NaN": ("5,1000,", "5,nan,", ["one.csv:7", "column 'u'", "line 7", "gaps"]),
     "empty cell": ("5,1000,", "5,,", ["one.csv:7", "column 'u'", "line 7"]),
-    "a word": ("5,1000,", "5,abc,", ["one.csv:7", "'abc'", "column 'u'", "nan"]),
-    "a unit": ("5,1000,", "5,10 V,", ["one.csv:7", "'10 V'", "column 'u'", "decimal point"]),
+    "a word": ("5,1000,", "5,abc,", ["one.csv:7", "a text", "column 'u'", "nan"]),
+    "a unit": ("5,1000,", "5,10 V,", ["one.csv:7", "a number with a text behind it", "column 'u'", "units"]),
     "time backwards": (
         "\n5,",
         "\n3,",

@@ -50,6 +50,13 @@ def bounded(seconds: int = LONGEST, steps: int = STEPS) -> Iterator[None]:
         simulate.MOST_STEPS = most
 
 
+def refused(error: FlexarmError) -> str:
+    """Assert that an error says what is wrong; who holds the value adds where."""
+    assert error.message.strip(), "an empty message"
+    assert len(str(error)) < 5000, "a message out of all proportion"
+    return REFUSED
+
+
 def explained(error: FlexarmError, file: bool = False) -> str:
     """Assert that an error says what is wrong and where; ``file``: the place must be one in a file."""
     text = str(error)

@@ -20,6 +20,15 @@ from engine.quantity import coherent, convert
 from engine.simulate import Drive, simulate
 from scenarios.load import SHIPPED, Scenario, load, shipped_names
 from tests.robustness.archives import archives, check_archive
+from tests.robustness.every_block import check_block, odd_blocks
+from tests.robustness.foreign import (
+    check_foreign_file,
+    check_page,
+    check_shared,
+    foreign_files,
+    pages,
+    shared_documents,
+)
 from tests.robustness.guard import REFUSED, RESULT, bounded, explained
 from tests.robustness.strategies import TEXTS, inside, mangled, mutated, odd, quantity, scaled, table
 
@@ -365,13 +374,53 @@ def files() -> st.SearchStrategy[Any]:
     return st.sampled_from(shipped_names()).flatmap(lambda name: mangled((SHIPPED / f"{name}.yaml").read_bytes()))
 
 
+def check_point(given: tuple[str, dict[str, float]]) -> str:
+    """A linear model at an odd operating point, as JSON that every reader takes."""
+    from engine.linear_files import as_json
+    from engine.linearise import linearise
+
+    name, point = given
+    with bounded():
+        model = model_of(name)
+        try:
+            linear = linearise(
+                model,
+                at={key: value for key, value in point.items() if key != "input"},
+                inputs={model.inputs[0].name: point["input"]} if model.inputs and "input" in point else None,
+            )
+        except FlexarmError as error:
+            return explained(error)
+        json.loads(as_json(linear), parse_constant=_refuse)
+        return RESULT
+
+
+def _refuse(constant: str) -> None:
+    raise AssertionError(f"{constant} in JSON")
+
+
+@st.composite
+def points(draw: st.DrawFn) -> tuple[str, dict[str, float]]:
+    """A shipped scenario and values of some of its states and an input."""
+    name = draw(st.sampled_from(shipped_names()))
+    states = [variable.name for variable in model_of(name).states]
+    values = st.floats(-10, 10) | st.sampled_from([1e100, -1e160, 1e290, 1e300, -1e308, 5e-324, math.inf, math.nan])
+    return name, draw(st.dictionaries(st.sampled_from([*states, "input"]), values, min_size=1, max_size=3))
+
+
 PROPERTIES = {
     "documents": Property("Shipped scenarios with keys and values changed", documents, check_document),
     "files": Property("Scenario files with bytes changed", files, check_bytes),
     "overrides": Property("`--set` texts", overrides, check_override),
     "parameters": Property("Parameter values of shipped models", parameter_sets, check_parameters),
     "recordings": Property("Recordings with cells, rows, columns and bytes changed", recordings, check_recording),
+    "blocks": Property("Every block with odd parameters and options", odd_blocks, check_block),
     "runs": Property("Times, starting values and drives of a run", arguments, check_run),
     "quantities": Property("Numbers with units", quantities, check_quantity),
+    "points": Property("Operating points of `linearise`, written as JSON", points, check_point),
+    "foreign": Property(
+        "CSV, MATLAB, JSON, Parquet and .dat files of blocks and recordings", foreign_files, check_foreign_file
+    ),
+    "anchors": Property("Edits to scenarios that share by anchors and merge keys", shared_documents, check_shared),
+    "pages": Property("Names and texts in reports and FMU descriptions", pages, check_page),
     "archives": Property("FMU and SSP files: XML, names, links, entries and bytes changed", archives, check_archive),
 }

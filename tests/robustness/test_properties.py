@@ -16,6 +16,11 @@ QUICK = {
     "recordings": 120,
     "runs": 150,
     "quantities": 200,
+    "blocks": 200,
+    "points": 100,
+    "foreign": 200,
+    "anchors": 60,
+    "pages": 40,
     "archives": 60,
 }
 

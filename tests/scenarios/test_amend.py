@@ -11,7 +11,8 @@ from ruamel.yaml import YAML
 
 import flexarm
 from engine.errors import FlexarmError
-from scenarios.amend import AtFlange, Between, Feed, InSignal, OnSensor, Replace, Set, amended, without
+from scenarios.amend import AtFlange, Between, Feed, InSignal, OnSensor, Replace, Set, amended, relocated, without
+from scenarios.document import parse as read_scenario
 from scenarios.load import load
 
 BENCH = """\
@@ -138,3 +139,99 @@ def test_sections_are_left_out_whole() -> None:
     text = without(BENCH, "recordings", "simulate", "analyses")
     assert list(parse(text)) == ["schema", "name", "parameters", "blocks", "connect"]
     assert comments(text) == comments(BENCH)
+
+
+SHARED = """\
+schema: 1
+name: shared
+blocks:
+  a: &gain {type: Gain, gain: &much 3}  # as on its dial
+  b: *gain
+  c: {type: Gain, gain: *much}
+recordings:
+  # taken on Monday
+  one: &one
+    file: a.csv
+    time: {column: t, unit: s}
+    drive: {motor.voltage: {column: u, unit: V}}
+  two:
+    <<: *one
+    file: b.csv
+  three: {<<: [{file: c.csv}, *one], role: hold_out}
+"""
+
+
+def document(text: str) -> Any:
+    return read_scenario(text).plain()
+
+
+def test_an_edit_changes_one_place_and_no_alias_of_it() -> None:
+    for name, others in (("a", ("b", "c")), ("b", ("a", "c")), ("c", ("a", "b"))):
+        text = amended(SHARED, [Set(name, "gain", 4)])
+        before, after = document(SHARED), document(text)
+        assert after["blocks"][name]["gain"] == 4
+        assert all(after["blocks"][other] == before["blocks"][other] for other in others)
+        assert after["recordings"] == before["recordings"]
+        assert "<<: *one" in text
+        assert {"as on its dial", "taken on Monday"} <= set(comments(text))
+    text = amended(SHARED, [Replace("a", "Constant", {"value": 1}, drop=("gain",))])
+    assert document(text)["blocks"]["b"] == {"type": "Gain", "gain": 3}
+
+
+def test_recordings_that_share_are_written_out_where_they_change() -> None:
+    text = amended(
+        SHARED + "connect: []\n", [InSignal("zone", "DeadZone", "motor.voltage", {"lower": "-1 V", "upper": "1 V"})]
+    )
+    for recording in document(text)["recordings"].values():
+        assert recording["drive"] == {"zone.in": {"column": "u", "unit": "V"}}
+    moved = relocated(SHARED, Path("/here"), Path("/there"))
+    assert [entry["file"] for entry in document(moved)["recordings"].values()] == [
+        "../here/a.csv",
+        "../here/b.csv",
+        "../here/c.csv",
+    ]
+    assert "b: *gain" in moved
+    alone = without(SHARED, "blocks")
+    assert document(alone)["recordings"] == document(SHARED)["recordings"]
+    sharing = SHARED.replace("blocks:", "extra: &extra {type: Gain, gain: 1}\nblocks:\n  d: *extra")
+    assert document(without(sharing, "extra"))["blocks"]["d"] == {"type": "Gain", "gain": 1}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}\n",
+        "a: &a {x: 1, y: 2}\nb: {y: 3, <<: *a}\n",
+        "a: &a {x: 1}\nb: &b {x: 2, z: [1]}\nc: {<<: [*b, *a], w: 1}\nd: {<<: [*a, *b]}\n",
+        "a: &a {x: 1}\nb: &b\n  <<: *a\n  y: 2\nc:\n  <<: *b\n  x: 3\n",
+        "b: {<<: {x: 1}, y: 2}\n",
+        "b: {<<: [], y: 2}\n",
+    ],
+)
+def test_merge_keys_mean_what_they_mean_in_yaml(text: str) -> None:
+    assert read_scenario(text).plain() == parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said", "line"),
+    [
+        ("a: 1\nb:\n  <<: 3\n", "takes in mappings alone", 3),
+        ("a: &a [1]\nb: {<<: *a}\n", "takes in mappings alone", 2),
+        ("a: &a {x: 1}\nb:\n  <<: *a\n  <<: *a\n", "given before", 4),
+        ("a: {x: 1}\nb: {<<: *a}\n", "names no finished value", 2),
+        ("a: &a\n  <<: *a\n", "names no finished value", 2),
+    ],
+)
+def test_merge_keys_that_are_refused(text: str, said: str, line: int) -> None:
+    with pytest.raises(FlexarmError, match=said) as caught:
+        read_scenario(text)
+    assert caught.value.where is not None
+    assert caught.value.where.line == line
+
+
+def test_what_is_merged_keeps_its_line() -> None:
+    found = read_scenario("a: &a\n  x: 1\nb:\n  <<: *a\n  y: 2\n", "s.yaml")
+    assert str(found.where("b", "x")) == "s.yaml:2: b.x"
+    assert str(found.where("b", "y")) == "s.yaml:5: b.y"
+    quoted = read_scenario('a: {"<<": 1}\n')
+    assert quoted.plain() == {"a": {"<<": 1}}

@@ -8,6 +8,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from engine.figures import save
+
 FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 
 STYLES: dict[str, dict[str, str]] = {
@@ -140,7 +142,7 @@ class Picture:
         axis.axis("off")
         for shape in self.shapes:
             _paint(axis, shape, scale)
-        figure.savefig(path, dpi=dpi, facecolor="white")
+        save(figure, path, dpi=dpi, facecolor="white")
 
 
 def _rule(prefix: str, kind: str, style: dict[str, str]) -> str:
@@ -190,7 +192,7 @@ def _paint(axis: Any, shape: Shape, scale: float) -> None:
         axis.text(
             shape.x,
             shape.y,
-            shape.text.replace("$", r"\$"),
+            shape.text,
             fontsize=shape.size * points,
             color=style["fill"],
             weight=style.get("font-weight", "normal"),
