@@ -13,7 +13,10 @@ from engine import simulate
 from engine.errors import FlexarmError
 
 LONGEST = 30
-"""Seconds that one example may take before it counts as a hang."""
+"""Seconds of this process's work that one example may take before it counts as a hang."""
+
+WAITING = 20
+"""Times as long by the clock before it counts as one, whatever else the machine does: for what waits and does no work."""
 
 STEPS = 20_000
 """Bound on internal steps while properties run, so that the bound itself is met and every example is short."""
@@ -29,13 +32,14 @@ class Hang(BaseException):
 
 @contextlib.contextmanager
 def bounded(seconds: int = LONGEST, steps: int = STEPS) -> Iterator[None]:
-    """Within it Python code that runs for longer than ``seconds`` is stopped, and a run has at most ``steps``."""
+    """Within it Python code that works for longer than ``seconds`` is stopped, and a run has at most ``steps``."""
 
     def ring(number: int, frame: FrameType | None) -> None:
         raise Hang(f"longer than {seconds} s")
 
-    before, most = signal.signal(signal.SIGALRM, ring), simulate.MOST_STEPS
-    signal.alarm(seconds)
+    before, most = [(s, signal.signal(s, ring)) for s in (signal.SIGALRM, signal.SIGPROF)], simulate.MOST_STEPS
+    signal.alarm(WAITING * seconds)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     simulate.MOST_STEPS = steps
     try:
         with warnings.catch_warnings():
@@ -43,7 +47,9 @@ def bounded(seconds: int = LONGEST, steps: int = STEPS) -> Iterator[None]:
             yield
     finally:
         signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        for number, handler in before:
+            signal.signal(number, handler)
         simulate.MOST_STEPS = most
 
 
