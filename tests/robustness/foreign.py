@@ -245,7 +245,7 @@ def shared_documents(draw: st.DrawFn) -> tuple[str, str, int]:
         gain = str(draw(st.integers(1, 9)))
         if draw(st.integers(0, 3)) == 0:
             gain = f"&s{name} {gain}"
-        elif scalars and draw(st.booleans()):
+        elif scalars and bool(draw(st.booleans())):
             gain = f"*{draw(st.sampled_from(scalars))}"
         inner = f"type: Gain, gain: {gain}"
         if way == "merge" and mappings:

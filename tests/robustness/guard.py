@@ -1,4 +1,4 @@
-"""What any input may lead to: a result without NaN, or an error that says where; within bounded work."""
+"""What any input may lead to: a result without NaN, or an error that says where; within bounded time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from engine import simulate
 from engine.errors import FlexarmError
 
 LONGEST = 30
-"""Seconds of work that one example may take before it counts as a hang."""
+"""Seconds of this process's work that one example may take before it counts as a hang."""
+
+WAITING = 20
+"""Multiple of that time, by the clock, after which it counts as one too: for what waits and does nothing."""
 
 STEPS = 20_000
 """Bound on internal steps while properties run, so that the bound itself is met and every example is short."""
@@ -24,20 +27,18 @@ _NAMED = re.compile(r"'[^']+'|t = |\b(step|stop|internal_step|drive|rows|line|ti
 
 
 class Hang(BaseException):
-    """An example worked for too long; not an `Exception`, so that no handler of the library swallows it."""
+    """An example took too long; not an `Exception`, so that no handler of the library swallows it."""
 
 
 @contextlib.contextmanager
 def bounded(seconds: int = LONGEST, steps: int = STEPS) -> Iterator[None]:
-    """Within it Python code that works for longer than ``seconds`` is stopped, and a run has at most ``steps``.
-
-    The time is that of the processor for this process, so that a machine with other work to do changes nothing.
-    """
+    """Within it Python code that works for longer than ``seconds`` is stopped, and a run has at most ``steps``."""
 
     def ring(number: int, frame: FrameType | None) -> None:
         raise Hang(f"longer than {seconds} s")
 
-    before, most = signal.signal(signal.SIGPROF, ring), simulate.MOST_STEPS
+    before, most = [(s, signal.signal(s, ring)) for s in (signal.SIGALRM, signal.SIGPROF)], simulate.MOST_STEPS
+    signal.alarm(WAITING * seconds)
     signal.setitimer(signal.ITIMER_PROF, seconds)
     simulate.MOST_STEPS = steps
     try:
@@ -45,8 +46,10 @@ def bounded(seconds: int = LONGEST, steps: int = STEPS) -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
+        signal.alarm(0)
         signal.setitimer(signal.ITIMER_PROF, 0)
-        signal.signal(signal.SIGPROF, before)
+        for number, handler in before:
+            signal.signal(number, handler)
         simulate.MOST_STEPS = most
 
 
