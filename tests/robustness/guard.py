@@ -16,7 +16,7 @@ LONGEST = 30
 """Seconds of this process's work that one example may take before it counts as a hang."""
 
 WAITING = 20
-"""Multiple of that time, by the clock, after which it counts as one too: for what waits and does nothing."""
+"""Times as long by the clock before it counts as one, whatever else the machine does: for what waits idly."""
 
 STEPS = 20_000
 """Bound on internal steps while properties run, so that the bound itself is met and every example is short."""
