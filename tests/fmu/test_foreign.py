@@ -134,8 +134,8 @@ def test_what_it_does_wrong_is_said(make: Make, way: str, said: str) -> None:
 
 @pytest.mark.parametrize("keep", [0, 100, 1500, 4096, -600, -1])
 def test_a_truncated_binary_ends_its_own_process(make: Make, keep: int) -> None:
-    """Whatever the loader makes of it: without its last bytes it runs."""
-    if keep == -1:
+    """Whatever the loader makes of it: without its last bytes, a table that no loader reads, it runs."""
+    if keep < 0:
         assert cosim(make(keep=keep), 0.01, 1e-3)["y"][-1] == 0.0
         return
     with pytest.raises(FlexarmError, match=r"cannot be loaded|ended its process"):
