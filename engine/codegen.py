@@ -234,13 +234,25 @@ class Emitter:
             "const double *restrict m, const double *restrict p, const double *restrict cp, "
             "const double *restrict cm, const double *restrict fire, double *restrict r"
         )
+        large = False
         for name, results in self.functions.items():
+            if name == "full" and large:
+                # What both share is worked out twice; compiling it twice costs more.
+                parts.append(_function("fa_full", arguments, _both(len(self.functions["derivative"]))))
+                continue
             body = self._body(state_nodes[name], stored, results)
             local = set(state_nodes[name])
             body += [f"  r[{i}] = {self._operand(node, stored, local)};" for i, node in enumerate(results)]
             inlined = name == "derivative" and len(body) <= _INLINED
+            large = large or (name == "derivative" and not inlined)
             parts.append(_function(f"fa_{name}", arguments, body, inlined))
         return "\n".join(parts)
+
+
+def _both(states: int) -> list[str]:
+    """The body of ``full`` for a large model."""
+    given = "(t, x, u, d, m, p, cp, cm, fire, "
+    return [f"  fa_derivative{given}r);", f"  fa_guards{given}r + {states});"]
 
 
 def _function(name: str, arguments: str, body: list[str], inlined: bool = False) -> str:
