@@ -301,6 +301,9 @@ def _emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expressi
     emitter.add("following", arguments, e.following)
     if model.externals:
         emitter.add("external", arguments, e.external)
+    if model.lines:
+        emitter.add("entering", arguments, e.entering)
+        emitter.add("line_start", arguments, e.line_start)
     for name, symbols, result in extra:
         emitter.add(name, symbols, result)
     return emitter
@@ -324,6 +327,9 @@ def _sizes(model: Model) -> str:
         "FA_NE": len(model.externals),
         "FA_NEI": sum(external.inputs for external in model.externals),
         "FA_NEO": sum(external.outputs for external in model.externals),
+        "FA_NL": len(model.lines),
+        "FA_NLS": sum(line.size for line in model.lines),
+        "FA_NLR": sum(len(line.stages) for line in model.lines),
     }
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     lines.append(_array("int", "fa_stick_coordinate", [str(mode.coordinate) for mode in frictions]))
@@ -335,6 +341,14 @@ def _sizes(model: Model) -> str:
     for field in ("clock", "first_input", "first_output") if model.externals else ():
         values = [str(getattr(external, field)) for external in model.externals]
         lines.append(_array("int", f"fa_external_{field}", values))
+    if model.lines:
+        for field in ("clock", "first", "size"):
+            lines.append(_array("int", f"fa_line_{field}", [str(getattr(line, field)) for line in model.lines]))
+        reads = [
+            (l, s, m) for l, line in enumerate(model.lines) for s, m in zip(line.stages, line.memories, strict=True)
+        ]
+        for field, column in zip(("line", "stage", "memory"), zip(*reads, strict=True), strict=True):
+            lines.append(_array("int", f"fa_read_{field}", [str(value) for value in column]))
     for kind in "tv":
         names = [f"fa_table_{kind}{i}" for i in range(len(model.tables))]
         lines.append(_array("double *const", f"fa_table_{kind}", names))
@@ -371,7 +385,7 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
     arguments = [*e.arguments, e.fire]
     seeds = ca.vertcat(e.x, e.t, e.u, e.d, *[e.p[i] for i in parameters])
     lines = [f"#define FA_DIRS {directions}"]
-    for name in ("derivative", "guards", "update", "outputs", "following"):
+    for name in ("derivative", "guards", "update", "outputs", "following", *(["entering"] if model.lines else [])):
         jacobian = ca.jacobian(getattr(e, name), seeds)
         values = ca.vertcat(*jacobian.nonzeros())
         row, column = (list(part) for part in jacobian.sparsity().get_triplet())

@@ -38,6 +38,8 @@ FLAGS = (
     "-fvisibility=hidden",
     "-Wno-unused-function",
 )
+_LARGE = 150_000
+"""Characters of C from which on the search for vector instructions takes longer than it can save."""
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}
 _STALE = 3600.0
 
@@ -86,6 +88,13 @@ def version() -> str:
     return run.stdout.strip()
 
 
+def flags(source: str) -> tuple[str, ...]:
+    """Flags for a source. What a large one leaves out, which only clang knows, changes no result."""
+    if len(source) > _LARGE and "clang" in version():
+        return (*FLAGS, "-fno-vectorize", "-fno-slp-vectorize")
+    return FLAGS
+
+
 @functools.cache
 def _cpu() -> str:
     """Identity of the CPU that a native build is for."""
@@ -103,7 +112,7 @@ def _build(source: str, target: Path) -> None:
     with tempfile.TemporaryDirectory(dir=target.parent, prefix="build-", ignore_cleanup_errors=True) as folder:
         code, made = Path(folder) / "model.c", Path(folder) / target.name
         code.write_text(source, encoding="utf-8")
-        run_compiler([*FLAGS, "-o", str(made), str(code), "-lm"], Path(folder))
+        run_compiler([*flags(source), "-o", str(made), str(code), "-lm"], Path(folder))
         made.write_bytes(cache.sealed(made.read_bytes()))
         made.replace(target)
 
@@ -167,7 +176,7 @@ def library(source: str) -> ctypes.CDLL:
     Raises:
         CompilerUnavailable: no compiler runs, or it fails.
     """
-    key = hashlib.sha256("\0".join([source, *FLAGS, version(), _cpu()]).encode()).hexdigest()[:32]
+    key = hashlib.sha256("\0".join([source, *flags(source), version(), _cpu()]).encode()).hexdigest()[:32]
     name = f"{key}{_SUFFIX.get(sys.platform, '.so')}"
     try:
         target = cache.folder() / name
@@ -213,7 +222,8 @@ def binary(files: Mapping[str, str], arguments: Sequence[str], suffix: str) -> b
     Raises:
         CompilerUnavailable: no compiler runs, or it fails.
     """
-    parts = [*(part for item in files.items() for part in item), *FLAGS, *arguments, " ".join(compiler()), version()]
+    chosen = flags(next(iter(files.values())))
+    parts = [*(part for item in files.items() for part in item), *chosen, *arguments, " ".join(compiler()), version()]
     name = f"{hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:32]}{suffix}"
     with contextlib.suppress(CompilerUnavailable):
         kept = cache.opened(cache.folder() / name)
@@ -225,7 +235,7 @@ def binary(files: Mapping[str, str], arguments: Sequence[str], suffix: str) -> b
         for file, text in files.items():
             (folder / file).write_text(text, encoding="utf-8")
         made = folder / f"library{suffix}"
-        run_compiler([*FLAGS, *arguments, "-o", made.name, main, "-lm"], folder)
+        run_compiler([*chosen, *arguments, "-o", made.name, main, "-lm"], folder)
         content = made.read_bytes()
     _remember(content, name)
     return content

@@ -32,7 +32,7 @@ def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
     if "jacobian" not in model.functions:
         model.functions["jacobian"] = ca.Function("jacobian", e.arguments, [ca.jacobian(e.derivative, e.x)])
     found = Fastest(0.0, "")
-    for level in (0.0, 1.0, -1.0):
+    for level in (0.0, 1.0, -1.0) if model.count(SWITCH) else (0.0,):
         m = [{FRICTION: 1.0, SWITCH: level}.get(mode.kind, 0.0) for mode in model.modes]
         matrix = model.functions["jacobian"](0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), m, p)
         matrix = np.array(matrix.full())

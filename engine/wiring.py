@@ -234,15 +234,15 @@ class Wiring:
 
     # -- sample instants --------------------------------------------------------------------------------------------
 
-    def updates(self, fire: Expression) -> tuple[list[Expression], list[tuple[External, Expression]]]:
+    def updates(self, fire: Expression) -> tuple[list[Expression], list[tuple[External, Expression]], list[Expression]]:
         """What happens at an instant at which the clocks flagged in ``fire`` tick.
 
         Plant signals are sampled with the memories as they were before the instant; signals between controllers carry
         the new held values, in the order of the data flow.
 
         Returns:
-            Each memory after the instant, and the external functions in the order of their calls with what each is
-            given. Both may depend on what the functions called before return.
+            Each memory after the instant, the external functions in the order of their calls with what each is given,
+            and what enters each delay line. They may depend on what the functions called before return.
         """
         held: dict[str, Expression] = {}
         signals: dict[str, Expression] = {}
@@ -311,7 +311,8 @@ class Wiring:
         for memory in self.net.memories:
             after = trampoline.run(new(memory) if memory.held else at_instant(memory.law))
             results.append(after if memory.held else ca.if_else(fire[memory.clock.index], after, memory.symbol))
-        return results, list(calls.values())
+        entering = [trampoline.run(at_instant(line.value)) for line in self.net.lines]
+        return results, list(calls.values()), entering
 
 
 class _Step:

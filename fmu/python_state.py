@@ -23,7 +23,15 @@ from engine.model import TIME, Model, Vector
 
 PENDING = frozenset({"starting", "tuned", "driven", "clocked"})
 
-ARRAYS = {"x": "states", "d": "memories", "m": "modes", "p": "parameters", "dx": "states", "g": "guards"}
+ARRAYS = {
+    "x": "states",
+    "d": "memories",
+    "m": "modes",
+    "p": "parameters",
+    "dx": "states",
+    "g": "guards",
+    "line": "lines",
+}
 """Vectors of a simulation, with what there is one of for each number."""
 
 INPUTS = ("base", "slope", "origin")
@@ -260,6 +268,7 @@ def check(kept: Standing, model: Model) -> None:
         "modes": len(model.modes),
         "parameters": len(model.parameters),
         "guards": int(model.equations.guards.numel()),
+        "lines": sum(line.size for line in model.lines),
     }
     for name, what in ARRAYS.items():
         _finite(name, s[name], sizes[what])
