@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from diagnosis.problem import Array, Experiment, Free, Problem, prior
 from diagnosis.uncertainty import Flat, uncertainty
 from engine.errors import SimulationError
+from engine.threads import Threads
 
 Progress = Callable[[str], None]
 SETTLED = 1e-4
@@ -102,16 +102,14 @@ def _reached(f: Free, end: float) -> float:
     return math.copysign(math.inf, end)
 
 
-def _linearised(
-    problem: Problem, x: Array, experiments: Sequence[Experiment], pool: ThreadPoolExecutor
-) -> tuple[Array, Array]:
+def _linearised(problem: Problem, x: Array, experiments: Sequence[Experiment], pool: Threads) -> tuple[Array, Array]:
     """Residual and Jacobian of all experiments and the prior, stacked."""
     parts = list(pool.map(lambda e: problem.linearised(x, e), experiments))
     parts.append(prior(problem, x))
     return np.concatenate([r for r, _ in parts]), np.vstack([J for _, J in parts])
 
 
-def _stacked(problem: Problem, x: Array, experiments: Sequence[Experiment], pool: ThreadPoolExecutor) -> Array:
+def _stacked(problem: Problem, x: Array, experiments: Sequence[Experiment], pool: Threads) -> Array:
     parts = list(pool.map(lambda e: problem.residual(x, e).ravel(), experiments))
     return np.concatenate([*parts, prior(problem, x)[0]])
 
@@ -120,7 +118,7 @@ def descend(
     problem: Problem,
     x: Array,
     experiments: Sequence[Experiment],
-    pool: ThreadPoolExecutor,
+    pool: Threads,
     *,
     iterations: int = 25,
     tolerance: float = 1e-3,
@@ -182,7 +180,7 @@ def _acceleration(
     problem: Problem,
     x: Array,
     experiments: Sequence[Experiment],
-    pool: ThreadPoolExecutor,
+    pool: Threads,
     A: Array,
     r: Array,
     J: Array,
@@ -230,7 +228,7 @@ def fit(
     begin = [np.asarray(x, dtype=float) for x in starts] or [np.zeros(n)]
     begin += [random.normal(0.0, 0.7, n) for _ in range(random_starts)]
     best: tuple[float, Array, bool] | None = None
-    with ThreadPoolExecutor(workers or 2) as pool:
+    with Threads(workers or 2) as pool:
         for number, x in enumerate(begin):
             if progress:
                 progress(f"start {number + 1} of {len(begin)}")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ from engine.simulate import prepare, simulate
 from engine.start import start_values
 from engine.step import fastest
 from engine.system import Connection, bypass
+from engine.threads import Threads
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario
@@ -108,7 +109,7 @@ def sweep(driven: SineModel, table: FrequencyTable, progress: Callable[[float], 
     if len(rows):
         rows[0], settled = row(0)
         restless += [] if settled else [0]
-    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+    with Threads(os.cpu_count() or 1) as pool:
         jobs = {pool.submit(row, i): i for i in range(1, len(rows))}
         try:
             for done, job in enumerate(as_completed(jobs), 2):

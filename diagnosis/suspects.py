@@ -9,7 +9,6 @@ where one of them brings those rows to the floor and the tolerances do not, the 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -22,6 +21,7 @@ from diagnosis.problem import Array, Problem
 from diagnosis.sines import Sines
 from diagnosis.trial import Trial, strained
 from engine.errors import FlexarmError
+from engine.threads import Threads
 
 if TYPE_CHECKING:
     from diagnosis.workshop import Workshop
@@ -101,7 +101,7 @@ def _let_go(shop: Workshop, candidate: Candidate, share: float) -> Suspect:
 
 def _fitted(made: Problem, starts: Sequence[Array], share: float) -> Fit:
     rows, n = _lowest(made, share), len(made.free)
-    with ThreadPoolExecutor(1) as pool:
+    with Threads(1) as pool:
         ends = [descend(made, x, rows, pool) for x in starts]
     x, cost, converged = min(ends, key=lambda end: end[1])
     return Fit(made, x, cost, cost, converged, np.zeros((n, n)))

@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -23,6 +22,7 @@ from diagnosis.trial import Trial, scored
 from diagnosis.waves import solved
 from engine.errors import FlexarmError
 from engine.spread import Store
+from engine.threads import Threads
 from scenarios.amend import Edit, InSignal, OnSensor, amended, without
 from scenarios.load import Scenario, load
 
@@ -160,7 +160,7 @@ class Workshop:
         entries.sort(key=lambda entry: entry.cost)
         bold = self.entries(effects, [effects[0].bold], parent) if len(effects) == 1 and effects[0].bold else []
         tried = []
-        with ThreadPoolExecutor(1) as pool:
+        with Threads(1) as pool:
             begun = [*self._begun(effects, entries, parent), *bold]
             most = SETTLES if len({id(entry.problem.model) for entry in begun}) > 1 else FIRST
             for entry in begun:
@@ -233,7 +233,7 @@ class Workshop:
             return draft
         entry = draft.entry
         made = resolved(entry.problem, entry.x) or entry.problem
-        with ThreadPoolExecutor(1) as pool:
+        with Threads(1) as pool:
             training = made.chosen("train", "repeat")
             x, cost, converged = descend(made, entry.x, training, pool, iterations=iterations)
         if not math.isfinite(cost):
@@ -251,7 +251,7 @@ class Workshop:
         tried = [draft]
         for begun in solved(self, there, k, values)[:REORDERED]:
             training = begun.problem.chosen("train", "repeat")
-            with ThreadPoolExecutor(1) as pool:
+            with Threads(1) as pool:
                 x, cost, converged = descend(begun.problem, begun.x, training, pool, iterations=SETTLES, least=HARDLY)
             tried.append(Draft(effects, replace(begun, x=x, cost=cost), converged))
         best = min(tried, key=lambda made: made.entry.cost)
@@ -267,7 +267,7 @@ class Workshop:
                     built = tuple(sizes if j == k else s for j, s in enumerate(best.built))
                     made = self.build(draft.effects, built)
                     training = made.chosen("train", "repeat")
-                    with ThreadPoolExecutor(1) as pool:
+                    with Threads(1) as pool:
                         x, cost, converged = descend(made, best.x, training, pool, iterations=FIRST, least=HARDLY)
                     if cost < draft.entry.cost:
                         draft = Draft(draft.effects, Entry(cost, made, x, chosen, built), converged)
@@ -279,7 +279,7 @@ class Workshop:
         if made.converged:
             return trial
         training = made.problem.chosen("train", "repeat")
-        with ThreadPoolExecutor(self.workers) as pool:
+        with Threads(self.workers) as pool:
             x, cost, converged = descend(made.problem, made.x, training, pool, iterations=POLISHED)
         if not cost < made.cost:
             return trial  # it ended where the model cannot be differentiated

@@ -364,11 +364,20 @@ def runtime(name: str) -> str:
 
 
 _INCLUDES = "#include <math.h>\n#include <string.h>\n#include <stdint.h>\n"
+_CANCELLABLE = "#define FA_CANCELLABLE\n"
 
 
 def simulation_source(model: Model) -> str:
     """One translation unit: the model, the integrator and the entry point that Python calls."""
-    parts = [_INCLUDES, _sizes(model), "\n\n", _emitter(model).text(), runtime("core.c"), runtime("simulate.c")]
+    parts = [
+        _INCLUDES,
+        _CANCELLABLE,
+        _sizes(model),
+        "\n\n",
+        _emitter(model).text(),
+        runtime("core.c"),
+        runtime("simulate.c"),
+    ]
     return "".join(parts)
 
 
@@ -397,4 +406,4 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
         else:
             emitter.add(f"{name}_values", arguments, values if row else ca.SX(0, 1))
     rules = runtime("core.c") + runtime("simulate.c") + runtime("tangent_rules.c")
-    return "\n".join([_INCLUDES, _sizes(model), *lines, emitter.text(), runtime("tangent.c")]) + rules
+    return "\n".join([_INCLUDES, _CANCELLABLE, _sizes(model), *lines, emitter.text(), runtime("tangent.c")]) + rules

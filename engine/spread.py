@@ -16,7 +16,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -25,6 +25,7 @@ from typing import Any, Protocol, TypeVar
 
 from engine.errors import FlexarmError
 from engine.files import writing
+from engine.threads import Threads
 
 Task = TypeVar("Task")
 Answer = TypeVar("Answer")
@@ -66,7 +67,7 @@ class Spread:
             self._client = _cluster(scheduler)
             self.workers = max(1, sum(self._client.nthreads().values()))
         elif threads and self.workers > 1:
-            self._pool = ThreadPoolExecutor(self.workers, thread_name_prefix="flexarm-spread")
+            self._pool = Threads(self.workers, "flexarm-spread")
         elif self.workers > 1:
             # Spawned, because a fork of a process with threads may hang. Workers end when this end of the pipe closes,
             # be it that we close it or that this process is killed.
@@ -164,6 +165,8 @@ class Spread:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if isinstance(self._pool, Threads) and kind is not None and not issubclass(kind, Exception):
+            self._pool.cancel()
         self.close(at_once=kind is not None)
 
     def close(self, at_once: bool = False) -> None:

@@ -38,6 +38,9 @@ typedef struct {
   int status, culprit;                                           /* culprit: index of a state or mode */
   double *log; int64_t log_length, log_capacity;                 /* (time, mode, new value) rows, or NULL */
   void *listener;                                                /* whose the hooks are */
+#ifdef FA_CANCELLABLE
+  const volatile int32_t *cancel;                                /* not 0 once the run is to end; or NULL */
+#endif
 } fa_sim;
 
 static int fa_finite(const double *a, int n) {
@@ -366,6 +369,9 @@ static int fa_reach(fa_sim *s, double t_end) {
     const int64_t n = span * (1 - 1e-9) > s->hmax ? (int64_t)ceil(span / s->hmax * (1 - 1e-9)) : 1;
     for (int64_t i = 1; i <= n; i++) {
       const double to = i < n ? start + span * ((double)i / (double)n) : target;
+#ifdef FA_CANCELLABLE
+      if (s->cancel && *s->cancel) return s->status = FA_CANCELLED;
+#endif
       FA_ON_TARGET(s, event, i, n);
       if (fa_step(s, to - s->t)) return s->status;
       s->t = to;
