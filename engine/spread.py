@@ -33,6 +33,9 @@ Answer = TypeVar("Answer")
 AHEAD = 4
 """Tasks under way for each worker, so that none waits while the oldest is not finished."""
 
+MOST_WORKERS = 256
+"""Workers of one machine: each process takes some 100 MB."""
+
 CONNECT = "15s"
 """How long a cluster may take to answer."""
 
@@ -59,6 +62,11 @@ class Spread:
     def __init__(self, workers: int | None = None, scheduler: str | None = None, *, threads: bool = False) -> None:
         if workers is not None and workers < 1:
             raise FlexarmError(f"{workers} workers cannot do anything", remedy="give 1 or more")
+        if workers is not None and workers > MOST_WORKERS:
+            raise FlexarmError(
+                f"{workers} workers are too many for this machine's {cores()} cores",
+                remedy=f"give at most {MOST_WORKERS}, best one for each core, or a --scheduler",
+            )
         self.workers = workers or cores()
         self._client: Any = None
         self._pool: Executor | None = None
@@ -190,28 +198,53 @@ class Store(Protocol):
 
 
 class JsonStore:
-    """A folder of JSON files, one for each key, each put in place whole.
+    """A folder of JSON files, one for each key, each put in place whole and with its hash; damaged ones do not count.
 
     Args:
         folder: made if it does not exist.
+
+    Raises:
+        FlexarmError: it cannot be made.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FlexarmError(
+                f"cannot make the folder '{folder}': {error.strerror}",
+                remedy="remove what is there, or write elsewhere",
+            ) from error
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
     def __contains__(self, key: str) -> bool:
-        return self._path(key).exists()
+        return self._read(key) is not None
 
     def __getitem__(self, key: str) -> Any:
-        return json.loads(self._path(key).read_text(encoding="utf-8"))
+        found = self._read(key)
+        if found is None:
+            raise KeyError(key)
+        return found[0]
+
+    def _read(self, key: str) -> tuple[Any] | None:
+        try:
+            content = json.loads(self._path(key).read_text(encoding="utf-8"))
+            value = content["value"]
+            return (value,) if content["sha256"] == _digest(key, value) else None
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+            return None
 
     def __setitem__(self, key: str, value: Any) -> None:
+        value = json.loads(json.dumps(value))  # as it is read again
         with writing(self._path(key), (".json",)) as temporary:
-            temporary.write_text(json.dumps(value), encoding="utf-8")
+            temporary.write_text(json.dumps({"sha256": _digest(key, value), "value": value}), encoding="utf-8")
+
+
+def _digest(key: str, value: Any) -> str:
+    return hashlib.sha256(f"{key}\0{json.dumps(value)}".encode()).hexdigest()
 
 
 def _begin(alive: Connection) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from engine.errors import FlexarmError, ParameterError, nearest
-from engine.spread import Spread
+from engine.spread import MOST_WORKERS, Spread
 from flexarm.sweep_plan import MOST_RUNS, Plan, make_axes
 from flexarm.sweep_store import SweepStore
 from flexarm.sweep_work import build, compute, digest
@@ -96,6 +96,8 @@ def sweep(
             progress(done, plan.total)
         # A pool costs a second or two; a few short runs are done before it has started.
         count = 1 if len(missing) <= 1 else workers
+        if count is not None and count <= MOST_WORKERS:
+            count = min(count, max(1, len(missing)))
         with Spread(count, scheduler) as workforce:
             shipped = replace(plan, files=packed(scenario)) if scheduler else plan
             answers = workforce.map(functools.partial(compute, shipped), missing)
