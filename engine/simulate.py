@@ -267,7 +267,7 @@ def prepare(
             f"times up to {farthest * float(tick):g} s do not go with a tick of {float(tick):g} s",
             remedy="give an earlier stop or drive, or sample periods that are multiples of a longer time",
         )
-    hmax = internal_step or choose_step(model, p, x0, step)
+    hmax = internal_step or choose_step(model, p, x0, step, stop)
     _check_cost(model, p, x0, stop, min(hmax, step))
     return Job(
         p=p,
