@@ -38,7 +38,7 @@ def simulate(
     initial: dict[str, float] | None = None,
     internal_step: float | None = None,
     step_tolerance: float | None = None,
-    record_states: bool = False,
+    record_states: bool | Callable[[Model], bool] = False,
     backend: str = "auto",
 ) -> Result:
     """Simulate a scenario as its file says, or a model.
@@ -52,7 +52,7 @@ def simulate(
         initial: starting values by name, SI units.
         internal_step: longest integration step (s).
         step_tolerance: warn if half that step changes an output by more than this share of its range.
-        record_states: also keep states and modes at every row.
+        record_states: also keep states and modes at every row; or a function that says so of the model.
         backend: ``c``, ``interpreter`` or ``auto``.
 
     Raises:
@@ -86,7 +86,7 @@ def simulate(
         initial=initial,
         internal_step=internal_step,
         step_tolerance=step_tolerance,
-        record_states=record_states,
+        record_states=record_states(model) if callable(record_states) else record_states,
         backend=backend,
     )
 
