@@ -22,6 +22,14 @@ PLAN = "plan.json"
 LOCK = ".lock"
 
 
+def _remove(path: Path) -> None:
+    """Take away a file, or a folder that somebody put in its place."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
 def _broken() -> tuple[type[Exception], ...]:
     """What a file that is damaged or cannot be written raises."""
     import pyarrow
@@ -71,10 +79,7 @@ class SweepStore:
             for left in self.parts.iterdir():
                 if left.name == LOCK:
                     continue
-                if left.is_dir() and not left.is_symlink():
-                    shutil.rmtree(left)
-                else:
-                    left.unlink()
+                _remove(left)
             self.table.unlink(missing_ok=True)
         except OSError as error:
             self.close()
@@ -190,7 +195,8 @@ class SweepStore:
                 if kind == "runs" and found["run"].to_pylist() != list(range(*span)):
                     raise ValueError(kind)
         except _broken():
-            self._part(span).unlink(missing_ok=True)
+            for kind, _ in kinds:
+                _remove(self._part(span, kind))
             return False
         return True
 

@@ -50,8 +50,8 @@ class Child:
         except OSError as error:
             raise FlexarmError(f"no process can be started for the FMU: {error.strerror}") from error
 
-    def ask(self, calls: list[list[Any]]) -> dict[str, Any]:
-        """The answer to some calls.
+    def ask(self, calls: list[list[Any]], name: str) -> dict[str, Any]:
+        """The answer to some calls to the FMU of that file name.
 
         Raises:
             SimulationError: the process died.
@@ -69,7 +69,7 @@ class Child:
         except (BrokenPipeError, ConnectionError, OSError, ValueError):
             pass
         self.kill()
-        raise SimulationError(f"the FMU ended its process {_ending(process.returncode)}", remedy=_REMEDY)
+        raise SimulationError(f"'{name}' ended its process {_ending(process.returncode)}", remedy=_REMEDY)
 
     def kill(self) -> None:
         """End it at once."""
@@ -138,8 +138,9 @@ class Host(Described):
         messages: what the FMU logged.
     """
 
-    def __init__(self, child: Child, description: Any) -> None:
+    def __init__(self, child: Child, description: Any, file: str) -> None:
         super().__init__(description)
+        self._file = file
         self.messages: list[str] = []
         self._child = child
         self._waiting: list[list[Any]] = []
@@ -148,7 +149,7 @@ class Host(Described):
     def _ask(self, *call: Any) -> Any:
         calls = [*self._waiting, list(call)]
         self._waiting = []
-        answer = self._child.ask(calls)
+        answer = self._child.ask(calls, self._file)
         self.messages += answer["messages"]
         if "error" in answer:
             failed, message, remedy = answer["error"]
@@ -232,7 +233,7 @@ def host(path: str | Path, name: str = "instance") -> Iterator[Host]:
         child = _taken(key)
         sound = False
         try:
-            made = Host(child, description)
+            made = Host(child, description, Path(path).name)
             try:
                 made.open(folder, name)
             except FlexarmError as error:

@@ -20,7 +20,9 @@ from engine.quantity import coherent, convert
 from engine.simulate import Drive, simulate
 from scenarios.load import SHIPPED, Scenario, load, shipped_names
 from tests.robustness.archives import archives, check_archive
+from tests.robustness.foreign import check_foreign, foreign
 from tests.robustness.guard import REFUSED, RESULT, bounded, explained
+from tests.robustness.keepings import check_entry, check_kept, check_state, entries, kept, states
 from tests.robustness.strategies import TEXTS, inside, mangled, mutated, odd, quantity, scaled, table
 
 
@@ -373,4 +375,8 @@ PROPERTIES = {
     "runs": Property("Times, starting values and drives of a run", arguments, check_run),
     "quantities": Property("Numbers with units", quantities, check_quantity),
     "archives": Property("FMU and SSP files: XML, names, links, entries and bytes changed", archives, check_archive),
+    "states": Property("Saved states of FMUs in Python, changed and sealed again", states, check_state),
+    "caches": Property("Compiled libraries in the cache, cut and changed", entries, check_entry),
+    "sweeps": Property("Files of an interrupted sweep, cut, changed and removed", kept, check_kept),
+    "foreign": Property("FMUs of other makers: names, cut binaries, crashes, odd answers", foreign, check_foreign),
 }

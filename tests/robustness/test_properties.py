@@ -17,6 +17,10 @@ QUICK = {
     "runs": 150,
     "quantities": 200,
     "archives": 60,
+    "states": 100,
+    "caches": 20,
+    "sweeps": 25,
+    "foreign": 15,
 }
 
 
