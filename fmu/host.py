@@ -11,6 +11,7 @@ import json
 import math
 import os
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -25,6 +26,8 @@ from fmu import archive
 from fmu.loaded import Described, described
 
 _REMEDY = "its binary may be truncated, made for another machine, or faulty; ask where it comes from for a sound one"
+LOADING = 60.0
+"""Seconds within which an FMU must have been loaded."""
 _IDLE = 4
 """Children that are kept for the next instance of the same file; a start takes some tenths of a second."""
 
@@ -56,9 +59,18 @@ class Child:
         Raises:
             SimulationError: the process died.
         """
-        process = self._process
+        process, late = self._process, False
         assert process.stdin is not None
         assert process.stdout is not None
+
+        def end() -> None:
+            nonlocal late
+            late = True
+            process.kill()
+
+        limit = threading.Timer(LOADING, end)
+        if calls[0][0] == "open":
+            limit.start()
         try:
             process.stdin.write(json.dumps(calls).encode() + b"\n")
             process.stdin.flush()
@@ -68,7 +80,11 @@ class Child:
                 return answer
         except (BrokenPipeError, ConnectionError, OSError, ValueError):
             pass
+        finally:
+            limit.cancel()
         self.kill()
+        if late:
+            raise SimulationError(f"'{name}' did not load within {LOADING:g} s", remedy=_REMEDY)
         raise SimulationError(f"'{name}' ended its process {_ending(process.returncode)}", remedy=_REMEDY)
 
     def kill(self) -> None:
@@ -126,6 +142,29 @@ def _returned(key: str, child: Child) -> None:
 def _end() -> None:
     while _idle:
         _idle.pop()[1].kill()
+
+
+def _check_whole(folder: Path, file: str) -> None:
+    """Refuse a library that has lost its end: the system's loader maps what is not there, and crashes or never returns.
+
+    Raises:
+        FlexarmError: an ELF library is shorter than its own tables say.
+    """
+    for path in folder.glob("binaries/*/*.so"):
+        content = path.read_bytes()
+        if content[:6] != b"\x7fELF\x02\x01" or len(content) < 64:
+            continue  # of another kind, which its loader checks, or none at all
+        segments, sections, _, _, size, count, width, rows = struct.unpack_from("<QQIHHHHH", content, 32)
+        ends = [sections + width * rows if sections else 0, segments + size * count]
+        if ends[1] <= len(content) and size >= 56:
+            for k in range(count):
+                offset, _, _, length = struct.unpack_from("<QQQQ", content, segments + k * size + 8)
+                ends.append(offset + length)
+        if max(ends) > len(content):
+            raise FlexarmError(
+                f"'{file}' is damaged: its '{path.name}' has {len(content)} of {max(ends)} bytes",
+                remedy="get the file again, or ask where it comes from for a sound one",
+            )
 
 
 class Host(Described):
@@ -230,6 +269,7 @@ def host(path: str | Path, name: str = "instance") -> Iterator[Host]:
     key = hashlib.sha256(Path(path).read_bytes()).hexdigest()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         archive.unpack(Path(path), Path(folder))
+        _check_whole(Path(folder), str(path))
         child = _taken(key)
         sound = False
         try:

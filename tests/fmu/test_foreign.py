@@ -133,13 +133,24 @@ def test_what_it_does_wrong_is_said(make: Make, way: str, said: str) -> None:
 
 
 @pytest.mark.parametrize("keep", [0, 100, 1500, 4096, -600, -1])
-def test_a_truncated_binary_ends_its_own_process(make: Make, keep: int) -> None:
-    """Whatever the loader makes of it: without its last bytes, a table that no loader reads, it runs."""
-    if keep < 0:
-        assert cosim(make(keep=keep), 0.01, 1e-3)["y"][-1] == 0.0
-        return
-    with pytest.raises(FlexarmError, match=r"cannot be loaded|ended its process"):
+def test_a_truncated_binary_is_refused(make: Make, keep: int) -> None:
+    """Before it is loaded, or by its loader."""
+    with pytest.raises(FlexarmError, match=r"is damaged|cannot be loaded"):
         cosim(make(keep=keep), 0.01, 1e-3)
+
+
+def test_a_library_that_never_loads_is_given_up(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A constructor that waits; the limit is lowered."""
+    text = "#include <unistd.h>\n__attribute__((constructor)) static void wait(void) { for (;;) pause(); }\n"
+    path = make()
+    with zipfile.ZipFile(path) as archive:
+        description = archive.read("modelDescription.xml")
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", description)
+        archive.writestr("binaries/linux64/m.so", compiling.binary({"wait.c": text}, ["-s"], ".so"))
+    monkeypatch.setattr(hosting, "LOADING", 3.0)
+    with pytest.raises(FlexarmError, match="did not load within 3 s"):
+        cosim(path, 0.01, 1e-3)
 
 
 def test_an_fmu_that_dies_in_a_scenario_is_named(make: Make, tmp_path: Path) -> None:
