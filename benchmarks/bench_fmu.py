@@ -20,7 +20,7 @@ import numpy as np
 import fmu
 from benchmarks.reference_arm import FOLDER, OUTPUTS, ByHand, model
 from engine.compile import library
-from fmu.host import Host, host
+from fmu.loaded import Loaded, loaded
 
 RESULTS = Path(__file__).parent / "results" / "fmu.json"
 STEP, VOLTAGE, STEPS, ROUNDS = 1e-3, 1.5, 20_000, 15
@@ -29,7 +29,7 @@ STEP, VOLTAGE, STEPS, ROUNDS = 1e-3, 1.5, 20_000, 15
 class Loop:
     """Steps of a started FMU in C."""
 
-    def __init__(self, instance: Host) -> None:
+    def __init__(self, instance: Loaded) -> None:
         text = (FOLDER / "loop.c").read_text(encoding="utf-8")
         exported = '__attribute__((visibility("default"))) int loop_run'
         self._run = library(text.replace("\nint loop_run", "\n" + exported)).loop_run
@@ -44,8 +44,8 @@ class Loop:
         self._count += steps
 
 
-def _started(path: Path, stack: contextlib.ExitStack) -> Host:
-    instance = stack.enter_context(host(path))
+def _started(path: Path, stack: contextlib.ExitStack) -> Loaded:
+    instance = stack.enter_context(loaded(path))
     with instance.starting(0.0):
         instance.set(instance.names("input"), [VOLTAGE])
     return instance

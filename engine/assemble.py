@@ -15,6 +15,7 @@ from engine.model import (
     FRICTION,
     SWITCH,
     TIME,
+    DelayLine,
     Equations,
     External,
     Mode,
@@ -216,7 +217,7 @@ class _Assembly:
             books = self._books(accounts)
         n = mechanics.count
         fire = ca.SX.sym("fire", len(net.clocks))
-        updates, calls = self.wiring.updates(fire)
+        updates, calls, entering = self.wiring.updates(fire)
         guards = [mechanics.guards[c] for c in mechanics.friction_modes]
         guards += [self._final(ca.vertcat(entry.above, entry.below)) for entry in net.switches]
         outputs = [*self._outputs(), *books]
@@ -233,7 +234,13 @@ class _Assembly:
                 ]
             ),
             p=self.p,
-            fire=self._stack([fire, *[symbol for entry in net.externals for symbol in entry.returned]]),
+            fire=self._stack(
+                [
+                    fire,
+                    *[s for entry in net.externals for s in entry.returned],
+                    *[s for line in net.lines for s in line.returned],
+                ]
+            ),
             derivative=self._stack([mechanics.v, acceleration, *derivatives]),
             guards=self._stack(guards),
             outputs=self._stack([expression for _, expression in outputs]),
@@ -244,6 +251,8 @@ class _Assembly:
             transform=ca.densify(mechanics.T[:, mechanics.free]),
             imposed=mechanics.imposed_motion(),
             external=self._stack([mechanics.in_coordinates(given) for _, given in calls]),
+            entering=self._stack([mechanics.in_coordinates(value) for value in entering]),
+            line_start=self._stack([line.start for line in net.lines]),
         )
         equations, parameters = self._used(equations)
         inputs = tuple(Variable(name, self.wiring.unit(name), net.inputs[name].port.doc) for name in self.free_names)
@@ -266,7 +275,17 @@ class _Assembly:
             motions=MappingProxyType({f"{b}.{port}": motion.index for (b, port), motion in self.flanges.items()}),
             initial=MappingProxyType(dict(self.system.initial)),
             externals=self._externals([(entry.name, given.numel()) for entry, given in calls]),
+            lines=self._lines(),
         )
+
+    def _lines(self) -> tuple[DelayLine, ...]:
+        """The delay lines, one after the other in the ring's storage."""
+        made, first = [], 0
+        for line in self.net.lines:
+            places = [next(i for i, entry in enumerate(self.net.memories) if entry is m) for m in line.memories]
+            made.append(DelayLine(line.name, line.clock.index, first, line.size, line.stages, tuple(places)))
+            first += line.size
+        return tuple(made)
 
     def _externals(self, calls: list[tuple[str, int]]) -> tuple[External, ...]:
         """The external functions in the order of their calls, given each one's name and count of inputs."""

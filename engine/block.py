@@ -206,7 +206,8 @@ class Block:
         further = {port.name: port for port in self.further_ports()}
         if further:
             self.ports = {**cls.ports, **further}
-            self._port_attributes = {**cls._port_attributes, **{name: name for name in further}}
+            # Not by their bare names, which may be those of parameters.
+            self._port_attributes = {**cls._port_attributes, **{f"port {name}": name for name in further}}
 
     def further_ports(self) -> Iterable[Port]:
         """Ports that only this instance has, such as one per joint; `port` reads them inside `stamp`."""

@@ -235,13 +235,25 @@ class Emitter:
             "const double *restrict m, const double *restrict p, const double *restrict cp, "
             "const double *restrict cm, const double *restrict fire, double *restrict r"
         )
+        large = False
         for name, results in self.functions.items():
+            if name == "full" and large:
+                # What both share is worked out twice; compiling it twice costs more.
+                parts.append(_function("fa_full", arguments, _both(len(self.functions["derivative"]))))
+                continue
             body = self._body(state_nodes[name], stored, results)
             local = set(state_nodes[name])
             body += [f"  r[{i}] = {self._operand(node, stored, local)};" for i, node in enumerate(results)]
             inlined = name == "derivative" and len(body) <= _INLINED
+            large = large or (name == "derivative" and not inlined)
             parts.append(_function(f"fa_{name}", arguments, body, inlined))
         return "\n".join(parts)
+
+
+def _both(states: int) -> list[str]:
+    """The body of ``full`` for a large model."""
+    given = "(t, x, u, d, m, p, cp, cm, fire, "
+    return [f"  fa_derivative{given}r);", f"  fa_guards{given}r + {states});"]
 
 
 def _function(name: str, arguments: str, body: list[str], inlined: bool = False) -> str:
@@ -290,6 +302,9 @@ def _emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expressi
     emitter.add("following", arguments, e.following)
     if model.externals:
         emitter.add("external", arguments, e.external)
+    if model.lines:
+        emitter.add("entering", arguments, e.entering)
+        emitter.add("line_start", arguments, e.line_start)
     for name, symbols, result in extra:
         emitter.add(name, symbols, result)
     return emitter
@@ -313,6 +328,9 @@ def _sizes(model: Model) -> str:
         "FA_NE": len(model.externals),
         "FA_NEI": sum(external.inputs for external in model.externals),
         "FA_NEO": sum(external.outputs for external in model.externals),
+        "FA_NL": len(model.lines),
+        "FA_NLS": sum(line.size for line in model.lines),
+        "FA_NLR": sum(len(line.stages) for line in model.lines),
     }
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
     lines.append(_array("int", "fa_stick_coordinate", [str(mode.coordinate) for mode in frictions]))
@@ -324,6 +342,14 @@ def _sizes(model: Model) -> str:
     for field in ("clock", "first_input", "first_output") if model.externals else ():
         values = [str(getattr(external, field)) for external in model.externals]
         lines.append(_array("int", f"fa_external_{field}", values))
+    if model.lines:
+        for field in ("clock", "first", "size"):
+            lines.append(_array("int", f"fa_line_{field}", [str(getattr(line, field)) for line in model.lines]))
+        reads = [
+            (l, s, m) for l, line in enumerate(model.lines) for s, m in zip(line.stages, line.memories, strict=True)
+        ]
+        for field, column in zip(("line", "stage", "memory"), zip(*reads, strict=True), strict=True):
+            lines.append(_array("int", f"fa_read_{field}", [str(value) for value in column]))
     for kind in "tv":
         names = [f"fa_table_{kind}{i}" for i in range(len(model.tables))]
         lines.append(_array("double *const", f"fa_table_{kind}", names))
@@ -339,11 +365,20 @@ def runtime(name: str) -> str:
 
 
 _INCLUDES = "#include <math.h>\n#include <string.h>\n#include <stdint.h>\n"
+_CANCELLABLE = "#define FA_CANCELLABLE\n"
 
 
 def simulation_source(model: Model) -> str:
     """One translation unit: the model, the integrator and the entry point that Python calls."""
-    parts = [_INCLUDES, _sizes(model), "\n\n", _emitter(model).text(), runtime("core.c"), runtime("simulate.c")]
+    parts = [
+        _INCLUDES,
+        _CANCELLABLE,
+        _sizes(model),
+        "\n\n",
+        _emitter(model).text(),
+        runtime("core.c"),
+        runtime("simulate.c"),
+    ]
     return "".join(parts)
 
 
@@ -360,7 +395,7 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
     arguments = [*e.arguments, e.fire]
     seeds = ca.vertcat(e.x, e.t, e.u, e.d, *[e.p[i] for i in parameters])
     lines = [f"#define FA_DIRS {directions}"]
-    for name in ("derivative", "guards", "update", "outputs", "following"):
+    for name in ("derivative", "guards", "update", "outputs", "following", *(["entering"] if model.lines else [])):
         jacobian = ca.jacobian(getattr(e, name), seeds)
         values = ca.vertcat(*jacobian.nonzeros())
         row, column = (list(part) for part in jacobian.sparsity().get_triplet())
@@ -372,4 +407,4 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
         else:
             emitter.add(f"{name}_values", arguments, values if row else ca.SX(0, 1))
     rules = runtime("core.c") + runtime("simulate.c") + runtime("tangent_rules.c")
-    return "\n".join([_INCLUDES, _sizes(model), *lines, emitter.text(), runtime("tangent.c")]) + rules
+    return "\n".join([_INCLUDES, _CANCELLABLE, _sizes(model), *lines, emitter.text(), runtime("tangent.c")]) + rules

@@ -1,8 +1,8 @@
 """Compile C into a loaded library, with zig's clang from the ziglang package and a cache keyed by content.
 
 The key holds source, flags, compiler version and CPU, so a cache may be shared by processes and machines. A library is
-built in a temporary folder and renamed into place, so a killed compilation leaves nothing behind. Floating-point
-contraction is off: native and baseline builds of one model then give the same numbers.
+built in a temporary folder and renamed into place, so a killed compilation leaves nothing behind; `engine.cache` tells
+what is damaged. Floating-point contraction is off: native and baseline builds of one model then give the same numbers.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from engine import cache
 from engine.errors import CompilerUnavailable
 
 log = logging.getLogger("flexarm.compile")
@@ -37,6 +38,8 @@ FLAGS = (
     "-fvisibility=hidden",
     "-Wno-unused-function",
 )
+_LARGE = 150_000
+"""Characters of C from which on the search for vector instructions takes longer than it can save."""
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}
 _STALE = 3600.0
 
@@ -68,7 +71,7 @@ def compiler() -> tuple[str, ...]:
     return (str(Path(ziglang.__file__).parent / name), "cc")
 
 
-def _not_running(error: Exception) -> CompilerUnavailable:
+def _not_running(error: object) -> CompilerUnavailable:
     return CompilerUnavailable(
         f"the C compiler {' '.join(compiler())} does not run: {error}",
         remedy="unset FLEXARM_CC to use zig, or name a compiler that is installed"
@@ -84,11 +87,18 @@ def version() -> str:
     Raises:
         CompilerUnavailable: it cannot be run.
     """
-    try:
-        run = subprocess.run([*compiler(), "--version"], capture_output=True, text=True, timeout=120, check=True)
-    except (OSError, subprocess.SubprocessError) as error:
-        raise _not_running(error) from error
+    with _temporary() as folder:
+        run = _started(["--version"], folder)
+    if run.returncode:
+        raise _not_running(run.stderr.strip()[-500:] or f"it ends with code {run.returncode}")
     return run.stdout.strip()
+
+
+def flags(source: str) -> tuple[str, ...]:
+    """Flags for a source. What a large one leaves out, which only clang knows, changes no result."""
+    if len(source) > _LARGE and "clang" in version():
+        return (*FLAGS, "-fno-vectorize", "-fno-slp-vectorize")
+    return FLAGS
 
 
 @functools.cache
@@ -101,27 +111,15 @@ def _cpu() -> str:
     return "\n".join(parts)
 
 
-def cache_folder() -> Path:
-    """Where compiled models are kept: ``$FLEXARM_CACHE``, else the user's cache folder."""
-    chosen = os.environ.get("FLEXARM_CACHE")
-    if chosen and chosen.strip():
-        return Path(chosen)
-    return _user_cache() / "flexarm"
-
-
-def _user_cache() -> Path:
-    base = os.environ.get("LOCALAPPDATA") or os.environ.get("XDG_CACHE_HOME")
-    return Path(base) if base else Path.home() / ".cache"
-
-
 def _build(source: str, target: Path) -> None:
-    """Compile into ``target`` in a folder of its own, then rename."""
+    """Compile into ``target``, sealed, in a folder of its own, then rename."""
     target.parent.mkdir(parents=True, exist_ok=True)
     _sweep(target.parent)
-    with tempfile.TemporaryDirectory(dir=target.parent, prefix="build-") as folder:
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix="build-", ignore_cleanup_errors=True) as folder:
         code, made = Path(folder) / "model.c", Path(folder) / target.name
         code.write_text(source, encoding="utf-8")
-        run_compiler([*FLAGS, "-o", str(made), str(code), "-lm"], Path(folder))
+        run_compiler([*flags(source), "-o", str(made), str(code), "-lm"], Path(folder))
+        made.write_bytes(cache.sealed(made.read_bytes()))
         made.replace(target)
 
 
@@ -134,15 +132,34 @@ def _sweep(folder: Path) -> None:
 
 
 def _scratch(folder: Path) -> dict[str, str]:
-    """Where zig keeps its own files: its usual cache if that can be written, else a temporary one."""
-    own = Path(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or _user_cache() / "zig")
-    try:
-        own.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=own):
-            pass
-    except OSError:
-        own = Path(tempfile.gettempdir()) / f"flexarm-zig-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+    """Where zig keeps its own files: its usual cache if that can be written, else a private temporary one.
+
+    Raises:
+        CompilerUnavailable: neither can be used.
+    """
+    chosen, user = os.environ.get("ZIG_GLOBAL_CACHE_DIR"), cache.user_folder()
+    own = Path(chosen) if chosen else user / "zig" if user else None
+    if own is None or not cache.writable(own):
+        own = cache.private("flexarm-zig")
     return {"ZIG_LOCAL_CACHE_DIR": str(folder / "zig-cache"), "ZIG_GLOBAL_CACHE_DIR": str(own)}
+
+
+def _started(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run the compiler to its end, with its scratch files in ``folder``."""
+    environment = os.environ | _scratch(folder)
+    try:
+        return subprocess.run(
+            [*compiler(), *arguments],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            env=environment,
+            cwd=folder,
+            check=False,
+        )
+    except (OSError, ValueError) as error:
+        raise _not_running(error) from error
 
 
 def run_compiler(arguments: list[str], folder: Path) -> None:
@@ -151,13 +168,7 @@ def run_compiler(arguments: list[str], folder: Path) -> None:
     Raises:
         CompilerUnavailable: it cannot be run or reports an error.
     """
-    environment = os.environ | _scratch(folder)
-    try:
-        run = subprocess.run(
-            [*compiler(), *arguments], capture_output=True, text=True, env=environment, cwd=folder, check=False
-        )
-    except OSError as error:
-        raise _not_running(error) from error
+    run = _started(arguments, folder)
     if run.returncode:
         raise CompilerUnavailable(
             f"the C compiler failed with code {run.returncode}:\n{run.stderr.strip()[-2000:]}",
@@ -166,27 +177,44 @@ def run_compiler(arguments: list[str], folder: Path) -> None:
 
 
 def library(source: str) -> ctypes.CDLL:
-    """The loaded library of a source, compiled only if the cache has none.
+    """The loaded library of a source, compiled only if the cache has none that is sound.
 
     Raises:
         CompilerUnavailable: no compiler runs, or it fails.
     """
-    key = hashlib.sha256("\0".join([source, *FLAGS, version(), _cpu()]).encode()).hexdigest()[:32]
-    suffix = _SUFFIX.get(sys.platform, ".so")
-    target = cache_folder() / f"{key}{suffix}"
-    if target.exists():
-        with contextlib.suppress(OSError):
-            return ctypes.CDLL(str(target))
-    log.info("compiling the model; the very first time fills the compiler's own cache and takes some seconds")
+    key = hashlib.sha256("\0".join([source, *flags(source), version(), _cpu()]).encode()).hexdigest()[:32]
+    name = f"{key}{_SUFFIX.get(sys.platform, '.so')}"
     try:
+        target = cache.folder() / name
+        if cache.opened(target) is not None:
+            with contextlib.suppress(OSError):
+                return ctypes.CDLL(str(target))
+        log.info("compiling the model; the very first time fills the compiler's own cache and takes some seconds")
         _build(source, target)
+        return ctypes.CDLL(str(target))
     except (OSError, CompilerUnavailable) as error:
-        log.info("no use of the cache %s (%s); compiling for this process only", target.parent, error)
-        with tempfile.TemporaryDirectory(prefix="flexarm-", ignore_cleanup_errors=True) as folder:
-            target = Path(folder) / target.name
+        log.info("no use of the cache (%s); compiling for this process only", error)
+        with _temporary() as folder:
+            target = folder / name
             _build(source, target)
             return ctypes.CDLL(str(target))
-    return ctypes.CDLL(str(target))
+
+
+@contextlib.contextmanager
+def _temporary() -> Iterator[Path]:
+    """A folder for compiling.
+
+    Raises:
+        CompilerUnavailable: the system's temporary folder is full or cannot be written.
+    """
+    try:
+        with tempfile.TemporaryDirectory(prefix="flexarm-", ignore_cleanup_errors=True) as name:
+            yield Path(name)
+    except OSError as error:
+        raise CompilerUnavailable(
+            f"no model can be compiled in the folder '{tempfile.gettempdir()}': {error.strerror or error}",
+            remedy="make room in it, or name another one in TMPDIR",
+        ) from error
 
 
 def binary(files: Mapping[str, str], arguments: Sequence[str], suffix: str) -> bytes:
@@ -200,23 +228,33 @@ def binary(files: Mapping[str, str], arguments: Sequence[str], suffix: str) -> b
     Raises:
         CompilerUnavailable: no compiler runs, or it fails.
     """
-    parts = [*(part for item in files.items() for part in item), *FLAGS, *arguments, " ".join(compiler()), version()]
-    target = cache_folder() / f"{hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:32]}{suffix}"
-    with contextlib.suppress(OSError):
-        return target.read_bytes()
+    chosen = flags(next(iter(files.values())))
+    parts = [*(part for item in files.items() for part in item), *chosen, *arguments, " ".join(compiler()), version()]
+    name = f"{hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:32]}{suffix}"
+    with contextlib.suppress(CompilerUnavailable):
+        kept = cache.opened(cache.folder() / name)
+        if kept is not None:
+            return kept
     log.info("compiling for %s; the very first time for a platform takes up to some minutes", " ".join(arguments))
-    with tempfile.TemporaryDirectory(prefix="flexarm-", ignore_cleanup_errors=True) as name:
-        folder, main = Path(name), next(iter(files))
+    with _temporary() as folder:
+        main = next(iter(files))
         for file, text in files.items():
             (folder / file).write_text(text, encoding="utf-8")
         made = folder / f"library{suffix}"
-        run_compiler([*FLAGS, *arguments, "-o", made.name, main, "-lm"], folder)
+        run_compiler([*chosen, *arguments, "-o", made.name, main, "-lm"], folder)
         content = made.read_bytes()
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=target.parent, delete=False) as file_made:
-            file_made.write(content)
-        Path(file_made.name).replace(target)
-    except OSError as error:
-        log.info("the cache %s cannot be written (%s)", target.parent, error)
+    _remember(content, name)
     return content
+
+
+def _remember(content: bytes, name: str) -> None:
+    """Put a compiled library into the cache, if that can be written."""
+    try:
+        folder = cache.folder()
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix="build-", ignore_cleanup_errors=True) as scratch:
+            made = Path(scratch) / name
+            made.write_bytes(cache.sealed(content))
+            made.replace(folder / name)
+    except (OSError, CompilerUnavailable) as error:
+        log.info("the cache cannot be written (%s)", error)

@@ -22,6 +22,17 @@ Row = dict[int, Expression]
 _ZERO = 1e-12
 
 
+_Form = dict[int, tuple[Expression, float]]
+"""Coefficient of each basis element, and its value at nominal parameters."""
+
+
+def _add(total: _Form, form: _Form, share: tuple[Expression, float]) -> None:
+    """Add ``share`` times a form to another."""
+    for basis, (coefficient, number) in form.items():
+        known, value = total.get(basis, (ca.SX(0), 0.0))
+        total[basis] = known + share[0] * coefficient, value + share[1] * number
+
+
 @dataclass
 class Coordinates:
     """The result of the elimination.
@@ -52,36 +63,64 @@ class Coordinates:
 
 
 class _Basis:
-    """Motions as combinations of a shrinking basis, with numbers at nominal parameters beside the symbols."""
+    """Motions as combinations of a shrinking basis, with numbers at nominal parameters beside the symbols.
+
+    What stands for an eliminated element is kept as it was found and looked up when it is needed, so that a chain of
+    ties costs, and its products share, in proportion to its length.
+    """
 
     def __init__(self, net: Net, symbols: Expression, values: NDArray[np.float64]) -> None:
         self.net = net
         self.symbols, self.values = symbols, values
-        self.rows: list[Row] = [{m.index: ca.SX(1)} for m in net.motions]
         self.names: dict[int, str] = {m.index: m.name for m in net.motions}
         self.kinds: dict[int, str] = {m.index: m.kind for m in net.motions}
         self.free = len(net.motions)
+        self._replaced: dict[int, _Form] = {}
 
     def number(self, expression: Expression) -> float:
+        if expression.is_constant():
+            return float(expression)
         function = ca.Function("value", [self.symbols], [expression])
         return float(function(self.values))
 
     def reduce(self, terms: Row) -> Row:
         """A linear form of motions as one of the present basis, vanishing terms dropped."""
-        total: Row = {}
+        forms: dict[int, _Form] = {}
+        total: _Form = {}
         for motion, coefficient in terms.items():
-            for basis, share in self.rows[motion].items():
-                total[basis] = total.get(basis, ca.SX(0)) + coefficient * share
-        return {basis: c for basis, c in total.items() if abs(self.number(c)) > _ZERO}
+            _add(total, self._present(motion, forms), (coefficient, self.number(coefficient)))
+        return {basis: c for basis, (c, number) in total.items() if abs(number) > _ZERO}
+
+    def rows(self) -> list[Row]:
+        """Every motion in the present basis."""
+        forms: dict[int, _Form] = {}
+        made = [self._present(motion.index, forms) for motion in self.net.motions]
+        return [{basis: c for basis, (c, _) in form.items()} for form in made]
+
+    def _present(self, element: int, forms: dict[int, _Form]) -> _Form:
+        """An element in the present basis; ``forms`` keeps those that are worked out."""
+        waiting = [element]
+        while waiting:
+            here = waiting[-1]
+            replacement = self._replaced.get(here)
+            if here in forms or replacement is None:
+                forms.setdefault(here, {here: (ca.SX(1), 1.0)})
+                waiting.pop()
+                continue
+            needed = [basis for basis in replacement if basis not in forms]
+            if needed:
+                waiting += needed
+                continue
+            made: _Form = {}
+            for basis, share in replacement.items():
+                _add(made, forms[basis], share)
+            forms[here] = made
+            waiting.pop()
+        return forms[element]
 
     def substitute(self, pivot: int, replacement: Row) -> None:
         """Replace a basis element by a combination of others."""
-        for row in self.rows:
-            share = row.pop(pivot, None)
-            if share is None:
-                continue
-            for basis, coefficient in replacement.items():
-                row[basis] = row.get(basis, ca.SX(0)) + share * coefficient
+        self._replaced[pivot] = {basis: (c, self.number(c)) for basis, c in replacement.items()}
 
     def pick(self, form: Row, taken: set[int]) -> int:
         """The basis element to eliminate: a unit coefficient, a flange rather than an inner coordinate."""
@@ -124,12 +163,13 @@ def choose(net: Net, symbols: Expression, values: NDArray[np.float64]) -> Coordi
     taken: dict[int, list[tuple[Friction, Expression]]] = {}
     for friction in net.frictions:
         _place(basis, friction, taken, set(prescribed))
-    kept = sorted({b for row in basis.rows for b in row})
+    rows = basis.rows()
+    kept = sorted({b for row in rows for b in row})
     position = {b: i for i, b in enumerate(kept)}
     return Coordinates(
         [basis.names[b] for b in kept],
         [basis.kinds[b] for b in kept],
-        [{position[b]: c for b, c in row.items()} for row in basis.rows],
+        [{position[b]: c for b, c in row.items()} for row in rows],
         _weights(net),
         {position[b]: entry for b, entry in prescribed.items()},
         {position[b]: entries for b, entries in taken.items()},

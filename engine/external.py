@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import SimulationError
+from engine.errors import FlexarmError, SimulationError
 from engine.model import Model
 
 
@@ -29,7 +29,8 @@ class Calls:
             try:
                 self.functions.append(external.make())
             except Exception as error:
-                raise SimulationError(f"'{external.name}' cannot be started: {_text(error)}") from error
+                remedy = error.remedy if isinstance(error, FlexarmError) else ""
+                raise SimulationError(f"'{external.name}' cannot be started: {_text(error)}", remedy=remedy) from error
 
     def call(self, k: int, t: float, inputs: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """The answer of function ``k`` at instant ``t`` (s), or None if it failed."""
@@ -52,7 +53,7 @@ class Calls:
 
 
 def _text(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}"
+    return error.message if isinstance(error, FlexarmError) else f"{type(error).__name__}: {error}"
 
 
 def explain(model: Model, culprit: int, cause: BaseException | None) -> str:

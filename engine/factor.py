@@ -25,11 +25,12 @@ def solve(matrix: Expression, right: Expression, parameters: Expression, modes: 
     """
     n = matrix.shape[0]
     matrix = ca.sparsify(matrix)
-    late = [_level(matrix[i, i], parameters, modes) for i in range(n)]
+    known = _known(parameters), _known(ca.vertcat(ca.SX(0, 1), *modes))
+    late = [_level(matrix[i, i], *known) for i in range(n)]
     groups = [[i for i in range(n) if late[i] == level] for level in (0, 1, 2)]
     first, rest = groups[0], groups[1] + groups[2]
     inverse = _full_inverse(matrix[first, first])
-    if inverse is not None and _level(matrix[first, :], parameters, modes) < 2:
+    if inverse is not None and _level(matrix[first, :], *known) < 2:
         ties = inverse @ matrix[first, rest]
         others = ca.SX(0, 1)
         if rest:
@@ -59,9 +60,11 @@ def _full_inverse(matrix: Expression) -> Expression | None:
     return ca.tril2symm(ca.tril(inverse))
 
 
-def _level(entry: Expression, parameters: Expression, modes: list[Expression]) -> int:
+def _known(symbols: Expression) -> frozenset[int]:
+    return frozenset(symbol.element_hash() for symbol in ca.symvar(symbols))
+
+
+def _level(entry: Expression, fixed: frozenset[int], switched: frozenset[int]) -> int:
     """0 for parameters only, 1 with modes, 2 with anything else."""
-    fixed = {symbol.element_hash() for symbol in ca.symvar(parameters)}
-    switched = {symbol.element_hash() for symbol in modes}
     found = {symbol.element_hash() for symbol in ca.symvar(entry)} - fixed
     return 0 if not found else 1 if found <= switched else 2

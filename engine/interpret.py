@@ -40,6 +40,7 @@ class Simulation:
         self.steps = self.events = 0
         self.calls = Calls(model)
         self.returned = [0.0] * sum(external.outputs for external in model.externals)
+        self.line = np.zeros(sum(line.size for line in model.lines))
         self.log: list[tuple[float, int, float]] = []
         self.dx: Vector = np.zeros(0)
         self.g: Vector = np.zeros(0)
@@ -210,6 +211,8 @@ class Simulation:
         for i, table in enumerate(self.model.tables):
             self.base[len(self.model.inputs) + i] = table.values[0]
         self.modes_changed()
+        for line, value in zip(self.model.lines, self._line_start(), strict=True):
+            self.line[line.first : line.first + line.size] = value
         self.table_knots()
         self.time_events()
         self.settle()
@@ -237,6 +240,8 @@ class Simulation:
         fire = [float(tick >= offset and (tick - offset) % period == 0) for period, offset in pairs]
         if any(fire):
             fire += self.returned
+            for line in self.model.lines:
+                fire += [float(self.line[line.first + stage - 1]) for stage in line.stages]
             for k, external in enumerate(self.model.externals):
                 if fire[external.clock]:
                     first, last = external.first_input, external.first_input + external.inputs
@@ -245,8 +250,18 @@ class Simulation:
                         raise Stop(EXTERNAL, k)
                     begin = len(self.job.period) + external.first_output
                     fire[begin : begin + external.outputs] = answer.tolist()
-            self.d = self.call("update", self.t, self.x, fire)
+            after = self.call("update", self.t, self.x, fire)
+            entering = self.call("entering", self.t, self.x, fire) if self.model.lines else ()
+            for line, value in zip(self.model.lines, entering, strict=True):
+                if fire[line.clock]:
+                    values = self.line[line.first : line.first + line.size]
+                    values[1:] = values[:-1].copy()
+                    values[0] = value
+            self.d = after
             self.settle()
+
+    def _line_start(self) -> Vector:
+        return np.array(self.f["line_start"](self.p).full()).ravel() if self.model.lines else np.zeros(0)
 
     def drive(self, k: int) -> None:
         """Let the inputs follow knot ``k`` of the drive."""

@@ -104,6 +104,27 @@ class External:
 
 
 @dataclass(frozen=True)
+class DelayLine:
+    """The last values of a signal at the instants of a clock.
+
+    Attributes:
+        name: path of the block that has it.
+        clock: index of its clock.
+        first: where its values begin among those of all lines.
+        size: how many values are kept.
+        stages: which of them are read, 1 the last; at an instant, what is read is from before it.
+        memories: index of the memory that takes the value of each stage.
+    """
+
+    name: str
+    clock: int
+    first: int
+    size: int
+    stages: tuple[int, ...]
+    memories: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class TableData:
     """A recorded signal inside the model."""
 
@@ -120,7 +141,8 @@ class Equations:
 
     Attributes:
         t, x, u, d, m, p, fire: symbols: time, states, inputs (external, then tables), memories, modes, parameters, and
-            one flag per clock, followed by what external functions returned at the instant.
+            one flag per clock, followed by what external functions returned at the instant and what is read from each
+            stage of each delay line.
         derivative: dx/dt.
         guards: two per switching mode, positive when violated: above_0, below_0, above_1, ...
         outputs: y.
@@ -131,6 +153,8 @@ class Equations:
         transform: motions = transform @ coordinates + imposed, from parameters.
         imposed: what imposed motions add to all angles, then to all speeds.
         external: what the external functions are given at an instant, in the order of their calls.
+        entering: what enters each delay line at an instant of its clock.
+        line_start: what each holds at the start, from parameters.
     """
 
     t: Expression
@@ -150,6 +174,8 @@ class Equations:
     transform: Expression
     imposed: Expression
     external: Expression
+    entering: Expression
+    line_start: Expression
 
     @property
     def arguments(self) -> list[Expression]:
@@ -171,6 +197,7 @@ class Model:
         modes: friction modes, then switches, then counters of time events.
         externals: Python functions called at sample instants, in the order of the calls; a model that has some has no
             tangents and cannot be exported as C.
+        lines: delay lines.
         equations: the SX expressions.
         motions: flange name -> row of the transform.
         initial: starting values by name, SI units; see `engine.start.start_values`.
@@ -192,6 +219,7 @@ class Model:
     motions: Mapping[str, int]
     initial: Mapping[str, float]
     externals: tuple[External, ...] = ()
+    lines: tuple[DelayLine, ...] = ()
 
     def count(self, kind: str) -> int:
         """How many modes there are of a kind."""
@@ -258,6 +286,9 @@ class Model:
         made["update"] = ca.Function("update", [*e.arguments, e.fire], [e.update])
         if self.externals:
             made["external"] = ca.Function("external", [*e.arguments, e.fire], [e.external])
+        if self.lines:
+            made["entering"] = ca.Function("entering", [*e.arguments, e.fire], [e.entering])
+            made["line_start"] = ca.Function("line_start", [e.p], [e.line_start])
         made["following"] = ca.Function("following", [e.m, e.p], [e.following])
         made["start"] = ca.Function("start", [e.p], [e.start])
         made["transform"] = ca.Function("transform", [e.p], [e.transform])
@@ -299,5 +330,7 @@ class Model:
             digest.update(str(function.serialize()).encode())
         digest.update(repr((self.states, self.inputs, self.outputs, self.parameters, self.modes, self.tables)).encode())
         digest.update(repr((self.clocks, self.memory_clock, self.memories)).encode())
+        if self.lines:
+            digest.update(repr(self.lines).encode())
         digest.update(repr([(e.name, e.clock, e.first_output, e.identity) for e in self.externals]).encode())
         return digest.hexdigest()[:16]

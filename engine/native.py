@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import threading
 from collections.abc import Callable
 from ctypes import POINTER, c_double, c_int32, c_int64
 from dataclasses import dataclass, field
@@ -169,10 +170,66 @@ def call(model: Model, job: Job, function: Callable[[Any], int]) -> Outcome:
     calls = Calls(model)
     if model.externals:
         c.external = _callback(calls)
-    function(c)
+    inherited = cancelling()
+    if job.cancel is None and inherited is not None:
+        c.cancel = ctypes.pointer(inherited)
+    if _is_long(model, job) and threading.current_thread() is threading.main_thread():
+        cancel = job.cancel if job.cancel is not None else c_int32(0)
+        c.cancel = ctypes.pointer(cancel)
+        _interruptible(lambda: function(c), cancel)
+    else:
+        function(c)
     calls.finish()
+    if inherited is not None and inherited.value:
+        raise KeyboardInterrupt
     log, cause = log[: c.log_length], calls.failure
     return Outcome(y, states, modes, x1, d1, m1, log, c.steps, c.events, c.row, c.status, c.culprit, c.t1, cause)
+
+
+_own = threading.local()
+
+
+def cancelled_by(flag: Any) -> None:
+    """Let the runs of this thread end, by KeyboardInterrupt, once ``flag``, a ``c_int32``, is not 0."""
+    _own.cancel = flag
+
+
+def cancelling() -> Any:
+    """The flag of `cancelled_by` in this thread, or None."""
+    return getattr(_own, "cancel", None)
+
+
+_LONG = 2e7
+"""Operations of the right-hand side from which on a run may take more than about a tenth of a second."""
+
+
+def _is_long(model: Model, job: Job) -> bool:
+    # A function in Python is interrupted where it stands; and it may not be made for another thread than the main one.
+    steps = job.outputs * (job.output_ticks * job.resolution / job.hmax + 1)
+    return not model.externals and steps * (model.functions["derivative"].n_instructions() + 20) > _LONG
+
+
+def _interruptible(work: Callable[[], Any], cancel: Any) -> None:
+    """Do work in C that ends soon after ``cancel`` is set, and meanwhile hear Ctrl-C, as only this thread can."""
+    done = threading.Event()
+
+    def carry() -> None:
+        try:
+            work()
+        finally:
+            done.set()
+
+    thread = threading.Thread(target=carry, name="flexarm-run")
+    thread.start()
+    interruption: BaseException | None = None
+    while not done.is_set():
+        try:
+            done.wait(0.2)
+        except BaseException as error:  # what the arrays of the run are in use for must end first
+            interruption, cancel.value = error, 1
+    thread.join()
+    if interruption is not None:
+        raise interruption
 
 
 def _callback(calls: Calls) -> Any:

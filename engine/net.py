@@ -19,6 +19,7 @@ from engine.stamps import (
     External,
     Friction,
     Input,
+    Line,
     Memory,
     ModelParameter,
     Motion,
@@ -50,6 +51,7 @@ class Net:
         self.clocks: list[Clock] = []
         self.memories: list[Memory] = []
         self.externals: list[External] = []
+        self.lines: list[Line] = []
         self.tables: list[Table] = []
         self.outputs: dict[str, Output] = {}
         self.inputs: dict[str, Input] = {}
@@ -293,6 +295,49 @@ class Net:
                 entry.update = ca.SX(value)
                 return
         raise StructureError(f"{self._owner}: update of something that is not a memory")
+
+    def line(
+        self, unit: str, clock: Clock, value: Expression, stages: Sequence[int], *, start: Expression = 0.0
+    ) -> dict[int, Expression]:
+        """A delay line: at each instant of ``clock`` every value moves on by a stage, and the signal enters stage 1.
+
+        Only the stages that are read are memories of the model; the rest are numbers in a ring of the runtime, so the
+        length of a line costs neither symbols nor time.
+
+        Args:
+            unit: of the signal.
+            clock: when it moves on.
+            value: the signal.
+            stages: which stages are read, from 1.
+            start: what all stages hold before the beginning.
+
+        Returns:
+            The symbol of each stage that is read: what the signal was at the last instant but ``stage - 1``.
+        """
+        made: dict[int, Expression] = {}
+        for stage in stages:
+            made[stage] = self.memory(f"line{stage}", unit, clock, start=start)
+        if 1 in made:
+            self.update(made[1], value)
+        ringed = tuple(stage for stage in stages if stage > 1)
+        if ringed:
+            returned = [ca.SX.sym(self._name(f"line{stage}.returned")) for stage in ringed]
+            for stage, symbol in zip(ringed, returned, strict=True):
+                self.update(made[stage], symbol)
+            memories = [memory for memory in self.memories if any(memory.symbol is made[stage] for stage in ringed)]
+            size = max(ringed) - 1
+            entry = Line(
+                self._name("line"),
+                clock,
+                ca.SX(value),
+                ca.SX(start),
+                size,
+                tuple(s - 1 for s in ringed),
+                memories,
+                returned,
+            )
+            self.lines.append(entry)
+        return made
 
     def external(
         self,

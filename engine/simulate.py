@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, TypedDict, Unpack
@@ -131,7 +132,7 @@ class SimulationKeywords(TypedDict, total=False):
     drive: Drive | None
     initial: dict[str, float] | None
     internal_step: float | None
-    record_states: bool
+    record_states: bool | Callable[[Model], bool]
     backend: str
     log_capacity: int
     step_tolerance: float | None
@@ -146,7 +147,7 @@ class SimulationOptions:
         drive: the external inputs of a model built with inputs; zero if None.
         initial: starting values by name, SI units.
         internal_step: longest integration step (s); chosen from the fastest mode if None.
-        record_states: also keep states and modes at every row.
+        record_states: also keep states and modes at every row; or a function of the model that says so.
         backend: ``c``, ``interpreter`` or ``auto`` (c where a compiler works).
         log_capacity: how many events are kept.
         step_tolerance: if given, the run is repeated with half the internal step, and a warning names the fastest mode
@@ -157,7 +158,7 @@ class SimulationOptions:
     drive: Drive | None = None
     initial: dict[str, float] | None = None
     internal_step: float | None = None
-    record_states: bool = False
+    record_states: bool | Callable[[Model], bool] = False
     backend: str = "auto"
     log_capacity: int = 100_000
     step_tolerance: float | None = None
@@ -192,7 +193,7 @@ def simulate(
         drive=o.drive,
         initial=o.initial,
         internal_step=o.internal_step,
-        record_states=o.record_states,
+        record_states=o.record_states(model) if callable(o.record_states) else o.record_states,
         log_capacity=o.log_capacity,
     )
     used, outcome = _execute(model, job, o.backend)
@@ -298,7 +299,7 @@ def prepare(
             f"times up to {farthest * float(tick):g} s do not go with a tick of {float(tick):g} s",
             remedy="give an earlier stop or drive, or sample periods that are multiples of a longer time",
         )
-    hmax = internal_step or choose_step(model, p, x0, step)
+    hmax = internal_step or choose_step(model, p, x0, step, stop)
     _check_cost(model, p, x0, stop, min(hmax, step))
     return Job(
         p=p,

@@ -16,7 +16,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -25,12 +25,16 @@ from typing import Any, Protocol, TypeVar
 
 from engine.errors import FlexarmError
 from engine.files import writing
+from engine.threads import Threads
 
 Task = TypeVar("Task")
 Answer = TypeVar("Answer")
 
 AHEAD = 4
 """Tasks under way for each worker, so that none waits while the oldest is not finished."""
+
+MOST_WORKERS = 256
+"""Workers of one machine: each process takes some 100 MB."""
 
 CONNECT = "15s"
 """How long a cluster may take to answer."""
@@ -58,6 +62,11 @@ class Spread:
     def __init__(self, workers: int | None = None, scheduler: str | None = None, *, threads: bool = False) -> None:
         if workers is not None and workers < 1:
             raise FlexarmError(f"{workers} workers cannot do anything", remedy="give 1 or more")
+        if workers is not None and workers > MOST_WORKERS:
+            raise FlexarmError(
+                f"{workers} workers are too many for this machine's {cores()} cores",
+                remedy=f"give at most {MOST_WORKERS}, best one for each core, or a --scheduler",
+            )
         self.workers = workers or cores()
         self._client: Any = None
         self._pool: Executor | None = None
@@ -66,7 +75,7 @@ class Spread:
             self._client = _cluster(scheduler)
             self.workers = max(1, sum(self._client.nthreads().values()))
         elif threads and self.workers > 1:
-            self._pool = ThreadPoolExecutor(self.workers, thread_name_prefix="flexarm-spread")
+            self._pool = Threads(self.workers, "flexarm-spread")
         elif self.workers > 1:
             # Spawned, because a fork of a process with threads may hang. Workers end when this end of the pipe closes,
             # be it that we close it or that this process is killed.
@@ -164,6 +173,8 @@ class Spread:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if isinstance(self._pool, Threads) and kind is not None and not issubclass(kind, Exception):
+            self._pool.cancel()
         self.close(at_once=kind is not None)
 
     def close(self, at_once: bool = False) -> None:
@@ -187,28 +198,53 @@ class Store(Protocol):
 
 
 class JsonStore:
-    """A folder of JSON files, one for each key, each put in place whole.
+    """A folder of JSON files, one for each key, each put in place whole and with its hash; damaged ones do not count.
 
     Args:
         folder: made if it does not exist.
+
+    Raises:
+        FlexarmError: it cannot be made.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FlexarmError(
+                f"cannot make the folder '{folder}': {error.strerror}",
+                remedy="remove what is there, or write elsewhere",
+            ) from error
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
     def __contains__(self, key: str) -> bool:
-        return self._path(key).exists()
+        return self._read(key) is not None
 
     def __getitem__(self, key: str) -> Any:
-        return json.loads(self._path(key).read_text(encoding="utf-8"))
+        found = self._read(key)
+        if found is None:
+            raise KeyError(key)
+        return found[0]
+
+    def _read(self, key: str) -> tuple[Any] | None:
+        try:
+            content = json.loads(self._path(key).read_text(encoding="utf-8"))
+            value = content["value"]
+            return (value,) if content["sha256"] == _digest(key, value) else None
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+            return None
 
     def __setitem__(self, key: str, value: Any) -> None:
+        value = json.loads(json.dumps(value))  # as it is read again
         with writing(self._path(key), (".json",)) as temporary:
-            temporary.write_text(json.dumps(value), encoding="utf-8")
+            temporary.write_text(json.dumps({"sha256": _digest(key, value), "value": value}), encoding="utf-8")
+
+
+def _digest(key: str, value: Any) -> str:
+    return hashlib.sha256(f"{key}\0{json.dumps(value)}".encode()).hexdigest()
 
 
 def _begin(alive: Connection) -> None:

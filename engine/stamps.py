@@ -160,6 +160,31 @@ class Memory:
 
 
 @dataclass
+class Line:
+    """What a signal was at the last instants of a clock; see `Net.line`.
+
+    Attributes:
+        name: path.
+        clock: when a value is taken.
+        value: the signal.
+        start: what it was before the beginning.
+        size: how many values are kept.
+        stages: which of the past values are read, the last one counting as 0 at an instant; the least is 1.
+        memories: of each stage.
+        returned: symbol of each stage's value at an instant.
+    """
+
+    name: str
+    clock: Clock
+    value: Expression
+    start: Expression
+    size: int
+    stages: tuple[int, ...]
+    memories: list[Memory]
+    returned: list[Expression]
+
+
+@dataclass
 class External:
     """A Python function called at the instants of a clock; see `Net.external`."""
 

@@ -79,12 +79,17 @@ class System:
 
     def source_of(self, endpoint: str) -> tuple[str, Connection] | None:
         """The signal that feeds an input, and the connection that says so."""
+        return self.sources().get(endpoint)
+
+    def sources(self) -> dict[str, tuple[str, Connection]]:
+        """For every end of a connection of signals, the signal that feeds it and the connection that says so."""
+        made: dict[str, tuple[str, Connection]] = {}
         for connection in self.connections:
-            if endpoint in connection.ends:
+            source = next((end for end in connection.ends if not self.is_input(end)), None)
+            if source is not None:
                 for end in connection.ends:
-                    if not self.is_input(end):
-                        return end, connection
-        return None
+                    made.setdefault(end, (source, connection))
+        return made
 
     def inputs(self) -> list[str]:
         """Names of every signal input of every block."""

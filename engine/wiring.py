@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
 
+from engine import trampoline
 from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
 from engine.net import Net
 from engine.ports import MOTION, Expression
 from engine.quantity import compatible
 from engine.stamps import External, Memory, Motion
 from engine.system import System
+from engine.trampoline import Step
 
 
 @dataclass
@@ -40,6 +43,11 @@ class Wiring:
         self, system: System, net: Net, flanges: dict[tuple[str, str], Motion], free: dict[str, Expression]
     ) -> None:
         self.system, self.net, self.flanges, self.free = system, net, flanges, free
+        self._fed = system.sources()
+        self._inputs_of: dict[str, list[str]] = {}
+        for name in net.inputs:
+            self._inputs_of.setdefault(system.split(name)[0], []).append(name)
+        self._units: dict[str, str] = {}
         self.sources: dict[str, Source | None] = {name: self._source(name) for name in net.inputs}
         self._resolved: dict[str, Expression] = {}
         self._active: list[str] = []
@@ -85,7 +93,7 @@ class Wiring:
     def _source(self, name: str) -> Source | None:
         if name in self.free:
             return None
-        found = self.system.source_of(name)
+        found = self._fed.get(name)
         if found is None:
             port = self.net.inputs[name].port
             if port.default is None:
@@ -104,49 +112,69 @@ class Wiring:
         except FlexarmError as error:
             raise error.at(connection.where) from None
 
-    def unit(self, name: str, depth: int = 0) -> str:
+    def unit(self, name: str) -> str:
         """Unit of a signal; one that fits any takes the unit of what feeds the same block."""
+        path: list[str] = []
+        at, unit = name, ""
+        while not unit:
+            if at in self._units or at in path:
+                unit = self._units.get(at, "*")
+                break
+            path.append(at)
+            unit, at = self._unit_or_next(at)
+        self._units.update(dict.fromkeys(path, unit))
+        return unit
+
+    def _unit_or_next(self, name: str) -> tuple[str, str]:
+        """The unit of a signal, or else the name of the signal that has the same."""
         if name in self.net.outputs:
             unit = self.net.outputs[name].unit
-            if unit != "*" or depth > 50:
-                return unit
-            block = self.system.split(name)[0]
-            for other in self.net.inputs:
-                if self.system.split(other)[0] == block and self.net.inputs[other].port.unit == "*":
-                    return self.unit(other, depth + 1)
-            return "*"
+            inputs = self._inputs_of.get(self.system.split(name)[0], []) if unit == "*" else []
+            like = [other for other in inputs if self.net.inputs[other].port.unit == "*"]
+            return ("", like[0]) if like else (unit or "*", "")
         if name not in self.net.inputs:
-            return self.signal(name).unit
+            return self.signal(name).unit, ""
         unit = self.net.inputs[name].port.unit
-        if unit != "*" or depth > 50:
-            return unit
+        if unit != "*":
+            return unit, ""
         if name in self.free:
-            return self._unit_downstream(name, depth)
-        found = self.system.source_of(name)
-        return self.unit(found[0], depth + 1) if found else "*"
+            return self._unit_downstream(name), ""
+        found = self._fed.get(name)
+        return ("", found[0]) if found else ("*", "")
 
-    def _unit_downstream(self, name: str, depth: int) -> str:
+    def _unit_downstream(self, name: str) -> str:
         """Unit of a freed input that fits any: that of the inputs its block feeds with a signal that fits any."""
-        if depth > 50:
-            return "*"
-        block = self.system.split(name)[0]
-        for target in self.net.inputs:
-            found = self.system.source_of(target) if target not in self.free else None
-            if found is None or self.system.split(found[0])[0] != block:
-                continue
-            own = self.net.outputs.get(found[0])
-            if own is not None and own.unit == "*":
+        waiting, seen = [name], {name}
+        while waiting:
+            block = self.system.split(waiting.pop())[0]
+            further = []
+            for target in self._targets.get(block, []):
+                if target in seen:
+                    continue
+                seen.add(target)
                 unit = self.net.inputs[target].port.unit
-                unit = self._unit_downstream(target, depth + 1) if unit == "*" else unit
                 if unit != "*":
                     return unit
+                further.append(target)
+            waiting += reversed(further)
         return "*"
+
+    @functools.cached_property
+    def _targets(self) -> dict[str, list[str]]:
+        """Inputs that a block feeds with a signal that fits any unit."""
+        made: dict[str, list[str]] = {}
+        for target in self.net.inputs:
+            found = self._fed.get(target) if target not in self.free else None
+            own = self.net.outputs.get(found[0]) if found is not None else None
+            if found is not None and own is not None and own.unit == "*":
+                made.setdefault(self.system.split(found[0])[0], []).append(target)
+        return made
 
     def _check_units(self) -> None:
         for name, source in self.sources.items():
             wanted = self.net.inputs[name].port.unit
             if source is not None and not compatible(source.unit, wanted):
-                found = self.system.source_of(name)
+                found = self._fed.get(name)
                 raise ConnectionProblem(
                     f"'{source.name}' is in {source.unit} but '{name}' takes {wanted}",
                     found[1].where if found else None,
@@ -168,12 +196,15 @@ class Wiring:
         Raises:
             StructureError: an algebraic loop, with every signal in order.
         """
+        return trampoline.run(self._resolution(expression))
+
+    def _resolution(self, expression: Expression) -> Step[Expression]:
         old, new = [], []
         for symbol in ca.symvar(ca.SX(expression)):
             key = hash_symbol(symbol)
             if key in self._input_of:
                 old.append(symbol)
-                new.append(self._input(self._input_of[key]))
+                new.append((yield self._input(self._input_of[key])))
             elif key in self._motion_of:
                 old.append(symbol)
                 new.append(self.accelerations()[self._motion_of[key].index])
@@ -183,7 +214,7 @@ class Wiring:
                 new.append(self._reactions()[self._reaction_of[key]])
         return _replace(ca.SX(expression), old, new)
 
-    def _input(self, name: str) -> Expression:
+    def _input(self, name: str) -> Step[Expression]:
         if name in self.free:
             return self.free[name]
         source = self.sources[name]
@@ -191,7 +222,7 @@ class Wiring:
             return ca.SX(self.net.inputs[name].port.default or 0.0)
         if name not in self._resolved:
             with _Step(self, name):
-                self._resolved[name] = self.resolve(source.expression)
+                self._resolved[name] = yield self._resolution(source.expression)
         return self._resolved[name]
 
     def accelerations(self) -> list[Expression]:
@@ -205,53 +236,63 @@ class Wiring:
 
     # -- sample instants --------------------------------------------------------------------------------------------
 
-    def updates(self, fire: Expression) -> tuple[list[Expression], list[tuple[External, Expression]]]:
+    def updates(self, fire: Expression) -> tuple[list[Expression], list[tuple[External, Expression]], list[Expression]]:
         """What happens at an instant at which the clocks flagged in ``fire`` tick.
 
         Plant signals are sampled with the memories as they were before the instant; signals between controllers carry
         the new held values, in the order of the data flow.
 
         Returns:
-            Each memory after the instant, and the external functions in the order of their calls with what each is
-            given. Both may depend on what the functions called before return.
+            Each memory after the instant, the external functions in the order of their calls with what each is given,
+            and what enters each delay line. They may depend on what the functions called before return.
         """
         held: dict[str, Expression] = {}
+        signals: dict[str, Expression] = {}
         calls: dict[str, tuple[External, Expression]] = {}
         external_of = {hash_symbol(symbol): entry for entry in self.net.externals for symbol in entry.returned}
 
-        def new(memory: Memory) -> Expression:
+        def new(memory: Memory) -> Step[Expression]:
             if memory.name not in held:
                 update = memory.law
                 external = external_of.get(hash_symbol(update)) if update.is_symbolic() else None
                 with _Step(self, memory.name):
                     if external is not None and external.name not in calls:
-                        given = at_instant(external.inputs)
+                        given = yield at_instant(external.inputs)
                         calls[external.name] = external, given
-                    value = at_instant(update)
+                    value = yield at_instant(update)
                 held[memory.name] = ca.if_else(fire[memory.clock.index], value, memory.symbol)
             return held[memory.name]
 
-        def at_instant(expression: Expression) -> Expression:
+        def at_instant(expression: Expression) -> Step[Expression]:
             old, values = [], []
             for symbol in ca.symvar(ca.SX(expression)):
                 name = self._input_of.get(hash_symbol(symbol))
                 if name is not None:
                     old.append(symbol)
-                    values.append(signal(name))
+                    values.append((yield signal(name)))
             return _replace(ca.SX(expression), old, values)
 
-        def sampled(expression: Expression) -> Expression:
+        def sampled(expression: Expression) -> Step[Expression]:
             """What a sampled sensor has just taken in."""
-            taken = [self._memory_of.get(hash_symbol(symbol)) for symbol in ca.symvar(ca.SX(expression))]
-            held = [memory for memory in taken if memory is not None and memory.held]
-            return _replace(ca.SX(expression), [memory.symbol for memory in held], [new(memory) for memory in held])
+            old, values = [], []
+            for symbol in ca.symvar(ca.SX(expression)):
+                memory = self._memory_of.get(hash_symbol(symbol))
+                if memory is not None and memory.held:
+                    old.append(memory.symbol)
+                    values.append((yield new(memory)))
+            return _replace(ca.SX(expression), old, values)
 
-        def signal(name: str) -> Expression:
+        def signal(name: str) -> Step[Expression]:
+            if name not in signals:
+                signals[name] = yield found(name)
+            return signals[name]
+
+        def found(name: str) -> Step[Expression]:
             source = self.sources[name]
             if name in self.free or source is None:
-                return self._input(name)
+                return (yield self._input(name))
             if source.physical:
-                return self.resolve(sampled(source.expression))
+                return (yield self._resolution((yield sampled(source.expression))))
             old, values = [], []
             with _Step(self, name):
                 for symbol in ca.symvar(ca.SX(source.expression)):
@@ -259,10 +300,10 @@ class Wiring:
                     memory = self._memory_of.get(key)
                     if key in self._input_of:
                         old.append(symbol)
-                        values.append(signal(self._input_of[key]))
+                        values.append((yield signal(self._input_of[key])))
                     elif memory is not None and memory.held:
                         old.append(symbol)
-                        values.append(new(memory))
+                        values.append((yield new(memory)))
             return _replace(ca.SX(source.expression), old, values)
 
         for memory in self.net.memories:
@@ -270,9 +311,10 @@ class Wiring:
                 raise StructureError(f"memory '{memory.name}' is never given a value")
         results = []
         for memory in self.net.memories:
-            after = new(memory) if memory.held else at_instant(memory.law)
+            after = trampoline.run(new(memory) if memory.held else at_instant(memory.law))
             results.append(after if memory.held else ca.if_else(fire[memory.clock.index], after, memory.symbol))
-        return results, list(calls.values())
+        entering = [trampoline.run(at_instant(line.value)) for line in self.net.lines]
+        return results, list(calls.values()), entering
 
 
 class _Step:

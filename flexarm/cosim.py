@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from engine.errors import FlexarmError, ParameterError, SimulationError, Where, nearest
+from engine.errors import FlexarmError, SimulationError, Where
 from engine.quantity import convert
 from engine.simulate import Drive, simulate
 from flexarm.cut import cut
 from fmu.variables import flat, structured
-from fmu.verify import Trace, cosim
+from fmu.verify import Trace, cosim, find
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario
@@ -126,14 +126,10 @@ def _number(path: Path, what: str, text: Any, default: float) -> float:
 def _inputs(described: _Described, given: Mapping[str, str | float]) -> dict[str, float]:
     values = dict.fromkeys(described.inputs, 1.0)
     for name, value in given.items():
-        if flat(name) not in values:
-            raise ParameterError(
-                f"the file has no input '{name}'", Where("--input"), nearest(flat(name), described.inputs)
-            )
-        unit = described.units[flat(name)]
         try:
-            values[flat(name)] = convert(value, unit or "*")
-        except ParameterError as error:
+            known = find(name, described.inputs, "input")
+            values[known] = convert(value, described.units[known] or "*")
+        except FlexarmError as error:
             raise error.at(Where("--input")) from None
     return values
 
@@ -143,7 +139,8 @@ def _differences(
 ) -> dict[str, float]:
     model = cut(scenario, "export", analysis).model
     there = tuple(flat(variable.name) for variable in model.inputs)
-    if sorted(there) != sorted(described.inputs):
+    here = [flat(name) for name in described.inputs]
+    if sorted(there) != sorted(here):
         raise FlexarmError(
             f"the file's inputs are {', '.join(described.inputs) or 'none'}, those of scenario "
             f"'{scenario.name}' {', '.join(there) or 'none'}",
@@ -151,14 +148,13 @@ def _differences(
         )
     if drive is not None:
         row = np.asarray(drive.values, dtype=float)[0]
-        drive = Drive([0.0], [[float(row[described.inputs.index(name)]) for name in there]])
+        drive = Drive([0.0], [[float(row[here.index(name)]) for name in there]])
     known = {structured(parameter.name): parameter.name for parameter in model.parameters}
     values = {known[name]: value for name, value in described.parameters.items() if name in known}
     result = simulate(model, float(trace.time[-1]), step, drive=drive, parameters=values)
     if len(result.time) != len(trace.time):
         raise SimulationError(f"the runner gave {len(result.time)} rows, the co-simulation {len(trace.time)}")
+    own = {flat(name): name for name in result.names}
     return {
-        flat(name): float(np.abs(result[name] - trace[name]).max())
-        for name in result.names
-        if flat(name) in trace.names
+        name: float(np.abs(result[own[flat(name)]] - trace[name]).max()) for name in trace.names if flat(name) in own
     }

@@ -17,7 +17,8 @@ from engine.errors import FlexarmError, ParameterError, nearest
 from engine.ports import Port
 from engine.quantity import coherent
 from fmu import archive
-from fmu.host import NUMBERS, host
+from fmu.host import host
+from fmu.loaded import NUMBERS
 
 if TYPE_CHECKING:
     from engine.model import Vector
@@ -33,9 +34,10 @@ class FMU(Block):
     the first instant.
 
     Inputs that nothing feeds keep the FMU's start value. Units are converted where the FMU names one that is known.
-    The FMU's binary runs with all the rights of this program: a warning names it when it is loaded, which happens only
-    where a scenario names it. There is no derivative of it and no C form: fits by gradients refuse the model, and it
-    exports by the python backend alone.
+    The FMU's binary runs in a process of its own, so that one that crashes ends the run and not this program, but with
+    all the rights of the user: a warning names it when it is loaded, which happens only where a scenario names it.
+    There is no derivative of it and no C form: fits by gradients refuse the model, and it exports by the python backend
+    alone.
     """
 
     files: ClassVar[tuple[str, ...]] = ("file",)

@@ -1,224 +1,289 @@
-"""A Co-Simulation FMU in this process, FMI 2 or FMI 3, by FMPy: the same few calls for both."""
+"""A Co-Simulation FMU in a child process, which may die: the same few calls for FMI 2 and FMI 3.
+
+A foreign FMU is a program of its maker's. Loaded here, a truncated or faulty binary would take this process with it.
+"""
 
 from __future__ import annotations
 
+import atexit
+import hashlib
+import json
+import math
+import os
+import signal
+import struct
+import subprocess
+import sys
 import tempfile
+import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from engine.errors import FlexarmError, SimulationError, nearest
+from engine.errors import FlexarmError, SimulationError
 from fmu import archive
+from fmu.loaded import Described, described
 
-_GROUPS = {
-    "Real": "Real",
-    "Integer": "Integer",
-    "Enumeration": "Integer",
-    "Boolean": "Boolean",
-}
-_GROUPS3 = {f"{sign}Int{bits}": f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)} | {
-    "Float64": "Float64",
-    "Float32": "Float32",
-    "Boolean": "Boolean",
-    "Enumeration": "Int64",
-}
-
-NUMBERS = frozenset(_GROUPS) | frozenset(_GROUPS3)
-"""Types of variables that hold a number."""
+_REMEDY = "its binary may be truncated, made for another machine, or faulty; ask where it comes from for a sound one"
+LOADING = 60.0
+"""Seconds within which an FMU must have been loaded."""
+_IDLE = 4
+"""Children that are kept for the next instance of the same file; a start takes some tenths of a second."""
 
 
-class Host:
+class Child:
+    """A process that loads FMUs; see `fmu.child`.
+
+    Raises:
+        FlexarmError: no Python can be started.
+    """
+
+    def __init__(self) -> None:
+        # -P keeps the current folder out of the path, where any file could pass itself off as a module.
+        command = [_python(), "-P", "-c", "from fmu.child import main; main()"]
+        paths = os.pathsep.join(str(Path(entry).resolve()) for entry in sys.path if entry)
+        try:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=os.environ | {"PYTHONPATH": paths},
+            )
+        except OSError as error:
+            raise FlexarmError(f"no process can be started for the FMU: {error.strerror}") from error
+
+    def ask(self, calls: list[list[Any]], name: str) -> dict[str, Any]:
+        """The answer to some calls to the FMU of that file name.
+
+        Raises:
+            SimulationError: the process died.
+        """
+        process, late = self._process, False
+        assert process.stdin is not None
+        assert process.stdout is not None
+
+        def end() -> None:
+            nonlocal late
+            late = True
+            process.kill()
+
+        limit = threading.Timer(LOADING, end)
+        if calls[0][0] == "open":
+            limit.start()
+        try:
+            process.stdin.write(json.dumps(calls).encode() + b"\n")
+            process.stdin.flush()
+            line = process.stdout.readline()
+            if line.endswith(b"\n"):
+                answer: dict[str, Any] = json.loads(line)
+                return answer
+        except (BrokenPipeError, ConnectionError, OSError, ValueError):
+            pass
+        finally:
+            limit.cancel()
+        self.kill()
+        if late:
+            raise SimulationError(f"'{name}' did not load within {LOADING:g} s", remedy=_REMEDY)
+        raise SimulationError(f"'{name}' ended its process {_ending(process.returncode)}", remedy=_REMEDY)
+
+    def kill(self) -> None:
+        """End it at once."""
+        process = self._process
+        with suppress(OSError):
+            process.kill()
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
+        process.wait()
+
+
+def _ending(code: int) -> str:
+    if code >= 0:
+        return f"with exit code {code}"
+    with suppress(ValueError):
+        name = signal.Signals(-code).name
+        return f"by {name} ({(signal.strsignal(-code) or '').lower()})"
+    return f"by signal {-code}"
+
+
+def _python() -> str:
+    """This interpreter; inside of another program that embeds Python, the one that belongs to its library."""
+    for found in (Path(sys.executable or "."), *(Path(sys.prefix) / name for name in ("bin/python3", "python.exe"))):
+        if found.is_file() and found.stem.lower().startswith("python"):
+            return str(found)
+    raise FlexarmError("no Python is found in which an FMU could be loaded", remedy=f"there is none in '{sys.prefix}'")
+
+
+_idle: list[tuple[str, Child]] = []
+_lock = threading.Lock()
+
+
+def _taken(key: str) -> Child:
+    """A child that has loaded nothing, or nothing but the same file."""
+    with _lock:
+        for k, (known, child) in enumerate(_idle):
+            if known == key:
+                del _idle[k]
+                return child
+    return Child()
+
+
+def _returned(key: str, child: Child) -> None:
+    with _lock:
+        _idle.append((key, child))
+        old = [_idle.pop(0)[1] for _ in range(len(_idle) - _IDLE)]
+    for one in old:
+        one.kill()
+
+
+@atexit.register
+def _end() -> None:
+    while _idle:
+        _idle.pop()[1].kill()
+
+
+def _check_whole(folder: Path, file: str) -> None:
+    """Refuse a library that has lost its end: the system's loader maps what is not there, and crashes or never returns.
+
+    Raises:
+        FlexarmError: an ELF library is shorter than its own tables say.
+    """
+    for path in folder.glob("binaries/*/*.so"):
+        content = path.read_bytes()
+        if content[:6] != b"\x7fELF\x02\x01" or len(content) < 64:
+            continue  # of another kind, which its loader checks, or none at all
+        segments, sections, _, _, size, count, width, rows = struct.unpack_from("<QQIHHHHH", content, 32)
+        ends = [sections + width * rows if sections else 0, segments + size * count]
+        if ends[1] <= len(content) and size >= 56:
+            for k in range(count):
+                offset, _, _, length = struct.unpack_from("<QQQQ", content, segments + k * size + 8)
+                ends.append(offset + length)
+        if max(ends) > len(content):
+            raise FlexarmError(
+                f"'{file}' is damaged: its '{path.name}' has {len(content)} of {max(ends)} bytes",
+                remedy="get the file again, or ask where it comes from for a sound one",
+            )
+
+
+class Host(Described):
     """An instance of an FMU, from its start to its end; made by `host`.
+
+    Values that are set wait for the next call that must have an answer, so what is wrong with them is told there.
 
     Attributes:
         description: of the FMU, as FMPy reads it.
         messages: what the FMU logged.
-        raw: FMPy's `FMU2Slave` or `FMU3Slave`.
     """
 
-    def __init__(self, instance: Any, description: Any, messages: list[str]) -> None:
-        self.description = description
-        self.messages = messages
-        self.raw = instance
-        self._version3 = description.fmiVersion.startswith("3")
-        self._groups = _GROUPS3 if self._version3 else _GROUPS
-        self._variables = {variable.name: variable for variable in description.modelVariables}
+    def __init__(self, child: Child, description: Any, file: str) -> None:
+        super().__init__(description)
+        self._file = file
+        self.messages: list[str] = []
+        self._child = child
+        self._waiting: list[list[Any]] = []
+        self._time = 0.0
 
-    def names(self, causality: str) -> tuple[str, ...]:
-        """Variables of a causality that hold one number each, in the order of the description."""
-        return tuple(
-            v.name
-            for v in self.description.modelVariables
-            if v.causality == causality and v.type in self._groups and not v.dimensions
-        )
+    def _ask(self, *call: Any) -> Any:
+        calls = [*self._waiting, list(call)]
+        self._waiting = []
+        answer = self._child.ask(calls, self._file)
+        self.messages += answer["messages"]
+        if "error" in answer:
+            failed, message, remedy = answer["error"]
+            raise (SimulationError if failed else FlexarmError)(message, remedy=remedy)
+        return answer["results"][-1]
 
-    def variable(self, name: str) -> Any:
-        """A variable of the description.
+    def open(self, folder: str, name: str) -> None:
+        """Load the unpacked FMU and make an instance."""
+        self._ask("open", folder, name)
 
-        Raises:
-            FlexarmError: there is none of that name that holds a number.
-        """
-        found = self._variables.get(name)
-        if found is None:
-            raise FlexarmError(f"the FMU has no variable '{name}'", remedy=nearest(name, self._variables))
-        if found.type not in self._groups:
-            raise FlexarmError(f"the FMU's variable '{name}' is a {found.type}, not a number")
-        return found
+    def close(self) -> None:
+        """Free the instance."""
+        self._waiting = []
+        self._ask("close")
 
     def set(self, names: Sequence[str], values: Sequence[float], slopes: Sequence[float] = ()) -> None:
         """Set variables; with slopes (FMI 2 alone), inputs that go on rising until the next step's end."""
-        reals: list[tuple[int, float]] = []
-        for name, value in zip(names, values, strict=True):
-            variable = self.variable(name)
-            group = self._groups[variable.type]
-            if group in ("Real", "Float64"):
-                reals.append((variable.valueReference, float(value)))
-            else:
-                number = bool(value > 0.5) if group == "Boolean" else value if group == "Float32" else round(value)
-                self._call(f"set{group}", [variable.valueReference], [number])
-        if reals:
-            self._call("setFloat64" if self._version3 else "setReal", [r for r, _ in reals], [v for _, v in reals])
-        if any(slopes) and not self._version3:
-            references = [self.variable(name).valueReference for name in names]
-            self._call("setRealInputDerivatives", references, [1] * len(references), list(slopes))
+        for name in names:
+            self.variable(name)
+        if names:
+            self._waiting.append(["set", list(names), [float(v) for v in values], [float(v) for v in slopes]])
 
     def get(self, names: Sequence[str]) -> list[float]:
-        """Values of variables."""
-        variables = [self.variable(name) for name in names]
-        groups = [self._groups[variable.type] for variable in variables]
-        if groups and set(groups) <= {"Real", "Float64"}:
-            return [float(v) for v in self._call(f"get{groups[0]}", [v.valueReference for v in variables])]
-        return [
-            float(self._call(f"get{group}", [variable.valueReference])[0])
-            for group, variable in zip(groups, variables, strict=True)
-        ]
+        """Values of variables.
 
-    @property
-    def gives_rates(self) -> bool:
-        """Whether rates of change of outputs are known."""
-        return not self._version3 and (self.description.coSimulation.maxOutputDerivativeOrder or 0) > 0
-
-    @property
-    def takes_rates(self) -> bool:
-        """Whether inputs may go on with a slope over the next step."""
-        return not self._version3 and bool(self.description.coSimulation.canInterpolateInputs)
+        Raises:
+            SimulationError: one is not finite.
+        """
+        for name in names:
+            self.variable(name)
+        count = len(self.messages)
+        values: list[float] = self._ask("get", list(names))
+        for name, value in zip(names, values, strict=True):
+            if not math.isfinite(value):
+                said = self.messages[count:]
+                hint = f"; it said: {said[-1]}" if said else ""
+                raise SimulationError(
+                    f"'{name}' of the FMU is {value} at t = {self._time:.9g} s{hint}",
+                    remedy="see whether its inputs and parameters fit, and its communication step is short enough",
+                )
+        return values
 
     def rate(self, name: str) -> float:
         """Rate of change of an output, per second."""
-        return float(self._call("getRealOutputDerivatives", [self.variable(name).valueReference], [1])[0])
+        self.variable(name)
+        return float(self._ask("rate", name))
 
     @contextmanager
     def starting(self, start: float = 0.0, stop: float | None = None) -> Iterator[None]:
         """Initialization mode, in which inputs may be set; parameters are set before."""
-        if self._version3:
-            self._call("enterInitializationMode", startTime=start, stopTime=stop)
-        else:
-            self._call("setupExperiment", startTime=start, stopTime=stop)
-            self._call("enterInitializationMode")
+        self._time = start
+        self._ask("enter", start, stop)
         yield
-        self._call("exitInitializationMode")
+        self._ask("leave")
 
     def step(self, begin: float, length: float) -> None:
         """Go on from ``begin`` by ``length`` (s).
 
         Raises:
-            SimulationError: the FMU refuses, ends the run or stops early.
+            SimulationError: the FMU refuses, ends the run, stops early or dies.
         """
-        answer = self._call("doStep", currentCommunicationPoint=begin, communicationStepSize=length)
-        if self._version3:
-            _, terminate, early, last = answer
-            if terminate or early:
-                raise SimulationError(f"the FMU ended the run at t = {last:g} s")
+        self._ask("step", begin, length)
+        self._time = begin + length
 
     def end(self) -> None:
         """Terminate the run."""
-        self._call("terminate")
-
-    def _call(self, name: str, *arguments: Any, **settings: Any) -> Any:
-        from fmpy.fmi1 import FMICallException
-
-        count = len(self.messages)
-        try:
-            return getattr(self.raw, name)(*arguments, **settings)
-        except FMICallException as error:
-            said = self.messages[count:]
-            raise SimulationError(said[-1] if said else str(error)) from error
+        self._ask("end")
 
 
 @contextmanager
 def host(path: str | Path, name: str = "instance") -> Iterator[Host]:
-    """An instance of a Co-Simulation FMU, not yet started.
+    """An instance of a Co-Simulation FMU in a child process, not yet started.
 
     Raises:
-        FlexarmError: the file is no FMU, has no Co-Simulation, or has no binary for this machine.
+        FlexarmError: the file is no FMU, has no Co-Simulation, or has no binary that can be loaded on this machine.
     """
-    description = archive.description(path)
-    if description.coSimulation is None or description.fmiVersion.startswith("1"):
-        raise FlexarmError(
-            f"'{path}' is FMI {description.fmiVersion} without Co-Simulation of FMI 2 or 3",
-            remedy="export it for Co-Simulation",
-        )
-    messages: list[str] = []
+    description = described(path)
+    key = hashlib.sha256(Path(path).read_bytes()).hexdigest()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         archive.unpack(Path(path), Path(folder))
-        version3 = description.fmiVersion.startswith("3")
+        _check_whole(Path(folder), str(path))
+        child = _taken(key)
+        sound = False
         try:
-            made = (_slave3 if version3 else _slave2)(description, folder, name, messages)
-        except FlexarmError as error:
-            raise FlexarmError(f"'{path}': {error.message}", remedy=error.remedy) from error
-        try:
-            yield Host(made, description, messages)
+            made = Host(child, description, Path(path).name)
+            try:
+                made.open(folder, name)
+            except FlexarmError as error:
+                raise FlexarmError(f"'{path}': {error.message}", remedy=error.remedy) from error
+            yield made
+            with suppress(FlexarmError):  # the run is over; an FMU that dies now is not used again
+                made.close()
+                sound = not description.coSimulation.canBeInstantiatedOnlyOncePerProcess
         finally:
-            made.freeInstance()
-
-
-def _arguments(description: Any, folder: str, name: str) -> dict[str, Any]:
-    return {
-        "guid": description.guid if description.guid is not None else description.instantiationToken,
-        "unzipDirectory": folder,
-        "modelIdentifier": description.coSimulation.modelIdentifier,
-        "instanceName": name,
-    }
-
-
-def _made(make: Any, start: Any, messages: list[str]) -> Any:
-    try:
-        instance = make()
-        start(instance)
-    except Exception as error:
-        said = f": {messages[-1]}" if messages else ""
-        raise FlexarmError(
-            f"the FMU cannot be loaded: {error}{said}", remedy="it needs a binary for this machine and what that needs"
-        ) from error
-    return instance
-
-
-def _slave2(description: Any, folder: str, name: str, messages: list[str]) -> Any:
-    from fmpy import fmi2
-
-    def log(environment: Any, instance: Any, status: int, category: Any, message: bytes) -> None:
-        messages.append(message.decode("utf-8", "replace"))
-
-    callbacks = fmi2.fmi2CallbackFunctions()
-    callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(log)
-    callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmi2.calloc)
-    callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmi2.free)
-    return _made(
-        lambda: fmi2.FMU2Slave(**_arguments(description, folder, name)),
-        lambda instance: instance.instantiate(callbacks=callbacks, loggingOn=True),
-        messages,
-    )
-
-
-def _slave3(description: Any, folder: str, name: str, messages: list[str]) -> Any:
-    from fmpy import fmi3
-
-    def log(environment: Any, status: int, category: bytes, message: bytes) -> None:
-        messages.append(message.decode("utf-8", "replace"))
-
-    return _made(
-        lambda: fmi3.FMU3Slave(**_arguments(description, folder, name)),
-        lambda instance: instance.instantiate(logMessage=log),
-        messages,
-    )
+            if sound:
+                _returned(key, child)
+            else:
+                child.kill()

@@ -101,7 +101,7 @@ def plan(model: Model, step: float = 1e-3, stop: float = 10.0) -> Plan:
         variables=variables(model),
         structure=structure(model),
         tick=tick,
-        hmax=internal_step(model, p, start, step),
+        hmax=internal_step(model, p, start, step, stop),
         start=start,
         memory=model.functions["memory_start"](p).full().ravel(),
     )

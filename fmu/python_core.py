@@ -7,9 +7,7 @@ the next step begins; a value set after one was read takes the instant back and 
 from __future__ import annotations
 
 import copy
-import hashlib
-import pickle
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,46 +17,8 @@ from engine.interpret import Simulation, Stop
 from engine.model import TIME, Vector
 from engine.simulate import explain, prepare
 from fmu.plan import Plan
+from fmu.python_state import FIELDS, Standing, check, fill
 from fmu.variables import DERIVATIVE, INDICATOR, INPUT, MEMORY, MODE, OUTPUT, PARAMETER, STATE, TIME_KIND
-
-_ARRAYS = (
-    "t",
-    "x",
-    "d",
-    "m",
-    "p",
-    "base",
-    "slope",
-    "origin",
-    "cursor",
-    "steps",
-    "events",
-    "dx",
-    "g",
-    "next",
-    "returned",
-)
-
-
-@dataclass
-class Standing:
-    """Where a run stands, apart from the simulation itself.
-
-    Attributes:
-        p, u: parameters and inputs as the importer set them.
-        start, tick: start time (s), and the last instant passed, in ticks from it.
-        pending: what waits at this instant: of ``starting``, ``tuned``, ``driven`` and ``clocked``.
-        simulation: fields of the simulation, or nothing before the start.
-        functions: attributes of each Python function that is an object.
-    """
-
-    p: Vector
-    u: Vector
-    start: float = 0.0
-    tick: int = 0
-    pending: set[str] = field(default_factory=lambda: {"starting"})
-    simulation: dict[str, Any] = field(default_factory=dict)
-    functions: list[dict[str, Any]] = field(default_factory=list)
 
 
 class Core:
@@ -87,7 +47,7 @@ class Core:
         kept = replace(self._standing, p=self._standing.p.copy(), u=self._standing.u.copy())
         kept.pending = set(self._standing.pending)
         if self._sim is not None:
-            kept.simulation = copy.deepcopy({name: getattr(self._sim, name) for name in _ARRAYS})
+            kept.simulation = copy.deepcopy({name: getattr(self._sim, name) for name in FIELDS})
             kept.functions = []
             for function, external in zip(self._sim.calls.functions, self.plan.model.externals, strict=True):
                 try:
@@ -97,8 +57,21 @@ class Core:
         return kept
 
     def restore(self, kept: Standing) -> None:
-        """Go back to what `snapshot` gave."""
-        kept = copy.deepcopy(kept)
+        """Go back to what `snapshot` gave, or to what `fmu.python_state.from_bytes` read; all of it or nothing.
+
+        Raises:
+            FlexarmError: it is no standing of this model.
+        """
+        check(kept, self.plan.model)
+        before, failed = self.snapshot(), self._failed
+        try:
+            self._put(copy.deepcopy(kept))
+        except FlexarmError:
+            self._put(before)
+            self._failed = failed
+            raise
+
+    def _put(self, kept: Standing) -> None:
         self._standing, self._before, self._failed = kept, None, False
         if not kept.simulation:
             self._sim = None
@@ -109,33 +82,7 @@ class Core:
             setattr(self._sim, name, value)
         for function, attributes in zip(self._sim.calls.functions, kept.functions, strict=True):
             if hasattr(function, "__dict__") and attributes:
-                function.__dict__.clear()
-                function.__dict__.update(attributes)
-
-    @staticmethod
-    def to_bytes(kept: Standing, identity: str) -> bytes:
-        """A snapshot as bytes, with a check sum over it and the identity of the model.
-
-        Raises:
-            FlexarmError: a Python function holds what cannot be written.
-        """
-        try:
-            body = pickle.dumps(vars(kept))
-        except Exception as error:
-            raise FlexarmError(f"the state of a Python function cannot be written: {error}") from error
-        return hashlib.sha256(identity.encode() + body).digest() + body
-
-    @staticmethod
-    def from_bytes(text: bytes, identity: str) -> Standing:
-        """The snapshot that `to_bytes` wrote.
-
-        Raises:
-            FlexarmError: it is damaged or that of another model.
-        """
-        head, body = text[:32], text[32:]
-        if hashlib.sha256(identity.encode() + body).digest() != head:
-            raise FlexarmError("the state is damaged, or that of another FMU")
-        return Standing(**pickle.loads(body))
+                fill(function, attributes)
 
     # -- instants -----------------------------------------------------------------------------------------------------
 
@@ -207,7 +154,7 @@ class Core:
 
     def _recall(self) -> None:
         if self._before is not None:
-            self.restore(self._before)
+            self._put(copy.deepcopy(self._before))
 
     # -- values -------------------------------------------------------------------------------------------------------
 

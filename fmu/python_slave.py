@@ -18,7 +18,8 @@ from pythonfmu.enums import Fmi2Status
 
 from engine.errors import FlexarmError
 from fmu.plan import plan
-from fmu.python_core import Core, Standing
+from fmu.python_core import Core
+from fmu.python_state import Standing, from_bytes, to_bytes
 
 RECIPE = "recipe.json"
 
@@ -114,13 +115,13 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
     @classmethod
     def _fmu_state_to_bytes(cls, state: Standing | str) -> bytes:
         try:
-            return b"" if isinstance(state, str) else Core.to_bytes(state, cls.identity)
+            return b"" if isinstance(state, str) else to_bytes(state, cls.identity)
         except Exception:
             return b""
 
     @classmethod
     def _fmu_state_from_bytes(cls, text: bytes) -> Standing | str:
         try:
-            return Core.from_bytes(text, cls.identity)
+            return from_bytes(text, cls.identity)
         except Exception as error:
             return str(error)

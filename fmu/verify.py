@@ -15,6 +15,7 @@ from engine.errors import FlexarmError, SimulationError, nearest
 from engine.model import Model, Vector
 from engine.simulate import Drive, simulate
 from fmu.host import Host, host
+from fmu.loaded import loaded
 from fmu.variables import flat
 
 MOST_POINTS = 100_000_000
@@ -41,9 +42,23 @@ class Trace:
         Raises:
             FlexarmError: no such output.
         """
-        if flat(name) not in self.names:
-            raise FlexarmError(f"the FMU has no output '{name}'", remedy=nearest(flat(name), self.names))
-        return np.asarray(self.values[:, self.names.index(flat(name))])
+        return np.asarray(self.values[:, self.names.index(find(name, self.names, "output"))])
+
+
+def find(name: str, names: Sequence[str], what: str) -> str:
+    """The one of an FMU's names that is meant: the name itself, or else the only one that is the same when flat.
+
+    Raises:
+        FlexarmError: there is none, or there are several.
+    """
+    if name in names:
+        return name
+    alike = [known for known in names if flat(known) == flat(name)]
+    if len(alike) == 1:
+        return alike[0]
+    if alike:
+        raise FlexarmError(f"the FMU has several {what}s like '{name}'", remedy=f"write one of {', '.join(alike)}")
+    raise FlexarmError(f"the FMU has no {what} '{name}'", remedy=nearest(name, names))
 
 
 def validate(path: str | Path) -> list[str]:
@@ -55,12 +70,12 @@ def validate(path: str | Path) -> list[str]:
 
 @contextmanager
 def slave(path: str | Path, name: str = "instance") -> Iterator[tuple[Any, Any, list[str]]]:
-    """An instance of an FMI 2 Co-Simulation FMU, not yet set up, for calls one by one.
+    """An instance of an FMI 2 Co-Simulation FMU in this process, not yet set up, for calls one by one.
 
     Yields:
         (fmpy's `FMU2Slave`, its model description, the list into which its log messages go).
     """
-    with host(path, name) as made:
+    with loaded(path, name) as made:
         yield made.raw, made.description, made.messages
 
 

@@ -100,7 +100,8 @@ class Simulate(Section):
     stop: Quantity = Field(description="end of the simulation, s")
     step: Quantity = Field(default=1e-3, description="interval between recorded points, s")
     internal_step: Quantity | None = Field(
-        default=None, description="step of the integration, s; chosen from the fastest mode if absent"
+        default=None,
+        description="longest step of the integration, s; if absent, chosen from the fastest mode and the lasting ones",
     )
     step_tolerance: Quantity | None = Field(
         default=None,

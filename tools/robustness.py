@@ -33,6 +33,10 @@ SHARES = {
     "anchors": 1.0,
     "pages": 0.5,
     "archives": 5.0,
+    "states": 2.0,
+    "caches": 0.5,
+    "sweeps": 0.5,
+    "foreign_fmus": 0.5,
 }
 """Examples of each property, as a multiple of ``--examples``."""
 
@@ -73,7 +77,16 @@ elements or 100 levels, any document type (so that no entity is expanded, no fil
 identifier that is not a C identifier (it names the library to load), components outside of the package, two variables,
 components or connectors of one name, connections to nothing, times that are not numbers.
 `tests/robustness/test_hostile_archives.py` holds cases of these for each way in, with bounds on time and memory. An
-FMU that passes is still a program of its maker's and runs with all rights of the user.
+FMU that passes is still a program of its maker's and runs with all rights of the user, in a process of its own: one
+that crashes ends that process, and the run with a message. Its names may be any; what it gives must be finite.
+
+## What is kept
+
+Compiled models lie in the cache with their length and hash, and are checked before they are loaded or packed. The saved
+state of an FMU in Python is JSON; it names no code, and every field is checked before any is taken over. The parts of a
+sweep and the results of a diagnosis that was interrupted are checked before they count, and computed again where they
+are damaged. `tests/engine/test_compile.py`, `tests/fmu/test_python_state.py`, `tests/fmu/test_foreign.py` and
+`tests/cli/test_sweep.py` hold cases of each. Ctrl-C is heard while C runs (`tests/cli/test_interrupt.py`).
 
 ## Files of data
 

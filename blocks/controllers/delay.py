@@ -19,7 +19,7 @@ LONGEST = 20_000
 class Delay(SignalBlock):
     """Transport delay: out(t) = in(t - delay), sampled: in is read at each instant and given out ``delay`` later.
 
-    A delay line of delay / period memories; what is left of the delay beyond whole periods shifts the instants at which
+    A delay line of delay / period values; what is left of the delay beyond whole periods shifts the instants at which
     out changes. out holds in between and is ``start`` until the line is full. There is no delay of a continuous signal
     as such: it would not be a state of finite size. Give a period short against the signal; holding the samples adds
     half a period to the delay on average. A delay of 0 is a sample and hold. The output has the input's unit.
@@ -47,10 +47,9 @@ class Delay(SignalBlock):
 
     def stamp(self, net: Net) -> None:
         ticks, late = clock(net, self), self.input
-        for k in range(self.count + (self.rest > 0)):
-            stage = net.memory(f"line{k + 1}", "*", ticks, start=self.start)
-            net.update(stage, late)
-            late = stage
+        stages = self.count + (self.rest > 0)
+        if stages:
+            late = net.line("*", ticks, self.input, [stages], start=self.start)[stages]
         given = ticks
         if self.rest:
             given = net.clock(self.period, math.fmod(self.sample_offset + self.rest, self.period))

@@ -55,15 +55,12 @@ class InputShaper(SignalBlock):
         self.amplitudes = convolved(once, once) if self.shaper == "ZVD" else once
 
     def stamp(self, net: Net) -> None:
-        ticks, late = clock(net, self), self.input
-        out = 0.0
-        for k, amplitude in enumerate(self.amplitudes):
-            if k:
-                stage = net.memory(f"line{k}", "*", ticks, start=self.start)
-                net.update(stage, late)
-                late = stage
-            if amplitude:
-                out = out + amplitude * late
+        ticks = clock(net, self)
+        stages = [k for k, amplitude in enumerate(self.amplitudes) if k and amplitude]
+        line = net.line("*", ticks, self.input, stages, start=self.start)
+        out = self.amplitudes[0] * self.input
+        for stage in stages:
+            out = out + self.amplitudes[stage] * line[stage]
         shaped = net.memory("shaped", "*", ticks, start=self.start, held=True)
         net.update(shaped, out)
         self.publish(net, shaped)

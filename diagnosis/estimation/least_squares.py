@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +15,7 @@ from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.thresholds import FITTING
 from engine.errors import SimulationError
+from engine.threads import Threads
 
 Progress = Callable[[str], None]
 
@@ -99,7 +99,7 @@ def descend(
     problem: Problem,
     x: Array,
     experiments: Sequence[Experiment],
-    pool: ThreadPoolExecutor,
+    pool: Threads,
     *,
     only: Sequence[int] | None = None,
     iterations: int = 25,
@@ -166,7 +166,7 @@ class _StackedResiduals:
 
     problem: Problem
     experiments: Sequence[Experiment]
-    pool: ThreadPoolExecutor
+    pool: Threads
     only: list[int] | None
 
     def moved(self, x: Array, step: Array) -> Array:
@@ -231,7 +231,7 @@ def fit(
     begin = [np.asarray(x, dtype=float) for x in starts] or [np.zeros(n)]
     begin += [random.normal(0.0, 0.7, n) for _ in range(random_starts)]
     best: tuple[float, Array, bool] | None = None
-    with ThreadPoolExecutor(workers or 2) as pool:
+    with Threads(workers or 2) as pool:
         for number, x in enumerate(begin):
             if progress:
                 progress(f"start {number + 1} of {len(begin)}")
@@ -272,6 +272,6 @@ def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20) -> Ar
     for e in problem.held_out:
         mine = [i for i, f in enumerate(problem.free) if f.recording == e.name]
         if mine:
-            with ThreadPoolExecutor(1) as pool:
+            with Threads(1) as pool:
                 x = descend(problem, x, [e], pool, only=mine, iterations=iterations)[0]
     return x

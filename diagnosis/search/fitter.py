@@ -6,7 +6,6 @@ import hashlib
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +23,7 @@ from diagnosis.search.wave_starts import solved
 from diagnosis.thresholds import INSERTION
 from engine.errors import FlexarmError
 from engine.spread import Store
+from engine.threads import Threads
 from scenarios.load import Scenario
 
 
@@ -124,7 +124,7 @@ class CandidateFitter:
         points.sort(key=lambda point: point.cost)
         bold = self.points(effects, [effects[0].bold], parent) if len(effects) == 1 and effects[0].bold else []
         tried = []
-        with ThreadPoolExecutor(1) as pool:
+        with Threads(1) as pool:
             begun = [*self._begun(effects, points, parent), *bold]
             most = INSERTION.settles if len({id(point.problem.model) for point in begun}) > 1 else INSERTION.first_steps
             for point in begun:
@@ -205,7 +205,7 @@ class CandidateFitter:
             return partial
         point = partial.point
         made = resolved(point.problem, point.x) or point.problem
-        with ThreadPoolExecutor(1) as pool:
+        with Threads(1) as pool:
             training = made.training
             x, cost, converged = descend(made, point.x, training, pool, iterations=iterations)
         if not math.isfinite(cost):
@@ -223,7 +223,7 @@ class CandidateFitter:
         tried = [partial]
         for begun in solved(self, there, k, values)[: INSERTION.orders_beside]:
             training = begun.problem.training
-            with ThreadPoolExecutor(1) as pool:
+            with Threads(1) as pool:
                 x, cost, converged = descend(
                     begun.problem,
                     begun.x,
@@ -246,7 +246,7 @@ class CandidateFitter:
                     built = tuple(sizes if j == k else s for j, s in enumerate(best.built))
                     made = self.build(partial.effects, built)
                     training = made.training
-                    with ThreadPoolExecutor(1) as pool:
+                    with Threads(1) as pool:
                         x, cost, converged = descend(
                             made,
                             best.x,
@@ -265,7 +265,7 @@ class CandidateFitter:
         if made.converged:
             return trial
         training = made.problem.training
-        with ThreadPoolExecutor(self.workers) as pool:
+        with Threads(self.workers) as pool:
             x, cost, converged = descend(made.problem, made.x, training, pool, iterations=INSERTION.polishing_steps)
         if not cost < made.cost:
             return trial  # it ended where the model cannot be differentiated

@@ -9,7 +9,6 @@ where one of them brings those rows to the floor and the tolerances do not, the 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +22,7 @@ from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.scored_model import ScoredModel, outside_tolerances
 from diagnosis.thresholds import PREFERENCE, TABLES
 from engine.errors import FlexarmError
+from engine.threads import Threads
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def _let_go(fitter: CandidateFitter, candidate: Candidate, share: float) -> Wron
 
 def _fitted(made: Problem, starts: Sequence[Array], share: float) -> Fit:
     rows, n = _lowest(made, share), len(made.free)
-    with ThreadPoolExecutor(1) as pool:
+    with Threads(1) as pool:
         ends = [descend(made, x, rows, pool) for x in starts]
     x, cost, converged = min(ends, key=lambda end: end[1])
     return Fit(made, x, cost, cost, converged, np.zeros((n, n)))

@@ -31,11 +31,16 @@ typedef struct {
   int rated;                                                     /* whether dx/dt in full is that at t */
   double next[FA_SIZE(FA_NT)];                                   /* instants of the next time events */
   int cursor[FA_SIZE(FA_NW)];                                    /* knot of each table that holds at t */
+  double line[FA_SIZE(FA_NLS)];                                  /* values in the delay lines, rings one after another */
+  int newest[FA_SIZE(FA_NL)];                                    /* where in its ring the last value is */
   double hmax;
   int64_t steps, events;
   int status, culprit;                                           /* culprit: index of a state or mode */
   double *log; int64_t log_length, log_capacity;                 /* (time, mode, new value) rows, or NULL */
   void *listener;                                                /* whose the hooks are */
+#ifdef FA_CANCELLABLE
+  const volatile int32_t *cancel;                                /* not 0 once the run is to end; or NULL */
+#endif
 } fa_sim;
 
 static int fa_finite(const double *a, int n) {
@@ -168,6 +173,34 @@ static double fa_next_knot(const fa_sim *s, int *event) {
     if (s->next[k] < next) { next = s->next[k]; *event = k; }
   return next;
 }
+
+/* -- delay lines ----------------------------------------------------------------------------------------------- */
+
+#if FA_NL
+/* Where the value is that entered line l at the last instant (k = 1), the one before it (k = 2), ...; in the ring
+ * whatever s->newest holds, which may come from a file. */
+static int fa_line_place(const fa_sim *s, int l, int k) {
+  return fa_line_first[l] + (int)(((unsigned)s->newest[l] + (unsigned)(k - 1)) % (unsigned)fa_line_size[l]);
+}
+
+static void fa_line_fill(fa_sim *s) {
+  double start[FA_NL];
+  fa_line_start(s->t, s->x, s->base, s->d, s->m, s->p, s->cp, s->cm, 0, start);
+  for (int l = 0; l < FA_NL; l++) {
+    s->newest[l] = 0;
+    for (int k = 0; k < fa_line_size[l]; k++) s->line[fa_line_first[l] + k] = start[l];
+  }
+}
+
+static void fa_line_push(fa_sim *s, const double *fire, const double *value) {
+  for (int l = 0; l < FA_NL; l++) {
+    if (fire[fa_line_clock[l]] == 0) continue;
+    const int place = fa_line_place(s, l, fa_line_size[l]); /* that of the oldest */
+    s->newest[l] = place - fa_line_first[l];
+    s->line[place] = value[l];
+  }
+}
+#endif
 
 /* -- one step ------------------------------------------------------------------------------------------------- */
 
@@ -318,6 +351,9 @@ static int fa_start(fa_sim *s) {
     s->slope[FA_NU + i] = s->from[FA_NU + i] = 0;
   }
   fa_parameters_changed(s);
+#if FA_NL
+  fa_line_fill(s);
+#endif
   fa_table_knots(s);
   if (fa_time_events(s) && s->status) return s->status;
   if (fa_settle(s)) return s->status;
@@ -337,6 +373,9 @@ static int fa_integrate_to(fa_sim *s, double t_end) {
     const int64_t n = span * (1 - 1e-9) > s->hmax ? (int64_t)ceil(span / s->hmax * (1 - 1e-9)) : 1;
     for (int64_t i = 1; i <= n; i++) {
       const double to = i < n ? start + span * ((double)i / (double)n) : target;
+#ifdef FA_CANCELLABLE
+      if (s->cancel && *s->cancel) return s->status = FA_CANCELLED;
+#endif
       FA_ON_TARGET(s, event, i, n);
       if (fa_step(s, to - s->t)) return s->status;
       s->t = to;
@@ -354,11 +393,23 @@ static int fa_integrate(fa_sim *s, double t_end) {
 }
 
 /* Let the clocks flagged in fire tick: memories take their new values and the guards are checked again. */
-static int fa_tick(fa_sim *s, const double *fire) {
+static int fa_tick(fa_sim *s, const double *flags) {
   double u[FA_SIZE(FA_NI)], d[FA_SIZE(FA_ND)];
-  FA_ON_TICK(s, fire);
   fa_inputs(s, s->t, u);
+#if FA_NL
+  double fire[FA_NC + FA_NEO + FA_NLR], value[FA_NL];
+  memcpy(fire, flags, sizeof(double) * (FA_NC + FA_NEO));
+  for (int i = 0; i < FA_NLR; i++)
+    fire[FA_NC + FA_NEO + i] = s->line[fa_line_place(s, fa_read_line[i], fa_read_stage[i])];
+#else
+  const double *fire = flags;
+#endif
+  FA_ON_TICK(s, fire);
   fa_update(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, d);
+#if FA_NL
+  fa_entering(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, value);
+  fa_line_push(s, fire, value);
+#endif
   for (int i = 0; i < FA_ND; i++) s->d[i] = d[i];
   return fa_settle(s);
 }

@@ -93,10 +93,7 @@ static int fa_run(fa_sim *s, fa_job *job) {
     if (FA_NU) while (knot < job->knots && job->knot[knot] <= tick) { fa_drive_inputs(s, job, knot++); driven = 1; }
     if (driven && fa_settle(s)) return s->status;
     if (fa_clocks(s, job, tick, due)) return s->status;
-    if (tick == (row + 1) * job->output_ticks) {
-      fa_record(s, job, ++row);
-      if (job->cancel && *job->cancel) return s->status = FA_CANCELLED;
-    }
+    if (tick == (row + 1) * job->output_ticks) fa_record(s, job, ++row);
   }
   return fa_update_derivative(s);
 }
@@ -113,6 +110,7 @@ FA_EXPORT int fa_simulate(fa_job *job, void *listener) {
   s->log = job->log;
   s->log_capacity = job->log_capacity;
   s->listener = listener;
+  s->cancel = job->cancel;
   fa_run(s, job);
   memcpy(job->x1, s->x, sizeof(double) * FA_NX);
   memcpy(job->d1, s->d, sizeof(double) * FA_ND);

@@ -12,6 +12,7 @@
 typedef struct {
   double S[FA_NX > 0 ? FA_NX : 1][FA_COLS];      /* states */
   double D[FA_ND > 0 ? FA_ND : 1][FA_COLS];      /* memories */
+  double line[FA_NLS > 0 ? FA_NLS : 1][FA_COLS]; /* values in the delay lines */
   double dt[FA_COLS], aim[FA_COLS];              /* of the present time, of the step's end */
   double begin[FA_COLS], goal[FA_COLS];          /* of the segment's start and end, which several steps may divide */
   int moving;                                    /* whether any of these is not zero */

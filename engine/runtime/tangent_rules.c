@@ -136,6 +136,18 @@ static void fa_tangent_tick(void *sim, const double *fire) {
   fa_update_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, j);
   memset(next, 0, sizeof next);
   fa_apply(s, fa_update_row, fa_update_col, FA_UPDATE_NNZ, j, T->S, T->D, 0, FA_DIRS, 1, next);
+#if FA_NL
+  double v[FA_SIZE(FA_ENTERING_NNZ)], entering[FA_NL][FA_COLS];
+  fa_entering_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, v);
+  memset(entering, 0, sizeof entering);
+  fa_apply(s, fa_entering_row, fa_entering_col, FA_ENTERING_NNZ, v, T->S, T->D, 0, FA_DIRS, 1, entering);
+  for (int i = 0; i < FA_NLR; i++)
+    if (fire[fa_line_clock[fa_read_line[i]]] != 0)
+      memcpy(next[fa_read_memory[i]], T->line[fa_line_place(s, fa_read_line[i], fa_read_stage[i])], sizeof next[0]);
+  for (int l = 0; l < FA_NL; l++)
+    if (fire[fa_line_clock[l]] != 0)
+      memcpy(T->line[fa_line_place(s, l, fa_line_size[l])], entering[l], sizeof entering[l]);
+#endif
   memcpy(T->D, next, sizeof next);
 }
 
@@ -157,6 +169,11 @@ FA_EXPORT int fa_simulate_tangents(fa_job *job, const double *S0, const double *
   memset(&T, 0, sizeof T);
   for (int i = 0; i < FA_NX; i++) memcpy(T.S[i], S0 + i * FA_DIRS, sizeof(double) * FA_DIRS);
   for (int i = 0; i < FA_ND; i++) memcpy(T.D[i], D0 + i * FA_DIRS, sizeof(double) * FA_DIRS);
+#if FA_NL
+  for (int i = 0; i < FA_NLR; i++) /* every stage of a line starts alike */
+    for (int k = 0; k < fa_line_size[fa_read_line[i]]; k++)
+      memcpy(T.line[fa_line_first[fa_read_line[i]] + k], T.D[fa_read_memory[i]], sizeof(double) * FA_DIRS);
+#endif
   T.rows = rows;
   T.least = HUGE_VAL;
   const int status = fa_simulate(job, &T);

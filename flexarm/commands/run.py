@@ -28,6 +28,7 @@ def run(
     """Simulate a scenario."""
     import time
 
+    from engine.energy import conserved, may_be_conservative
     from engine.files import check_suffix
     from flexarm.api import simulate
     from flexarm.console.text import columns, number, plural
@@ -45,13 +46,18 @@ def run(
     if plot is not None:
         check_suffix(plot, FIGURES)
     begun = time.perf_counter()
-    result = simulate(loaded, seconds(stop, "--stop"), seconds(step, "--step"))
+    result = simulate(loaded, seconds(stop, "--stop"), seconds(step, "--step"), record_states=may_be_conservative)
     spent = time.perf_counter() - begun
     typer.echo(f"{loaded.name}: {loaded.description}" if loaded.description else loaded.name)
     typer.echo(
         f"{number(result.time[-1])} s in {len(result.time)} rows, {result.steps} steps of at most "
         f"{number(result.internal_step)} s, {plural(result.event_count, 'switch')}, {spent:.2f} s of work"
     )
+    if (energy := conserved(result, lambda: loaded.build(energy=True))) is not None:
+        typer.echo(
+            f"energy: {number(energy.start)} J at the start, {number(energy.end)} J at the end, at most "
+            f"{energy.drift:.2g} J off on the way; nothing is supplied or dissipated"
+        )
     rows = [
         [name, unit, number(values[-1]), number(values.min()), number(values.max())]
         for name, unit, values in ((n, result.units[n], result[n]) for n in result.names)

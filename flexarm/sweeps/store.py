@@ -19,6 +19,31 @@ GROUP = 5000
 """Rows of a row group."""
 
 PLAN = "plan.json"
+LOCK = ".lock"
+
+
+def _remove(path: Path) -> None:
+    """Take away a file, or a folder that somebody put in its place."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _broken() -> tuple[type[Exception], ...]:
+    """What a file that is damaged or cannot be written raises."""
+    import pyarrow
+
+    return OSError, ValueError, pyarrow.ArrowException
+
+
+def _described(text: bytes) -> dict[str, Any]:
+    """What a file says of its plan; nothing if it is no such file."""
+    try:
+        found = json.loads(text)
+    except RecursionError:
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 class SweepStore:
@@ -45,8 +70,22 @@ class SweepStore:
         self.provenance = provenance
         self._lock: Any = None
         if restart:
-            shutil.rmtree(self.parts, ignore_errors=True)
-            table.unlink(missing_ok=True)
+            self._clear()
+
+    def _clear(self) -> None:
+        """Throw away what an earlier sweep left, once no other process is at work on it."""
+        self._make()
+        try:
+            for left in self.parts.iterdir():
+                if left.name == LOCK:
+                    continue
+                _remove(left)
+            self.table.unlink(missing_ok=True)
+        except OSError as error:
+            self.close()
+            raise FlexarmError(
+                f"cannot throw away '{error.filename}': {error.strerror}", remedy="remove it by hand"
+            ) from error
 
     def done(self) -> bool:
         """Whether the table is whole.
@@ -60,7 +99,7 @@ class SweepStore:
 
         try:
             metadata = pyarrow.parquet.read_schema(self.table).metadata or {}
-            described = json.loads(metadata.get(b"flexarm", b"{}"))
+            described = _described(metadata.get(b"flexarm", b"{}"))
         except (OSError, ValueError, pyarrow.ArrowException):
             described = {}
         if described.get("plan_hash") != self.plan.hash:
@@ -75,14 +114,13 @@ class SweepStore:
         Raises:
             FlexarmError: the folder belongs to another plan, or another process works in it.
         """
-        try:
-            self.parts.mkdir(exist_ok=True)
-        except OSError as error:
-            raise FlexarmError(f"cannot make the folder '{self.parts}': {error.strerror}") from error
-        self._hold()
+        self._make()
         manifest = self.parts / PLAN
         if manifest.exists():
-            written = json.loads(manifest.read_text(encoding="utf-8"))
+            try:
+                written = _described(manifest.read_bytes())
+            except (OSError, ValueError):
+                written = {}
             if written.get("plan_hash") != self.plan.hash:
                 self._refuse(written.get("plan"), f"'{self.parts}'")
         else:
@@ -90,7 +128,7 @@ class SweepStore:
                 content = {"plan_hash": self.plan.hash, "scenario_hash": self.plan.digest, "plan": self.plan.numbers()}
                 temporary.write_text(json_text(content, indent=2) + "\n", encoding="utf-8")
         for left in self.parts.glob(".*"):  # of a process that was killed while it wrote
-            if left.name != ".lock":
+            if left.name != LOCK and not left.is_dir():
                 left.unlink(missing_ok=True)
         return [span for span in self.spans() if not self._is_whole(span)]
 
@@ -99,25 +137,39 @@ class SweepStore:
         for first in range(0, self.plan.total, self.size):
             yield first, min(first + self.size, self.plan.total)
 
+    def _make(self) -> None:
+        try:
+            self.parts.mkdir(exist_ok=True)
+            self._hold()
+        except OSError as error:
+            raise FlexarmError(
+                f"cannot work in the folder '{self.parts}': {error.strerror}",
+                remedy="remove what is there, or write to another file",
+            ) from error
+
     def _hold(self) -> None:
         """Let no other process work here; the system takes the lock back when this one ends, however it ends."""
         try:
             import fcntl
         except ImportError:
             return
-        self._lock = (self.parts / ".lock").open("w")
+        if self._lock is not None:
+            return
+        lock = (self.parts / LOCK).open("w")
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            self._lock.close()
+            lock.close()
             raise FlexarmError(
                 f"another process is at work on '{self.table}'", remedy="wait for it, or write to another file"
             ) from error
+        self._lock = lock
 
     def close(self) -> None:
         """Let others work here."""
         if self._lock is not None:
             self._lock.close()
+            self._lock = None
 
     def _refuse(self, other: Any, what: str) -> NoReturn:
         mine = self.plan.numbers()
@@ -129,7 +181,30 @@ class SweepStore:
         return self.parts / f"{kind}-{span[0]:09d}.parquet"
 
     def _is_whole(self, span: tuple[int, int]) -> bool:
-        return self._part(span).exists()
+        """Whether the parts of a span are there and sound; others are removed, and their runs computed again."""
+        kinds = [("runs", self._schema)]
+        if self.trajectories is not None:
+            kinds.append(("trajectories", self._long_schema))
+        if not self._part(span).exists():
+            return False
+        try:
+            for kind, schema in kinds:
+                found = self._read(span, kind)
+                if not found.schema.equals(schema.remove_metadata()):
+                    raise ValueError(kind)
+                if kind == "runs" and found["run"].to_pylist() != list(range(*span)):
+                    raise ValueError(kind)
+        except _broken():
+            for kind, _ in kinds:
+                _remove(self._part(span, kind))
+            return False
+        return True
+
+    def _read(self, span: tuple[int, int], kind: str) -> Any:
+        import pyarrow.parquet
+
+        path = self._part(span, kind)
+        return pyarrow.parquet.ParquetFile(path, page_checksum_verification=True).read()
 
     def write(self, span: tuple[int, int], found: Span) -> None:
         """Put a part in place."""
@@ -142,13 +217,27 @@ class SweepStore:
             made.insert(0, (self._part(span, "trajectories"), self._long_schema, found.trajectories))
         for path, schema, columns in made:
             with writing(path, (".parquet",)) as temporary:
-                pyarrow.parquet.write_table(pyarrow.table(columns, schema=schema.remove_metadata()), temporary)
+                pyarrow.parquet.write_table(
+                    pyarrow.table(columns, schema=schema.remove_metadata()), temporary, write_page_checksum=True
+                )
 
     def finish(self) -> None:
-        """Join the parts into the table, and remove them."""
-        if self.trajectories is not None:
-            self._join(self.trajectories, self._long_schema, "trajectories")
-        self._join(self.table, self._schema, "runs")
+        """Join the parts into the table, and remove them.
+
+        Raises:
+            FlexarmError: the table cannot be written, or a part is damaged; the parts stay.
+        """
+        try:
+            if self.trajectories is not None:
+                self._join(self.trajectories, self._long_schema, "trajectories")
+            self._join(self.table, self._schema, "runs")
+        except _broken() as error:
+            for left in self.parts.glob(".joined-*"):
+                left.unlink(missing_ok=True)
+            raise FlexarmError(
+                f"the parts in '{self.parts}' cannot be joined into '{self.table}': {str(error)[:300]}",
+                remedy="make room and give the same command again; it goes on from here",
+            ) from error
         self.close()
         shutil.rmtree(self.parts, ignore_errors=True)
 
@@ -161,9 +250,7 @@ class SweepStore:
             waiting: list[Any] = []
             rows = 0
             for span in self.spans():
-                waiting.append(
-                    pyarrow.parquet.read_table(self._part(span, kind)).replace_schema_metadata(schema.metadata)
-                )
+                waiting.append(self._read(span, kind).replace_schema_metadata(schema.metadata))
                 rows += waiting[-1].num_rows
                 if rows >= GROUP:
                     writer.write_table(pyarrow.concat_tables(waiting), row_group_size=rows)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from engine.errors import FlexarmError, ParameterError, nearest
-from engine.spread import Spread
+from engine.spread import MOST_WORKERS, Spread
 from flexarm._version import version
 from flexarm.output import provenance
 from flexarm.sweeps.plan import MOST_RUNS, SweepPlan, make_axes
@@ -126,6 +126,8 @@ def sweep(
             o.progress(done, plan.total)
         # A pool costs a second or two; a few short runs are done before it has started.
         count = 1 if len(missing) <= 1 else o.workers
+        if count is not None and count <= MOST_WORKERS:
+            count = min(count, max(1, len(missing)))
         with Spread(count, o.scheduler) as workforce:
             shipped = replace(plan, files=packed(scenario)) if o.scheduler else plan
             answers = workforce.map(functools.partial(compute, shipped), missing)

@@ -21,6 +21,7 @@ import pytest
 import flexarm
 from engine.errors import FlexarmError
 from flexarm.sweeps.sweep import make_plan
+from flexarm.sweeps.work import compute
 from scenarios.load import load
 
 SPIN = """\
@@ -284,6 +285,115 @@ def test_two_at_once_are_refused(spin: Path) -> None:
         flexarm.sweep(spin, ["push=1,2"], "out.parquet", workers=1)
     first.close()
     assert flexarm.sweep(spin, ["push=1,2"], "out.parquet", workers=1).computed == 2
+
+
+def _half(spin: Path, keep: float | None = None) -> Path:
+    """The parts of a sweep of eight runs, all there but the table."""
+    from flexarm.sweeps.store import SweepStore
+
+    plan = make_plan(load(spin), ["push=1:8:8"], keep=keep)
+    Path("out").mkdir(exist_ok=True)
+    store = SweepStore(Path("out/runs.parquet") if keep else Path("out.parquet"), plan, {})
+    for span in store.begin():
+        store.write(span, compute(plan, span))
+    store.close()
+    return store.parts
+
+
+def test_restart_respects_a_sweep_that_runs(spin: Path) -> None:
+    from flexarm.sweeps.store import SweepStore
+
+    parts = _half(spin)
+    first = SweepStore(Path("out.parquet"), make_plan(load(spin), ["push=1:8:8"]), {})
+    first.begin()
+    before = sorted(path.name for path in parts.iterdir())
+    with pytest.raises(FlexarmError, match="another process is at work"):
+        flexarm.sweep(spin, ["push=1,2"], "out.parquet", workers=1, restart=True)
+    assert sorted(path.name for path in parts.iterdir()) == before
+    first.close()
+    assert flexarm.sweep(spin, ["push=1,2"], "out.parquet", workers=1, restart=True).computed == 2
+    assert not parts.exists()
+
+
+@pytest.mark.parametrize("damage", ["empty", "half", "tail", "byte", "text", "trajectories"])
+def test_a_damaged_part_is_computed_again(spin: Path, damage: str) -> None:
+    keep = 0.1 if damage == "trajectories" else None
+    parts = _half(spin, keep)
+    victim = sorted(parts.glob(f"{'trajectories' if keep else 'runs'}-*.parquet"))[3]
+    content = victim.read_bytes()
+    middle = len(content) // 3
+    changed = {
+        "empty": b"",
+        "half": content[: len(content) // 2],
+        "tail": content[:-1],
+        "byte": content[:40] + bytes([content[40] ^ 255]) + content[41:],
+        "text": b"nothing",
+        "trajectories": content[:middle],
+    }[damage]
+    victim.write_bytes(changed)
+    output = "out" if keep else "out.parquet"
+    made = flexarm.sweep(spin, ["push=1:8:8"], output, workers=1, keep=keep)
+    assert made.computed == 1
+    assert flexarm.read(made.table)["wheel.shaft.speed.final"] == pytest.approx(
+        [2.0 * k for k in range(1, 9)], rel=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    "text", [b"", b"{", b"[1]", b"null", b"\xff\xfe", b'{"plan_hash": 3, "plan": 7}', b"[" * 100_000]
+)
+def test_a_broken_plan_is_refused_in_words(spin: Path, command: Any, text: bytes) -> None:
+    parts = _half(spin)
+    (parts / "plan.json").write_bytes(text)
+    answer = command("sweep", spin, "-v", "push=1:8:8", "-o", "out.parquet", "--workers", 1)
+    assert answer.code == 1
+    assert "is no table of this sweep" in answer.err
+    assert "--restart" in answer.err
+    answer = command("sweep", spin, "-v", "push=1:8:8", "-o", "out.parquet", "--workers", 1, "--restart")
+    assert answer.code == 0, answer.err
+
+
+@pytest.mark.parametrize("place", ["parts", "lock", "plan"])
+def test_what_stands_in_the_way_is_named(spin: Path, command: Any, place: str) -> None:
+    parts = Path("out.parquet.parts")
+    if place == "parts":
+        parts.write_text("a file")
+    else:
+        (parts / {"lock": ".lock", "plan": "plan.json"}[place]).mkdir(parents=True)
+    answer = command("sweep", spin, "-v", "push=1:8:8", "-o", "out.parquet", "--workers", 1)
+    assert answer.code == 1
+    assert "out.parquet.parts" in answer.err
+
+
+def test_a_disk_that_fills_while_joining_costs_no_run(
+    spin: Path, command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pyarrow.parquet
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pyarrow.parquet.ParquetWriter, "write_table", full)
+        answer = command("sweep", spin, "-v", "push=1:8:8", "-o", "out.parquet", "--workers", 1)
+    # write_table of a part goes through the same writer, so the first part is refused already
+    assert answer.code == 1
+    assert "No space left" in answer.err
+    _half(spin)
+    with monkeypatch.context() as patch:
+        patch.setattr(pyarrow.parquet.ParquetWriter, "write_table", full)
+        answer = command("sweep", spin, "-v", "push=1:8:8", "-o", "out.parquet", "--workers", 1)
+    assert answer.code == 1
+    assert "goes on from here" in answer.err
+    assert not Path("out.parquet").exists()
+    assert not list(Path("out.parquet.parts").glob(".joined*"))
+    assert flexarm.sweep(spin, ["push=1:8:8"], "out.parquet", workers=1).computed == 0
+
+
+def test_workers_beyond_reason_are_refused(spin: Path, command: Any) -> None:
+    answer = command("sweep", spin, "-v", "push=1:8:8", "-o", "out.parquet", "--workers", 100000)
+    assert answer.code == 1
+    assert "100000 workers are too many" in answer.err
 
 
 def test_ctrl_c_and_go_on(spin: Path) -> None:

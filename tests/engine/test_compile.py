@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from pathlib import Path
@@ -15,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from engine import cache as cached
 from engine import compile as compiling
 from engine import native, simulate
 from engine.assemble import build
@@ -87,6 +90,97 @@ def test_a_corrupted_entry_is_replaced(cache: Any) -> None:
     entry.unlink()
     entry.write_bytes(b"not a library")
     assert _answer(compiling.library(SOURCE % 9)) == 9
+
+
+@pytest.mark.parametrize("left", [0, 1, 1000, -1, -20])
+def test_a_truncated_entry_is_seen_before_it_is_loaded(cache: Any, left: Any) -> None:
+    """A mapped library whose file is too short ends the process by SIGBUS when the missing page is touched."""
+    first = subprocess.run([sys.executable, "-c", PROGRAM, SOURCE % 12], capture_output=True, text=True, check=True)
+    entry = Path(first.stdout.strip())
+    whole = entry.read_bytes()
+    entry.write_bytes(whole[:left])
+    again = subprocess.run([sys.executable, "-c", PROGRAM, SOURCE % 12], capture_output=True, text=True, check=True)
+    assert Path(again.stdout.strip()) == entry
+    assert entry.stat().st_size == len(whole)
+
+
+def test_a_changed_byte_is_seen(cache: Any) -> None:
+    compiling.library(SOURCE % 13)
+    entry = next(cache.iterdir())
+    damaged = bytearray(entry.read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    entry.unlink()
+    entry.write_bytes(damaged)
+    assert _answer(compiling.library(SOURCE % 13)) == 13
+    assert entry.read_bytes() != damaged
+
+
+@pytest.mark.parametrize("left", [0, 200, -1, -40])
+def test_a_truncated_export_binary_is_made_again(cache: Any, left: Any) -> None:
+    files = {"a.c": SOURCE % 14}
+    whole = compiling.binary(files, ["-s"], ".so")
+    entry = next(cache.iterdir())
+    entry.write_bytes(entry.read_bytes()[:left])
+    again = compiling.binary(files, ["-s"], ".so")
+    assert again[:4] == whole[:4]
+    assert len(again) == len(whole)
+    assert compiling.binary(files, ["-s"], ".so") == again
+
+
+HOMELESS = ("HOME", "XDG_CACHE_HOME", "ZIG_GLOBAL_CACHE_DIR", "FLEXARM_CACHE", "FLEXARM_CC")
+
+
+def _at_home(tmp_path: Path, **changes: Any) -> Any:
+    """Where a fresh process finds its library, in an environment with a temporary folder of its own."""
+    environment = {name: value for name, value in os.environ.items() if name not in HOMELESS}
+    environment |= {"TMPDIR": str(tmp_path), **changes}
+    command = [sys.executable, "-c", PROGRAM, SOURCE % 15]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=Path.cwd())
+
+
+def test_a_home_that_cannot_be_written_is_done_without(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    done = _at_home(tmp_path, HOME=str(blocked))
+    assert done.returncode == 0, done.stderr
+    scratch = tmp_path / f"flexarm-zig-{os.getuid()}"
+    assert scratch.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_home_that_is_not_set_is_that_of_the_system(tmp_path: Path) -> None:
+    done = _at_home(tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("kind", ["link", "open", "foreign"])
+def test_a_scratch_folder_that_is_not_ours_alone_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: Any
+) -> None:
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    folder = tmp_path / f"flexarm-zig-{os.getuid()}"
+    if kind == "link":
+        (tmp_path / "elsewhere").mkdir()
+        folder.symlink_to(tmp_path / "elsewhere")
+    elif kind == "open":
+        folder.mkdir()
+        folder.chmod(0o777)
+    else:
+        folder.mkdir(mode=0o700)
+        owner = os.getuid()
+        folder.rename(tmp_path / f"flexarm-zig-{owner + 1}")
+        monkeypatch.setattr(os, "getuid", lambda: owner + 1)
+    with pytest.raises(CompilerUnavailable, match=re.escape(str(tmp_path))) as refused:
+        cached.private("flexarm-zig")
+    assert "XDG_CACHE_HOME" in str(refused.value)
+
+
+def test_a_scratch_folder_of_ours_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    folder = tmp_path / f"flexarm-zig-{os.getuid()}"
+    folder.mkdir()
+    folder.chmod(0o755)
+    assert cached.private("flexarm-zig") == folder
+    assert folder.stat().st_mode & 0o777 == 0o700
 
 
 def test_a_killed_compilation_leaves_nothing_that_is_used(cache: Any) -> None:

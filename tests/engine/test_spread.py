@@ -117,3 +117,22 @@ def test_what_is_refused() -> None:
     pytest.importorskip("distributed")
     with pytest.raises(FlexarmError, match="no dask scheduler answers at 'nonsense://x'"):
         Spread(scheduler="nonsense://x")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "{}", "7", '{"value": 3}', '{"sha256": "x", "value": 3}', "[" * 99_999]
+)
+def test_a_damaged_entry_of_a_store_does_not_count(tmp_path: Path, text: Any) -> None:
+    store = JsonStore(tmp_path)
+    store["a"] = {"x": [1.5, None], "y": "z"}
+    assert store["a"] == {"x": [1.5, None], "y": "z"}
+    next(tmp_path.iterdir()).write_text(text)
+    assert "a" not in store
+    with Spread(1) as spread:
+        assert list(spread.kept(lambda task: task + 1, [("a", 1)], store)) == [("a", 2)]
+
+
+def test_a_store_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FlexarmError, match="file"):
+        JsonStore(tmp_path / "file")

@@ -29,7 +29,9 @@ from tests.robustness.foreign import (
     pages,
     shared_documents,
 )
+from tests.robustness.foreign_fmus import check_foreign, foreign
 from tests.robustness.guard import REFUSED, RESULT, bounded, explained
+from tests.robustness.keepings import check_entry, check_kept, check_state, entries, kept, states
 from tests.robustness.strategies import TEXTS, inside, mangled, mutated, odd, quantity, scaled, table
 
 
@@ -423,4 +425,8 @@ PROPERTIES = {
     "anchors": Property("Edits to scenarios that share by anchors and merge keys", shared_documents, check_shared),
     "pages": Property("Names and texts in reports and FMU descriptions", pages, check_page),
     "archives": Property("FMU and SSP files: XML, names, links, entries and bytes changed", archives, check_archive),
+    "states": Property("Saved states of FMUs in Python, changed and sealed again", states, check_state),
+    "caches": Property("Compiled libraries in the cache, cut and changed", entries, check_entry),
+    "sweeps": Property("Files of an interrupted sweep, cut, changed and removed", kept, check_kept),
+    "foreign_fmus": Property("FMUs of other makers: names, cut binaries, crashes, odd answers", foreign, check_foreign),
 }

@@ -22,6 +22,10 @@ QUICK = {
     "anchors": 60,
     "pages": 40,
     "archives": 60,
+    "states": 100,
+    "caches": 20,
+    "sweeps": 25,
+    "foreign_fmus": 15,
 }
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from diagnosis.estimation.least_squares import Fit, Interval, descend, interval_
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.problems import problem, variant
 from diagnosis.thresholds import INTERVALS
+from engine.threads import Threads
 from scenarios.load import load
 
 INERTIA, DAMPING, NOISE, STEP, COUNT = 2.0, 0.5, 0.01, 0.01, 400
@@ -92,7 +92,7 @@ def test_intervals_hold_the_inertia_through_gain_errors(tmp_path: Path) -> None:
     for seed in range(30):
         gain = np.random.default_rng(100 + seed).uniform(-0.05, 0.05)
         made = problem(*wheel(tmp_path / str(seed), seed=seed, gain=gain))
-        with ThreadPoolExecutor(1) as pool:
+        with Threads(1) as pool:
             x, cost, converged = descend(made, np.zeros(1), made.training, pool)
         found = with_covariance(Fit(made, x, cost, 1.0, converged, np.zeros((1, 1))), 0.0)
         (interval,) = found.intervals()

@@ -1,0 +1,39 @@
+"""Threads whose runs in C end when the thread that waits for them is interrupted."""
+
+from __future__ import annotations
+
+import ctypes
+from concurrent.futures import ThreadPoolExecutor
+from types import TracebackType
+
+from engine import native
+
+
+class Threads(ThreadPoolExecutor):
+    """A pool of threads; a context manager. Ctrl-C inside it ends the runs that are under way.
+
+    That holds for the runs of pools that these threads make, too. A pool that outlives its maker is no matter for this
+    class.
+
+    Args:
+        workers: how many.
+        name: with which the threads' names begin.
+    """
+
+    def __init__(self, workers: int, name: str = "flexarm") -> None:
+        inherited = native.cancelling()
+        self._flag = ctypes.c_int32(0) if inherited is None else inherited
+        super().__init__(workers, name, initializer=native.cancelled_by, initargs=(self._flag,))
+
+    def cancel(self) -> None:
+        """End the runs that are under way, and let none begin."""
+        self._flag.value = 1
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
+        interrupted = kind is not None and not issubclass(kind, Exception)
+        if interrupted:
+            self.cancel()
+        self.shutdown(wait=True, cancel_futures=interrupted)
+        return None
