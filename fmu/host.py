@@ -192,7 +192,8 @@ class Host(Described):
         self.messages += answer["messages"]
         if "error" in answer:
             failed, message, remedy = answer["error"]
-            raise (SimulationError if failed else FlexarmError)(message, remedy=remedy)
+            said = message if call[0] == "open" else f"'{self._file}': {message}"
+            raise (SimulationError if failed else FlexarmError)(said, remedy=remedy)
         return answer["results"][-1]
 
     def open(self, folder: str, name: str) -> None:
