@@ -30,6 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     running.add_argument("--first", type=int, default=0, metavar="K", help="leave out the first K of these seeds")
     _folder(running)
     _workers(running)
+    running.add_argument("--longest", type=float, metavar="S", help="stop a diagnosis after S s of processor time")
     running.add_argument("--plant", help="only cases of this plant")
     running.add_argument("--effect", action="append", help="only cases with this effect; repeatable")
     running.set_defaults(act=_run)
@@ -88,7 +89,7 @@ def _run(given: argparse.Namespace) -> int:
             remedy=f"give '--count' more than {given.first}, or '--first' less than {given.count}",
         )
     commit = frozen.insist().commit if given.frozen else ""
-    names = [name for name in SUITES if name != "quick"] if "all" in given.suite else given.suite
+    names = [name for name in SUITES if name not in ("quick", "rigs")] if "all" in given.suite else given.suite
     specs: list[Spec] = []
     for name in names:
         specs += SUITES[name](frozen.seeds(commit, name, given.count)[given.first :] if commit else given.seeds)
@@ -96,7 +97,7 @@ def _run(given: argparse.Namespace) -> int:
         specs = [s for s in specs if s.plant == given.plant]
     if given.effect:
         specs = [s for s in specs if set(s.effects) & set(given.effect)]
-    run(specs, given.output, given.workers, _say, given.scheduler, commit)
+    run(specs, given.output, given.workers, _say, given.scheduler, commit, given.longest)
     return 0
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.named import plant as plant_of
 from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.sites import Site, sites
 from benchmarks.concealed.ties import FLOOR, from_answers, tie_class
@@ -237,7 +237,7 @@ def _true_tie(
 
     A rival that the generator has no counterpart of cannot be checked, and does not count against the report.
     """
-    plant = PLANTS[answer["plant"]]
+    plant = plant_of(answer["plant"])
     rivals = set()
     # What is found belongs together; what it cannot be told from is a whole model each time.
     models = [" + ".join(f"{effect} at {place}" for _, effect, place, _ in reported)]
@@ -250,7 +250,7 @@ def _true_tie(
 
 def _stands_in(found: dict[str, Any], folder: Path, result: Path, answer: dict[str, Any]) -> bool:
     """Whether everything that is claimed together, and each of its rivals, does what the truth does."""
-    plant = PLANTS[answer["plant"]]
+    plant = plant_of(answer["plant"])
     claims = [" + ".join(f"{f['effect']} at {f['place']}" for f in found["findings"])]
     claims += [one for f in found["findings"] for one in f["indistinguishable_from"]]
     rivals = set()

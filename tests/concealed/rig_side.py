@@ -1,0 +1,142 @@
+"""Random rigs on the other side: the concealed effect in flexarm's blocks, at its true place, with the sensors where they truly sit."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from benchmarks.concealed.scenario import text, write
+from diagnosis.compare import grid, plan
+from diagnosis.recording import from_scenario
+from engine.simulate import simulate
+from scenarios.amend import AtFlange, Between, InSignal, amended
+from scenarios.load import load
+from tests.concealed.flexarm_side import _driven, edits_for
+
+SLIDING = {
+    "BearingFriction": ("TranslationalBearingFriction", "slide"),
+    "QuadraticDrag": ("TranslationalQuadraticDrag", "slide"),
+    "GroundSpring": ("TranslationalGroundSpring", "flange"),
+    "SpringDamper": ("TranslationalSpringDamper", "a"),
+    "Backlash": ("TranslationalBacklash", "a"),
+}
+UNITS = {
+    "N.m": "N",
+    "N.m.s/rad": "N.s/m",
+    "N.m.s2/rad2": "N.s2/m2",
+    "N.m/rad": "N/m",
+    "rad": "m",
+    "rad/s": "m/s",
+}
+
+
+def slid(type_, parameters, port):
+    """A block of rotation and its parameters, told for a slide."""
+    kind, flange = SLIDING[type_]
+    made = {}
+    for key, value in parameters.items():
+        number, _, unit = str(value).partition(" ")
+        made[key] = f"{number} {UNITS.get(unit, unit)}" if unit else value
+    return kind, made, flange if port == "shaft" else port
+
+
+def _yaml(change, source):
+    yaml = YAML(typ="rt")
+    document = yaml.load(source)
+    change(document)
+    out = io.StringIO()
+    yaml.dump(document, out)
+    return out.getvalue()
+
+
+def concealed_in(source, c, rig):
+    """The scenario with an effect in it."""
+    for edit in edits_for(c, rig):
+        slides = rig.topology.slides
+        if isinstance(edit, InSignal) and edit.name == "y":
+            source = _driven(source, edit)
+        elif isinstance(edit, Between):
+            source = _cut(source, edit, c.place, rig)
+        elif slides and isinstance(edit, AtFlange):
+            kind, parameters, port = slid(edit.type, edit.parameters, edit.port)
+            source = amended(source, [replace(edit, type=kind, parameters=parameters, port=port)])
+        elif slides and hasattr(edit, "drop"):
+            kind, parameters, _ = slid(edit.type, edit.parameters, "a")
+            source = amended(source, [replace(edit, type=kind, parameters=parameters)])
+        else:
+            source = amended(source, [edit])
+    return source
+
+
+def _cut(source, edit, place, rig):
+    """A node parted in two, whatever hangs on either side, and the joint between."""
+    t = rig.topology
+    index = next(i for i in range(len(t.nodes)) if t.cuts[i] and t.cut(i) == place)
+    node, after = t.nodes[index], t.cuts[index]
+    kind, parameters = edit.type, edit.parameters
+    if t.slides:
+        kind, parameters, _ = slid(kind, parameters, "a")
+
+    def change(document):
+        document["blocks"]["x"] = {"type": kind, **parameters}
+        kept = [c for c in document["connect"] if list(c) != node]
+        assert len(kept) == len(document["connect"]) - 1
+        document["connect"] = [*kept, [*node[:after], "x.a"], ["x.b", *node[after:]]]
+
+    return _yaml(change, source)
+
+
+def _seated(source, rig):
+    """The measurements read where the sensors truly sit."""
+
+    def change(document):
+        for recording in document["recordings"].values():
+            made = {}
+            for signal, row in recording["measurements"].items():
+                probe = rig.probe(signal)
+                known = signal.startswith(probe.read)
+                made[signal.replace(probe.read, probe.at) if known else signal] = row
+            recording["measurements"] = made
+            recording.pop("initial", None)
+
+    return _yaml(change, source)
+
+
+def _begun(source, angle, concealed, rig):
+    """The scenario that begins twisted."""
+    t = rig.topology
+    motion = "position" if t.slides else "angle"
+    group = t.groups()[-1]
+
+    def change(document):
+        document["initial"] = {f"{rig.main}.{motion}": angle}
+        for c in concealed:
+            index = next((i for i in range(len(t.nodes)) if t.cuts[i] and t.cut(i) == c.place), None)
+            if index in group:
+                sides = t.nodes[index][t.cuts[index] - 1], t.nodes[index][t.cuts[index]]
+                document["initial"] = {f"{f}.{motion}": angle * t.ratio(f) for f in sides}
+            if c.effect == "extra_mode" and "modes" not in c.parameters and t.node_of(c.place) in group:
+                document["initial"][f"y.shaft.{motion}"] = angle * t.ratio(c.place)
+
+    return _yaml(change, source)
+
+
+def simulated(case, folder, concealed=()):
+    """flexarm's outputs for a rig's recordings, in units of the floor, one array per recording."""
+    exact = replace(case, nominal=dict(case.truth.parameters))
+    write(exact, folder / "case", folder / "answers")
+    source = _seated(text(exact), case.plant)
+    for c in concealed:
+        source = concealed_in(source, c, case.plant)
+    file, out = folder / "case" / "scenario.yaml", []
+    for recorded, angle in zip(case.recordings, case.bench.released, strict=True):
+        file.write_text(_begun(source, angle, concealed, case.plant) if angle else source)
+        scenario = load(str(file))
+        made = plan(scenario, from_scenario(scenario, recorded.name))
+        step, every = grid(recorded.time, 1e-3)
+        run = simulate(made.model, step * every * (len(recorded.time) - 1), step, drive=made.drive)
+        out.append(np.asarray(run.values)[::every] / case.bench.sigma)
+    return out
