@@ -154,7 +154,7 @@ def quick(seeds: list[int]) -> Iterator[Spec]:
 
 
 def rigs(seeds: list[int]) -> Iterator[Spec]:
-    """Random rigs, a case for each seed: what they conceal is drawn with them, and stands in the sealed answer alone."""
+    """Random rigs, one for each seed: what they conceal is drawn with them, and stands in the sealed answer alone."""
     for seed in seeds:
         yield Spec("rigs", f"{PREFIX}{seed}", (DRAWN,), (), seed)
 

@@ -1,4 +1,4 @@
-"""Random rigs on the other side: the concealed effect in flexarm's blocks, at its true place, with the sensors where they truly sit."""
+"""Random rigs on the other side: what is concealed, in flexarm's blocks, and the sensors where they truly sit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.concealed.flexarm_side import _driven, edits_for
 SLIDING = {
     "BearingFriction": ("TranslationalBearingFriction", "slide"),
     "QuadraticDrag": ("TranslationalQuadraticDrag", "slide"),
-    "GroundSpring": ("TranslationalGroundSpring", "flange"),
+    "GroundSpring": ("TranslationalGroundSpring", "slide"),
     "SpringDamper": ("TranslationalSpringDamper", "a"),
     "Backlash": ("TranslationalBacklash", "a"),
 }
@@ -54,6 +54,8 @@ def _yaml(change, source):
 
 def concealed_in(source, c, rig):
     """The scenario with an effect in it."""
+    if c.place in [s.signal for s in rig.sensors]:
+        c, rig = replace(c, place=_seat(c.place, rig)), _Seated(rig)
     for edit in edits_for(c, rig):
         slides = rig.topology.slides
         if isinstance(edit, InSignal) and edit.name == "y":
@@ -89,6 +91,20 @@ def _cut(source, edit, place, rig):
     return _yaml(change, source)
 
 
+def _seat(signal, rig):
+    """A signal, read where its sensor truly sits."""
+    probe = rig.probe(signal)
+    return signal.replace(probe.read, probe.at) if signal.startswith(probe.read) else signal
+
+
+class _Seated:
+    """A rig whose sensors are called as they sit; what `edits_for` needs of it."""
+
+    def __init__(self, rig):
+        self.drive, self.drive_unit, self.topology = rig.drive, rig.drive_unit, rig.topology
+        self.sensors = [replace(s, signal=_seat(s.signal, rig)) for s in rig.sensors]
+
+
 def _seated(source, rig):
     """The measurements read where the sensors truly sit."""
 
@@ -96,9 +112,7 @@ def _seated(source, rig):
         for recording in document["recordings"].values():
             made = {}
             for signal, row in recording["measurements"].items():
-                probe = rig.probe(signal)
-                known = signal.startswith(probe.read)
-                made[signal.replace(probe.read, probe.at) if known else signal] = row
+                made[_seat(signal, rig)] = row
             recording["measurements"] = made
             recording.pop("initial", None)
 

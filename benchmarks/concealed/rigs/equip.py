@@ -1,4 +1,4 @@
-"""What a rig is made to do and how it is watched: commands, controller, sensors, habits, from what it does nominally."""
+"""What a rig is made to do and how it is watched: commands, controller, sensors, habits; from its nominal motion."""
 
 from __future__ import annotations
 

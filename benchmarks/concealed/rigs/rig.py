@@ -106,6 +106,7 @@ class Rig(Plant):
     ) -> None:
         """Everything but sensors, excitation, control and habits, which follow from what the rig does."""
         self.topology, self.name, self.fixed = topology, name, dict(fixed)
+        self.orders = (1, 2, 3, 4, 6, 12)
         self.units = dict(units)
         self.title = f"{'A slide' if topology.slides else 'A drive'} of {_count(topology)}"
         self.drive, self.drive_unit = DRIVES[topology.drive], topology.drive
@@ -284,7 +285,6 @@ class Rig(Plant):
         last = shafts[-1]
         found: dict[str, tuple] = {
             "viscous_friction": tuple(s for s in shafts if s not in damped),
-            "stray_spring": (last,),
             "joint_flexibility": joints,
             "gravity": (last,),
             "torque_ripple": tuple(dict.fromkeys((t.nodes[0][0], last))),
