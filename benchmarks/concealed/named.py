@@ -5,16 +5,19 @@ from __future__ import annotations
 from benchmarks.concealed.plants import PLANTS
 from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.rigs.drawn import PREFIX, rig
+from benchmarks.concealed.rigs.hard import HARD, hard
 
 
 def plant(name: str) -> Plant:
-    """A plant by its name, a random rig by ``rig-SEED``.
+    """A plant by its name, a random rig by ``rig-SEED``, that of a hard case by ``hard-WHAT``.
 
     Raises:
         ValueError: there is none.
     """
     if name in PLANTS:
         return PLANTS[name]
+    if name in HARD:
+        return hard(name)
     seed = name.removeprefix(PREFIX)
     if name.startswith(PREFIX) and seed.isdecimal():
         return rig(int(seed))

@@ -10,6 +10,7 @@ from typing import Any
 from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.plants import PLANTS
 from benchmarks.concealed.rigs.drawn import PREFIX
+from benchmarks.concealed.rigs.hard import HARD
 from benchmarks.concealed.sites import sites
 from benchmarks.concealed.suites import CORE, PAIRS, TIES
 
@@ -159,6 +160,13 @@ def rigs(seeds: list[int]) -> Iterator[Spec]:
         yield Spec("rigs", f"{PREFIX}{seed}", (DRAWN,), (), seed)
 
 
+def hard(seeds: list[int]) -> Iterator[Spec]:
+    """The hard cases of `benchmarks.concealed.rigs.hard`."""
+    for name, case in HARD.items():
+        for seed in seeds:
+            yield Spec("hard", name, case.effects, case.sizes, seed, case.options)
+
+
 SUITES = {
     "core": core,
     "none": nothing,
@@ -170,6 +178,7 @@ SUITES = {
     "wrong": wrong,
     "ties": ties,
     "rigs": rigs,
+    "hard": hard,
     "quick": quick,
 }
 

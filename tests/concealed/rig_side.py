@@ -138,7 +138,7 @@ def _begun(source, angle, concealed, rig):
     return _yaml(change, source)
 
 
-def simulated(case, folder, concealed=()):
+def simulated(case, folder, concealed=(), internal_step=None):
     """flexarm's outputs for a rig's recordings, in units of the floor, one array per recording."""
     exact = replace(case, nominal=dict(case.truth.parameters))
     write(exact, folder / "case", folder / "answers")
@@ -151,6 +151,7 @@ def simulated(case, folder, concealed=()):
         scenario = load(str(file))
         made = plan(scenario, from_scenario(scenario, recorded.name))
         step, every = grid(recorded.time, 1e-3)
-        run = simulate(made.model, step * every * (len(recorded.time) - 1), step, drive=made.drive)
+        stop = step * every * (len(recorded.time) - 1)
+        run = simulate(made.model, stop, step, drive=made.drive, internal_step=internal_step)
         out.append(np.asarray(run.values)[::every] / case.bench.sigma)
     return out
