@@ -32,7 +32,8 @@ HEAD = """# Random rigs
 The four plants of [the proof](proof.md) are known to whoever writes the rules. Here the rig itself is drawn
 (`benchmarks/concealed/rigs`): one to four bodies that turn or slide, gears, belts, springs, a flexible link, motor,
 sensors and where the scenario reads them, rates, lengths, controller, preloaded starts, jitter; then what is concealed:
-nothing, one to three effects of 1 to 30 detection thresholds, a wrong parameter, or an effect that the tool may not try.
+nothing, one to three effects of 1 to 30 detection thresholds, a wrong parameter, or an effect that the tool may not
+try.
 Truth comes from the same simulator, which shares nothing with flexarm. Each rig and all about it follows from its seed:
 
     .venv/bin/python -m benchmarks.proof run rigs --seeds 0 1 2 --longest 600 -o DIR

@@ -209,7 +209,7 @@ HARD: dict[str, Hard] = {
         "flexible joint within a node of four flanges", _four_flanges, ("joint_flexibility",), (10.0,), LONG
     ),
     f"{PREFIX}held-still": Hard(
-        "closed-loop arm held by friction", _held_still, ("coulomb_friction",), (1000.0,), HARD_LOOP
+        "closed-loop arm held by friction", _held_still, ("coulomb_friction",), (1500.0,), HARD_LOOP
     ),
     f"{PREFIX}belt-cogging": Hard(
         "belt axis with cogging", _belt, ("torque_ripple@motor.shaft",), (300.0,), replace(LONG, rate=1000.0)
