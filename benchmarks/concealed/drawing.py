@@ -28,6 +28,9 @@ SESSION = 12.0
 WHOLE, BLINDING = 0.9, 1e6
 """Share of its size that an effect on a random rig must reach, and floors that it must not leave."""
 
+ACCESSORY = 0.3
+"""Share of its size that a backlash on a random rig may leave without a gap: its faces give, as a joint that bends."""
+
 LOUDEST, SOFTEST = 4.0, 0.15
 """How far the commands are scaled for an effect that has no size of its own."""
 
@@ -227,4 +230,6 @@ def hide(
         concealed.append(conceal(site, size, drawn, here))
         if quick and not (size >= WHOLE * multiple * threshold and WHOLE < found[-1][2] < BLINDING):
             raise Unseen(f"{site} cannot be made {multiple:g} times as large as can be seen")
+        if quick and effect.name == "backlash" and alone(1e-3 * size) > ACCESSORY * found[-1][2]:
+            raise Unseen(f"{site} shows by its faces, which give, and not by its gap")
     return 1.0, tuple(concealed), found

@@ -156,6 +156,13 @@ def test_an_effect_that_cannot_be_seen_is_refused():
         draw(rig, ["sensor_scale@hub.shaft.angle"], [5.0], 28, replace(options, **QUIET))
 
 
+def test_a_backlash_that_shows_by_its_faces_alone_is_refused():
+    """An accelerometer on a stiff rigid node sees the faces give long before it sees a gap."""
+    rig, options = made(0)
+    with pytest.raises(Unseen, match="its faces"):
+        draw(rig, ["backlash@accelerometer.shaft -> gear1.input"], [5.0], 0, replace(options, **QUIET, rate=500.0))
+
+
 def test_the_quick_refit_finds_the_minimum_of_the_slow_one():
     rig, options = made(4)
     rng = np.random.default_rng(1)
