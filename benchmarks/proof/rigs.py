@@ -147,8 +147,7 @@ def write(proof: Proof, page: Path, causes: Mapping[str, str], hard: Mapping[str
     every = of(proof.rows, "rigs")
     rows = [r for r in every if r.outcome != "not run"]
     parts = [HEAD + _ran(proof, every, rows), _table(rows), _outcomes(rows), _coverage(rows), _failures(rows, causes)]
-    if any(r.suite == "hard" for r in proof.rows):
-        parts.append(_hard(of(proof.rows, "hard"), hard))
+    parts.append(_hard(of(proof.rows, "hard"), hard))
     with writing(page, (".md",)) as temporary:
         temporary.write_text("\n".join(parts), encoding="utf-8")
 
@@ -245,18 +244,13 @@ def _errors(row: Score) -> str:
 
 
 def _hard(rows: Sequence[Score], hard: Mapping[str, str]) -> str:
+    ran = [r for r in rows if r.outcome != "not run"]
+    right = sum(r.right for r in ran)
     listed = [
-        [
-            f"`{row.plant}`",
-            hard.get(row.plant, ""),
-            _told(row),
-            row.outcome if row.outcome != "not run" else "not run yet",
-            _said(row),
-            _errors(row),
-        ]
-        for row in sorted(rows, key=lambda r: r.plant)
+        [f"`{r.plant}`", hard.get(r.plant, ""), _told(r), r.outcome, _said(r), _errors(r)]
+        for r in sorted(ran, key=lambda r: r.plant)
     ]
-    right = sum(r.right for r in rows)
-    ran = sum(r.outcome != "not run" for r in rows)
+    known = {r.plant for r in ran}
+    listed += [[f"`{name}`", what, "", "not run yet", "", ""] for name, what in hard.items() if name not in known]
     head = ["case", "what it is", "concealed", "outcome", "verdict", "refit -> amended, held out"]
-    return HARD + f"{right} right of {ran} that ran.\n\n" + table(head, listed)
+    return HARD + f"{right} right of {len(ran)} that ran.\n\n" + table(head, listed)
