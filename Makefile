@@ -11,7 +11,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPLBACKEND ?= Agg
 
-.PHONY: help setup demo test test-full lint format bench proof rigs docs lock clean
+.PHONY: help setup demo test test-full lint format bench proof docs lock clean
 .DEFAULT_GOAL := help
 
 help:
@@ -76,6 +76,7 @@ endif
 
 # Random rigs and hard cases into docs/random-rigs.md; SEEDS="0 1 2". Goes on where it was stopped.
 SEEDS ?= $(shell seq 0 99)
+.PHONY: rigs
 rigs: $(READY)
 	@$(BIN)/python -m benchmarks.proof run rigs --seeds $(SEEDS) --longest 600 --workers $(WORKERS) -o proof-results/rigs
 	@$(BIN)/python -m benchmarks.proof run hard --longest 600 --workers $(WORKERS) -o proof-results/rigs
