@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from ruamel.yaml import YAML
@@ -33,7 +34,7 @@ UNITS = {
 }
 
 
-def slid(type_, parameters, port):
+def slid(type_: Any, parameters: Any, port: Any) -> Any:
     """A block of rotation and its parameters, told for a slide."""
     kind, flange = SLIDING[type_]
     made = {}
@@ -43,7 +44,7 @@ def slid(type_, parameters, port):
     return kind, made, flange if port == "shaft" else port
 
 
-def _yaml(change, source):
+def _yaml(change: Any, source: Any) -> Any:
     yaml = YAML(typ="rt")
     document = yaml.load(source)
     change(document)
@@ -52,7 +53,7 @@ def _yaml(change, source):
     return out.getvalue()
 
 
-def concealed_in(source, c, rig):
+def concealed_in(source: Any, c: Any, rig: Any) -> Any:
     """The scenario with an effect in it."""
     if c.place in [s.signal for s in rig.sensors]:
         c, rig = replace(c, place=_seat(c.place, rig)), _Seated(rig)
@@ -73,7 +74,7 @@ def concealed_in(source, c, rig):
     return source
 
 
-def _cut(source, edit, place, rig):
+def _cut(source: Any, edit: Any, place: Any, rig: Any) -> Any:
     """A node parted in two, whatever hangs on either side, and the joint between."""
     t = rig.topology
     index = next(i for i in range(len(t.nodes)) if t.cuts[i] and t.cut(i) == place)
@@ -82,7 +83,7 @@ def _cut(source, edit, place, rig):
     if t.slides:
         kind, parameters, _ = slid(kind, parameters, "a")
 
-    def change(document):
+    def change(document: Any) -> None:
         document["blocks"]["x"] = {"type": kind, **parameters}
         kept = [c for c in document["connect"] if list(c) != node]
         assert len(kept) == len(document["connect"]) - 1
@@ -91,7 +92,7 @@ def _cut(source, edit, place, rig):
     return _yaml(change, source)
 
 
-def _seat(signal, rig):
+def _seat(signal: Any, rig: Any) -> Any:
     """A signal, read where its sensor truly sits."""
     probe = rig.probe(signal)
     return signal.replace(probe.read, probe.at) if signal.startswith(probe.read) else signal
@@ -100,15 +101,15 @@ def _seat(signal, rig):
 class _Seated:
     """A rig whose sensors are called as they sit; what `edits_for` needs of it."""
 
-    def __init__(self, rig):
+    def __init__(self, rig: Any) -> None:
         self.drive, self.drive_unit, self.topology = rig.drive, rig.drive_unit, rig.topology
         self.sensors = [replace(s, signal=_seat(s.signal, rig)) for s in rig.sensors]
 
 
-def _seated(source, rig):
+def _seated(source: Any, rig: Any) -> Any:
     """The measurements read where the sensors truly sit."""
 
-    def change(document):
+    def change(document: Any) -> None:
         for recording in document["recordings"].values():
             made = {}
             for signal, row in recording["measurements"].items():
@@ -119,13 +120,13 @@ def _seated(source, rig):
     return _yaml(change, source)
 
 
-def _begun(source, angle, concealed, rig):
+def _begun(source: Any, angle: Any, concealed: Any, rig: Any) -> Any:
     """The scenario that begins twisted."""
     t = rig.topology
     motion = "position" if t.slides else "angle"
     group = t.groups()[-1]
 
-    def change(document):
+    def change(document: Any) -> None:
         document["initial"] = {f"{rig.main}.{motion}": angle}
         for c in concealed:
             index = next((i for i in range(len(t.nodes)) if t.cuts[i] and t.cut(i) == c.place), None)
@@ -138,7 +139,7 @@ def _begun(source, angle, concealed, rig):
     return _yaml(change, source)
 
 
-def simulated(case, folder, concealed=(), internal_step=None):
+def simulated(case: Any, folder: Any, concealed: Any = (), internal_step: Any = None) -> Any:
     """flexarm's outputs for a rig's recordings, in units of the floor, one array per recording."""
     exact = replace(case, nominal=dict(case.truth.parameters))
     write(exact, folder / "case", folder / "answers")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,12 +36,12 @@ QUIET = {"nuisance": 0.0, "seconds": 2.0, "loop": "open"}
 
 
 @pytest.fixture(scope="module")
-def drawn():
+def drawn() -> Any:
     """Many rigs and how they are recorded."""
     return [made(seed) for seed in MANY]
 
 
-def steady(rig):
+def steady(rig: Any) -> Any:
     """A rig with time stamps that do not err, in a copy of its own."""
     other = object.__new__(type(rig))
     other.__dict__ = dict(rig.__dict__, habits=replace(rig.habits, jitter=0.0))
@@ -50,7 +51,7 @@ def steady(rig):
 # -- what is drawn ----------------------------------------------------------------------------------------------------
 
 
-def test_everything_lies_within_what_is_promised(drawn):
+def test_everything_lies_within_what_is_promised(drawn: Any) -> None:
     for rig, options in drawn:
         t = rig.topology
         assert 1 <= len(t.bodies) + t.link <= 4
@@ -84,11 +85,11 @@ def test_everything_lies_within_what_is_promised(drawn):
     ],
     ids=["slides", "link", "closed", "preload", "jitter", "other side", "lossy"],
 )
-def test_shares_are_those_that_are_told(drawn, what, low, high):
+def test_shares_are_those_that_are_told(drawn: Any, what: Any, low: Any, high: Any) -> None:
     assert low <= np.mean([what(rig, options) for rig, options in drawn]) <= high
 
 
-def test_every_kind_of_drive_sensor_and_effect_is_drawn(drawn):
+def test_every_kind_of_drive_sensor_and_effect_is_drawn(drawn: Any) -> None:
     assert {r.drive_unit for r, _ in drawn} == {"V", "A", "N.m", "N"}
     kinds = {q.kind for r, _ in drawn for q in r.topology.probes}
     assert kinds == {"angle", "speed", "tacho", "acceleration", "strain", "tip", "tip_acceleration"}
@@ -99,7 +100,7 @@ def test_every_kind_of_drive_sensor_and_effect_is_drawn(drawn):
     assert max(counts) >= 4
 
 
-def test_the_same_seed_gives_the_same_bytes(tmp_path):
+def test_the_same_seed_gives_the_same_bytes(tmp_path: Any) -> None:
     written = []
     for name in ("a", "b"):
         made.cache_clear()
@@ -112,7 +113,7 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path):
     assert hidden.drawn(4)[0] != written[0][0]
 
 
-def test_the_scenario_says_nothing_about_what_is_concealed():
+def test_the_scenario_says_nothing_about_what_is_concealed() -> None:
     rig, options = made(4)
     plain = text(draw(rig, [], [], 4, replace(options, nuisance=0.0)))
     for site in ("delay", "coulomb_friction@gear1.output"):
@@ -121,7 +122,7 @@ def test_the_scenario_says_nothing_about_what_is_concealed():
     assert "motor-side" not in text(draw("hard-backlash-link-side", [], [], 1, replace(HARD["hard-ridge"].options)))
 
 
-def test_a_name_that_is_no_plant():
+def test_a_name_that_is_no_plant() -> None:
     assert plant("rig-17").name == "rig-17"
     assert plant("hard-ridge") is hard("hard-ridge")
     with pytest.raises(ValueError, match="rig-SEED for a random rig"):
@@ -132,7 +133,7 @@ def test_a_name_that_is_no_plant():
 
 
 @pytest.mark.parametrize("seed", [1, 4, 14])
-def test_what_is_concealed_is_as_large_as_it_is_said(seed):
+def test_what_is_concealed_is_as_large_as_it_is_said(seed: Any) -> None:
     asked, case = hidden.drawn(seed)
     assert len(asked.effects) == 2 + (seed == 1)
     for size, threshold, wanted in zip(case.sizes, case.thresholds, asked.sizes, strict=True):
@@ -141,7 +142,7 @@ def test_what_is_concealed_is_as_large_as_it_is_said(seed):
 
 
 @pytest.mark.parametrize("seed", [4, 14])
-def test_the_background_leaves_little_beside_the_effect(seed):
+def test_the_background_leaves_little_beside_the_effect(seed: Any) -> None:
     """All of it together, gain and winding apart, which are errors of parameters."""
     _, case = hidden.drawn(seed)
     base, found = case.truth.bare(), case.truth.nuisance
@@ -150,20 +151,20 @@ def test_the_background_leaves_little_beside_the_effect(seed):
     assert 0 < small.size(case.bench.outputs(replace(base, nuisance=parts))) < 0.03 * min(case.visible) * 1.2
 
 
-def test_an_effect_that_cannot_be_seen_is_refused():
+def test_an_effect_that_cannot_be_seen_is_refused() -> None:
     rig, options = made(28)
     with pytest.raises(Unseen, match="cannot be made"):
         draw(rig, ["sensor_scale@hub.shaft.angle"], [5.0], 28, replace(options, **QUIET))
 
 
-def test_a_backlash_that_shows_by_its_faces_alone_is_refused():
+def test_a_backlash_that_shows_by_its_faces_alone_is_refused() -> None:
     """An accelerometer on a stiff rigid node sees the faces give long before it sees a gap."""
     rig, options = made(0)
     with pytest.raises(Unseen, match="its faces"):
         draw(rig, ["backlash@accelerometer.shaft -> gear1.input"], [5.0], 0, replace(options, **QUIET, rate=500.0))
 
 
-def test_the_quick_refit_finds_the_minimum_of_the_slow_one():
+def test_the_quick_refit_finds_the_minimum_of_the_slow_one() -> None:
     rig, options = made(4)
     rng = np.random.default_rng(1)
     base = Truth(rig, true_parameters(rig, rng, options))
@@ -172,7 +173,7 @@ def test_the_quick_refit_finds_the_minimum_of_the_slow_one():
     _, concealed, _ = hide(bench, base, [site], [5.0], rng)
     target = bench.outputs(replace(base, concealed=concealed))
 
-    def cost(fitted):
+    def cost(fitted: Any) -> Any:
         parts = zip(bench.outputs(fitted), target, bench.held_out, strict=True)
         left = sum(float(np.sum((a - b) ** 2)) for a, b, hold in parts if not hold)
         moved = [math.log(fitted.parameters[k] / bench.centre[k]) / tol for k, tol in bench.tolerance.items()]
@@ -185,7 +186,7 @@ def test_the_quick_refit_finds_the_minimum_of_the_slow_one():
 # -- physics ----------------------------------------------------------------------------------------------------------
 
 
-def test_an_elastic_rig_rings_at_the_frequency_of_two_inertias(drawn):
+def test_an_elastic_rig_rings_at_the_frequency_of_two_inertias(drawn: Any) -> None:
     """w^2 = k (1/J1 + 1/J2), seen from the spring, for rigs of two rigid bodies without losses."""
     tried = 0
     for rig, _ in drawn:
@@ -214,7 +215,7 @@ def test_an_elastic_rig_rings_at_the_frequency_of_two_inertias(drawn):
     assert tried >= 5
 
 
-def test_energy_is_kept_but_for_what_is_damped(drawn):
+def test_energy_is_kept_but_for_what_is_damped(drawn: Any) -> None:
     """Left to itself, a rig without lossy gears loses exactly what its dampers take."""
     tried = 0
     for rig, _ in drawn:
@@ -244,7 +245,7 @@ def test_energy_is_kept_but_for_what_is_damped(drawn):
     assert tried >= 10
 
 
-def test_a_body_that_sticks_does_not_accelerate_when_the_command_jumps():
+def test_a_body_that_sticks_does_not_accelerate_when_the_command_jumps() -> None:
     """An accelerometer on a body held by friction reads nothing, also at the instant at which the torque changes."""
     m = Mechanism()
     body = m.coordinate("body")
@@ -257,7 +258,7 @@ def test_a_body_that_sticks_does_not_accelerate_when_the_command_jumps():
     assert run.clean[40:, 0] == pytest.approx(1.0)  # (3 - 1) / 2
 
 
-def test_a_preloaded_rig_begins_twisted_and_at_rest():
+def test_a_preloaded_rig_begins_twisted_and_at_rest() -> None:
     seed = next(s for s in MANY if made(s)[0].habits.preload)
     rig, options = made(seed)
     case = draw(rig, [], [], seed, replace(options, nuisance=0.0))
@@ -285,7 +286,7 @@ QUICK = (0, 2, 7, 8, 12)
 
 
 @pytest.mark.parametrize("seed", [s if s in QUICK else pytest.param(s, marks=pytest.mark.slow) for s in range(40)])
-def test_the_nominal_model_is_that_of_the_written_scenario(seed, tmp_path):
+def test_the_nominal_model_is_that_of_the_written_scenario(seed: Any, tmp_path: Any) -> None:
     """Without noise and with true parameters the codes agree to a hundredth of a floor: solver accuracy."""
     rig, options = made(seed)
     case = draw(steady(rig), [], [], seed, replace(options, nuisance=0.0))
@@ -295,7 +296,7 @@ def test_the_nominal_model_is_that_of_the_written_scenario(seed, tmp_path):
 JOINTS = {"backlash", "hardening_spring", "hysteresis"}
 
 
-def _kinds():
+def _kinds() -> Any:
     """Each effect, where things turn and where they slide; joints that were rigid, and springs."""
     for slides, names in ((False, sorted(CATALOGUE)), (True, sorted(SLIDING))):
         for name in names:
@@ -304,7 +305,7 @@ def _kinds():
                     yield pytest.param(name, slides, rigid, id=f"{name}{'-slides' * slides}{'-rigid' * bool(rigid)}")
 
 
-def _where(name, slides, rigid):
+def _where(name: Any, slides: Any, rigid: Any) -> Any:
     """A place of that kind for each rig that has one."""
     found = []
     for seed in range(150):
@@ -317,7 +318,7 @@ def _where(name, slides, rigid):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "slides", "rigid"), list(_kinds()))
-def test_every_effect_means_the_same_on_both_sides(name, slides, rigid, tmp_path):
+def test_every_effect_means_the_same_on_both_sides(name: Any, slides: Any, rigid: Any, tmp_path: Any) -> None:
     """At its true place, the sensors where they sit, with the true numbers: a twentieth of a floor, or 1e-3 of it.
 
     A payload is kept out: the truth bends in the mode of the loaded arm, the scenario in that of the bare one. A
@@ -345,7 +346,7 @@ def test_every_effect_means_the_same_on_both_sides(name, slides, rigid, tmp_path
     assert within < max(0.05, (3e-2 if concealed.effect == "payload" else 1e-3) * without)
 
 
-def test_hard_cases_are_named():
+def test_hard_cases_are_named() -> None:
     assert len(HARD) == 10
     for name, given in HARD.items():
         for effect in given.effects:
@@ -353,13 +354,13 @@ def test_hard_cases_are_named():
 
 
 @pytest.mark.parametrize("name", ["hard-belt-cogging", "hard-low-noise"])
-def test_hard_cases_can_be_drawn(name):
+def test_hard_cases_can_be_drawn(name: Any) -> None:
     given = HARD[name]
     case = draw(name, given.effects, given.sizes, 1, replace(given.options, seconds=2.0))
     assert case.sizes[0] == pytest.approx(given.sizes[0] * case.thresholds[0])
 
 
-def test_the_arm_that_friction_holds_stands_still_a_fifth_of_the_time():
+def test_the_arm_that_friction_holds_stands_still_a_fifth_of_the_time() -> None:
     given = HARD["hard-held-still"]
     case = draw("hard-held-still", given.effects, given.sizes, 1, given.options)
     still = [np.abs(np.diff(r.measured[:, 0])) < 1e-9 for r in case.recordings]
@@ -370,7 +371,7 @@ def test_the_arm_that_friction_holds_stands_still_a_fifth_of_the_time():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(HARD))
-def test_hard_cases_mean_the_same_on_both_sides(name, tmp_path):
+def test_hard_cases_mean_the_same_on_both_sides(name: Any, tmp_path: Any) -> None:
     given = HARD[name]
     options: Options = replace(given.options, seconds=2.0, nuisance=0.0)
     case = draw(name, given.effects, given.sizes, 1, options)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict, replace
+from typing import Any
 
 import pytest
 
@@ -20,14 +21,16 @@ WITHHOLDING, PLAIN = 0, 5
 """Seeds of rigs: one conceals an effect that is withheld, one an effect that is not."""
 
 
-def score(truth=(), outcome="named", sizes=(), withheld=(), wrong=(), **more):
+def score(
+    truth: Any = (), outcome: str = "named", sizes: Any = (), withheld: Any = (), wrong: Any = (), **more: Any
+) -> Score:
     spec = Spec("rigs", "rig-1", tuple(truth), tuple(sizes), 1, withheld=tuple(withheld))
     told = asdict(spec)
     told["options"]["wrong"] = list(wrong)
     return Score("rigs-x", "rigs", "rig-1", told, tuple(truth), outcome=outcome, sizes=tuple(sizes), **more)
 
 
-def goal(rows, what, goal):
+def goal(rows: Any, what: Any, goal: Any) -> Any:
     (found,) = [g for g in rigs.rig_goals(rows) if g.suite.startswith(what) and g.goal.startswith(goal)]
     return found
 
@@ -35,7 +38,7 @@ def goal(rows, what, goal):
 # -- running ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_drawn_case_says_what_it_conceals_to_the_scorer_alone(tmp_path, monkeypatch):
+def test_a_drawn_case_says_what_it_conceals_to_the_scorer_alone(tmp_path: Any, monkeypatch: Any) -> None:
     script, note = tmp_path / "spy.py", tmp_path / "note.json"
     script.write_text(SPY)
     monkeypatch.setattr(runner, "TOOL", (sys.executable, str(script)))
@@ -56,11 +59,11 @@ def test_a_drawn_case_says_what_it_conceals_to_the_scorer_alone(tmp_path, monkey
         assert row.outcome == "missed"
 
 
-def astuple(asked):
+def astuple(asked: Any) -> Any:
     return asked.effects, asked.sizes, asked.seed, asked.options, asked.withheld
 
 
-def test_what_spends_too_much_is_stopped_however_long_it_waits(tmp_path, monkeypatch):
+def test_what_spends_too_much_is_stopped_however_long_it_waits(tmp_path: Any, monkeypatch: Any) -> None:
     busy = tmp_path / "busy.py"
     busy.write_text("while True: pass\n")
     monkeypatch.setattr(runner, "TOOL", (sys.executable, str(busy)))
@@ -71,7 +74,7 @@ def test_what_spends_too_much_is_stopped_however_long_it_waits(tmp_path, monkeyp
     assert 0.9 < numbers["cpu"] < 8
 
 
-def test_suites_in_the_order_of_their_seeds():
+def test_suites_in_the_order_of_their_seeds() -> None:
     assert [s.plant for s in SUITES["rigs"]([3, 1])] == ["rig-3", "rig-1"]
     names = [s.plant for s in SUITES["hard"]([1])]
     assert len(names) == len(set(names)) == 10
@@ -80,7 +83,7 @@ def test_suites_in_the_order_of_their_seeds():
 # -- scoring ----------------------------------------------------------------------------------------------------------
 
 
-def test_only_effects_of_three_thresholds_must_be_named():
+def test_only_effects_of_three_thresholds_must_be_named() -> None:
     rows = [
         score(["offset@a"], sizes=[3.2], placed=True, claims=(True,)),
         score(["offset@a"], "wrong", sizes=[2.9], placed=False, claims=(False,)),
@@ -95,7 +98,7 @@ def test_only_effects_of_three_thresholds_must_be_named():
     assert found.met is False
 
 
-def test_pairs_triples_nothing_withheld_and_wrong_parameters():
+def test_pairs_triples_nothing_withheld_and_wrong_parameters() -> None:
     rows = [
         score(["offset@a", "lag@a"], "half", sizes=[3, 3], found=1),
         score(["offset@a", "lag@a"], sizes=[3, 3], found=2),
@@ -114,14 +117,14 @@ def test_pairs_triples_nothing_withheld_and_wrong_parameters():
     assert goal(rows, "one effect", "right name").measured == "not run"
 
 
-def test_each_parameter_has_its_own_intervals():
+def test_each_parameter_has_its_own_intervals() -> None:
     right = (*[("lag.x", True)] * 9, ("lag.x", False), ("delay.y", False))
     found = goal([score(["lag@a"], sizes=[5], covered=right)], "95 %", "each parameter")
     assert found.measured.startswith("1 of 2 parameters; all intervals: 9 of 11")
     assert found.met is False
 
 
-def test_processor_time_is_judged_by_its_middle_and_its_end():
+def test_processor_time_is_judged_by_its_middle_and_its_end() -> None:
     rows = [replace(score((), "none"), cpu=float(s)) for s in [4] * 19 + [80]]
     assert goal(rows, "processor time", "median").met is True
     assert goal(rows, "processor time", "95 %").measured.startswith("4 s")
@@ -137,14 +140,14 @@ def test_processor_time_is_judged_by_its_middle_and_its_end():
         ([], False),
     ],
 )
-def test_unknown_although_the_right_was_found(trials, recognised):
+def test_unknown_although_the_right_was_found(trials: Any, recognised: Any) -> None:
     from benchmarks.proof.score import _recognised
 
     found = {"trials": [{"effects": names, "hold_out_chi2": chi} for names, chi in trials]}
     assert _recognised(found, [("offset", {"source.out -> motor.voltage", "motor.voltage"})]) is recognised
 
 
-def test_the_page_tells_what_has_run_and_what_has_not(tmp_path, monkeypatch):
+def test_the_page_tells_what_has_run_and_what_has_not(tmp_path: Any, monkeypatch: Any) -> None:
     script = tmp_path / "spy.py"
     script.write_text(SPY)
     monkeypatch.setattr(runner, "TOOL", (sys.executable, str(script)))
