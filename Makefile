@@ -25,6 +25,7 @@ help:
 	@echo "make format     let ruff format and repair"
 	@echo "make bench      run benchmarks/bench_*.py"
 	@echo "make proof      conceal effects, find them again: 8 cases into ./proof-results; FULL=1 for all, into docs/proof.md"
+	@echo "make rigs       the same on 100 random rigs and ten hard cases, into docs/random-rigs.md; takes hours"
 	@echo "make docs       build the documentation into ./site"
 	@echo "make lock       resolve the dependencies again and write requirements.lock"
 	@echo "make clean      remove caches, builds and results; keeps .venv"
@@ -81,6 +82,14 @@ else
 	@$(BIN)/python -m benchmarks.proof page -o proof-results/quick --page proof-results/quick/proof.md \
 		--data proof-results/quick/proof.json
 endif
+
+# Random rigs and hard cases into docs/random-rigs.md; SEEDS="0 1 2". Goes on where it was stopped.
+SEEDS ?= $(shell seq 0 99)
+.PHONY: rigs
+rigs: $(READY)
+	@$(BIN)/python -m benchmarks.proof run rigs --seeds $(SEEDS) --longest 600 --workers $(WORKERS) -o proof-results/rigs
+	@$(BIN)/python -m benchmarks.proof run hard --longest 600 --workers $(WORKERS) -o proof-results/rigs
+	@$(BIN)/python -m benchmarks.proof rigs -o proof-results/rigs
 
 docs: $(READY)
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet && echo "documentation: site/index.html"

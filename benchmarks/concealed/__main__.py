@@ -1,4 +1,4 @@
-"""Command line: ``python -m benchmarks.concealed make | list | ties``."""
+"""Command line: ``python -m benchmarks.concealed make | rig | list | ties``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from pathlib import Path
 from benchmarks.concealed.case import draw
 from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.excitation import KINDS
+from benchmarks.concealed.named import plant as plant_of
 from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.rigs.hidden import drawn
 from benchmarks.concealed.scenario import write
 from benchmarks.concealed.sites import sites
 from benchmarks.concealed.ties import from_answers, tie_class
@@ -61,8 +63,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     make.set_defaults(run=_make)
 
+    random = commands.add_parser("rig", help="draw a random rig with what it conceals: all of it follows from the seed")
+    random.add_argument("seed", type=int)
+    random.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder of the case")
+    random.add_argument("--answers", type=Path, required=True, metavar="DIR", help="folder of the sealed answers")
+    random.set_defaults(run=_rig)
+
     listing = commands.add_parser("list", help="the plants, the effects each can hide, and where")
-    listing.add_argument("--plant", choices=sorted(PLANTS))
+    listing.add_argument("--plant", metavar="NAME", help="one of the four, rig-SEED or hard-CASE")
     listing.add_argument("--json", action="store_true")
     listing.set_defaults(run=_list)
 
@@ -104,8 +112,15 @@ def _make(given: argparse.Namespace) -> int:
     return 0
 
 
+def _rig(given: argparse.Namespace) -> int:
+    asked, case = drawn(given.seed)
+    sealed = write(case, given.output, given.answers, asked.withheld)
+    print(f"{given.output}: {case.plant.title}, {len(case.recordings)} recordings; answers sealed in {sealed}")
+    return 0
+
+
 def _list(given: argparse.Namespace) -> int:
-    chosen = [PLANTS[given.plant]] if given.plant else list(PLANTS.values())
+    chosen = [plant_of(given.plant)] if given.plant else list(PLANTS.values())
     if given.json:
         rows = {p.name: [[s.effect.name, s.place, *s.same] for s in sites(p)] for p in chosen}
         print(json.dumps(rows, indent=1))

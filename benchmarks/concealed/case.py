@@ -11,8 +11,8 @@ from numpy.random import SeedSequence, default_rng
 
 from benchmarks.concealed.bench import Bench
 from benchmarks.concealed.drawing import Options, choose_sensors, hide, make_bench, true_parameters
-from benchmarks.concealed.nuisance import nuisance, smaller
-from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.named import plant as named
+from benchmarks.concealed.nuisance import MOST, nuisance, smaller
 from benchmarks.concealed.plants.base import Plant, Sensor
 from benchmarks.concealed.recording import Recorded, record
 from benchmarks.concealed.sites import Site, find
@@ -92,6 +92,13 @@ class Case:
         }
 
 
+def _share(plant: Plant, visible: Sequence[float]) -> float:
+    """Factor on the usual background, where a plant's goes by the effect: that it leaves no more than a share of it."""
+    if not plant.habits.hidden or not visible:
+        return 1.0
+    return plant.habits.hidden * min(visible) / MOST
+
+
 def draw(
     plant: Plant | str,
     effects: Sequence[str] = (),
@@ -102,17 +109,17 @@ def draw(
     """Draw a case.
 
     Args:
-        plant: one of the plants, or its name.
+        plant: one of the plants, or a name, such as ``pendulum`` or ``rig-17``.
         effects: ``effect`` or ``effect@place``; none for a case that conceals nothing.
         sizes: one for each effect, in detection thresholds; one for all is enough.
         seed: everything random follows from it, the plant and the effects.
         options: departures from the usual.
 
     Raises:
-        ValueError: an effect or place the plant does not have, or effects that exclude each other.
+        ValueError: no such plant, an effect or place that it does not have, or effects that exclude each other.
     """
     options = options or Options()
-    plant = PLANTS[plant] if isinstance(plant, str) else plant
+    plant = named(plant) if isinstance(plant, str) else plant
     effects = [e for e in effects if e != "none"]
     chosen = tuple(find(plant, e) for e in effects)
     asked = tuple(float(s) for s in (sizes or [3.0]))
@@ -129,8 +136,8 @@ def draw(
     bench, kinds = make_bench(base, nominal, sensors, commands, options)
     amplitude, concealed, found = hide(bench, base, chosen, asked, features)
     bench = bench.scaled(amplitude)
-    background = nuisance(bench, base, disturbances, options.nuisance)
-    if options.kinds:
+    background = nuisance(bench, base, disturbances, options.nuisance * _share(plant, [f[2] for f in found]))
+    if options.kinds and not plant.habits.hidden:
         # The background is the plant's, and small on its usual recordings too, to which an experiment may lead.
         usual = make_bench(base, nominal, sensors, others, replace(options, kinds=()))[0]
         background = smaller(background, nuisance(usual, base, others, options.nuisance))

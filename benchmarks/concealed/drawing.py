@@ -16,7 +16,7 @@ from benchmarks.concealed.effects import Concealed, Features, Scales
 from benchmarks.concealed.nuisance import slow_course
 from benchmarks.concealed.plants.base import Plant, Sensor
 from benchmarks.concealed.recording import controlled
-from benchmarks.concealed.refit import excess, solve
+from benchmarks.concealed.refit import GaussNewton, excess, solve
 from benchmarks.concealed.sites import Site, scales
 from benchmarks.concealed.truth import Truth, simulator
 
@@ -25,8 +25,18 @@ Array = NDArray[np.float64]
 SESSION = 12.0
 """Time (s) from the start of one recording to the start of the next."""
 
+WHOLE, BLINDING = 0.9, 1e6
+"""Share of its size that an effect on a random rig must reach, and floors that it must not leave."""
+
+ACCESSORY = 0.3
+"""Share of its size that a backlash on a random rig may leave without a gap: its faces give, as a joint that bends."""
+
 LOUDEST, SOFTEST = 4.0, 0.15
 """How far the commands are scaled for an effect that has no size of its own."""
+
+
+class Unseen(ValueError):
+    """An effect on a random rig that cannot be made as large as was asked for: another is drawn in its place."""
 
 
 @dataclass(frozen=True)
@@ -60,14 +70,14 @@ class Options:
 
 
 def true_parameters(plant: Plant, rng: Generator, options: Options) -> dict[str, float]:
-    """The data sheet is off by up to 10 % (damping 30 %), never beyond its tolerance, save where that is asked for.
+    """The data sheet is off by up to 10 % (damping 30 %), or what the plant declares, save where more is asked for.
 
     Raises:
         ValueError: a parameter the plant does not have.
     """
     true = {}
     for q in plant.parameters:
-        share = min(q.spread, q.tolerance) * rng.uniform(-1, 1)
+        share = q.spread * rng.uniform(-1, 1)
         true[q.name] = min(q.value * (1 + share), q.ceiling)
     for name, factor in options.wrong:
         if name not in true:
@@ -118,8 +128,9 @@ def make_bench(
         commands.append(_within_reach(base, kind, stream, samples, interval, options))
         slow.append(slow_course(stream, samples + 1, interval))
         angle = float(stream.uniform(0.35, 0.9) * stream.choice([-1.0, 1.0]))
-        released.append(angle if kind == "decay" else 0.0)
-    training = math.ceil(len(kinds) / 2)
+        twisted = bool(plant.habits.preload) and stream.random() < 0.5
+        released.append(angle if kind == "decay" else plant.habits.preload * angle if twisted else 0.0)
+    training = plant.habits.training or math.ceil(len(kinds) / 2)
     bench = Bench(
         signals=tuple(s.signal for s in sensors),
         sigma=np.array([s.sigma for s in sensors]),
@@ -134,7 +145,7 @@ def make_bench(
     )
     if options.loop == "closed":
         size = plant.control.reference / plant.excitation.amplitude
-        followed = tuple(_smooth(size * c, interval) for c in commands)
+        followed = tuple(smooth(size * c, interval) for c in commands)
         bench = replace(bench, references=followed)
         bench = replace(bench, commands=tuple(r.command for r in controlled(bench, base)))
     return bench, kinds
@@ -152,7 +163,7 @@ def _within_reach(base: Truth, kind: str, rng: Generator, samples: int, interval
         size *= 0.85
 
 
-def _smooth(values: Array, interval: float) -> Array:
+def smooth(values: Array, interval: float) -> Array:
     """Two first-order lags of 40 ms."""
     keep, out = math.exp(-interval / 0.04), np.array(values)
     for _ in range(2):
@@ -179,14 +190,18 @@ def hide(
 
     Returns:
         Factor on all commands, the effects, and for each (size, threshold, excess in floors).
+
+    Raises:
+        Unseen: on a random rig, an effect cannot be made as large as asked for.
     """
     concealed, found = [], []
+    quick = GaussNewton(bench, base) if base.plant.habits.hidden and chosen else None
     for site, multiple in zip(chosen, asked, strict=True):
         effect, here = site.effect, scales(bench, base, site)
         drawn = effect.draw(default_rng(rng.integers(2**63)), here)
 
         def alone(size: float, site: Site = site, drawn: Features = drawn, here: Scales = here) -> float:
-            return excess(bench, replace(base, concealed=(conceal(site, size, drawn, here),)))
+            return excess(bench, replace(base, concealed=(conceal(site, size, drawn, here),)), quick=quick)
 
         if effect.natural:
             concealed.append(conceal(site, 1.0, drawn, here))
@@ -194,12 +209,17 @@ def hide(
                 there = replace(base, concealed=tuple(concealed))
 
                 def louder(a: float, there: Truth = there) -> float:
-                    return excess(bench.scaled(a), there)
+                    driven = bench.scaled(a)
+                    return excess(driven, there, quick=GaussNewton(driven, base) if quick else None)
 
                 factor = max(solve(louder, 1.0, LOUDEST, multiple)[0], SOFTEST)
                 visible = louder(factor)
+                if quick and not visible > 1:
+                    raise Unseen(f"{site} cannot be seen")
                 return factor, tuple(concealed), [(visible, 1.0, visible)]
             visible = alone(1.0)
+            if quick and not visible > 1:
+                raise Unseen(f"{site} cannot be seen")
             found.append((visible, 1.0, visible))
             continue
         first = effect.first(here)
@@ -208,4 +228,8 @@ def hide(
         size = min(multiple * threshold, effect.most * first)
         found.append((size, threshold, alone(size)))
         concealed.append(conceal(site, size, drawn, here))
+        if quick and not (size >= WHOLE * multiple * threshold and WHOLE < found[-1][2] < BLINDING):
+            raise Unseen(f"{site} cannot be made {multiple:g} times as large as can be seen")
+        if quick and effect.name == "backlash" and alone(1e-3 * size) > ACCESSORY * found[-1][2]:
+            raise Unseen(f"{site} shows by its faces, which give, and not by its gap")
     return 1.0, tuple(concealed), found

@@ -68,11 +68,15 @@ class Readout:
 
 @dataclass
 class Mechanism:
-    """Coordinates with mass, damping and stiffness matrices, further linear states, and elements."""
+    """Coordinates with mass, damping and stiffness matrices, further linear states, and elements.
+
+    ``released``: coordinate -> how far it is turned where a recording begins turned by one; None for all alike.
+    """
 
     names: list[str] = field(default_factory=list)
     elements: list[Element] = field(default_factory=list)
     whirl: Whirl | None = None
+    released: dict[int, float] | None = None
     _mass: list[tuple[Port, Port, float]] = field(default_factory=list)
     _stiffness: list[tuple[Port, float]] = field(default_factory=list)
     _damping: list[tuple[Port, float]] = field(default_factory=list)

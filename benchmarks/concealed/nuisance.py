@@ -22,6 +22,12 @@ GAIN = 0.05
 SHARES = (0.06, 0.16)
 """What each disturbance leaves after a refit, in floors."""
 
+SENSOR_DRIFT = (0.1, 0.3)
+"""Drift of a sensor that does not count, in floors."""
+
+MOST = math.hypot(*(3 * [SHARES[1]]), SENSOR_DRIFT[1])
+"""What all of them together leave at most, in floors."""
+
 
 def nuisance(bench: Bench, base: Truth, rng: Generator, level: float) -> Nuisance:
     """Draw the disturbances of a case.
@@ -40,7 +46,7 @@ def nuisance(bench: Bench, base: Truth, rng: Generator, level: float) -> Nuisanc
     gain, winding = float(rng.uniform(-GAIN, GAIN)), bool(rng.random() < 0.5)
     waves = [(float(rng.uniform(9.5, 23.5)), float(rng.uniform(0, 2 * math.pi))) for _ in range(2)]
     shares = rng.uniform(*SHARES, 3)
-    drifts = rng.uniform(0.1, 0.3, len(bench.signals))
+    drifts = rng.uniform(*SENSOR_DRIFT, len(bench.signals))
     if level == 0:
         return Nuisance()
     here, small = scales(bench, base, Site(CATALOGUE["coulomb_friction"], base.plant.main)), Small(bench, base)
@@ -62,7 +68,7 @@ def nuisance(bench: Bench, base: Truth, rng: Generator, level: float) -> Nuisanc
             warm_up=one.warm_up if one.warm_up[0] else scaled.warm_up,
             drift=scaled.drift or one.drift,
         )
-    still = [base.plant.sensor(s).counts > 0 for s in bench.signals]
+    still = [base.plant.sensor(s).quantum > 0 for s in bench.signals]
     return replace(
         scaled,
         gain=gain,

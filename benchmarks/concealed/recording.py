@@ -70,7 +70,7 @@ def record(
         noise = np.zeros((samples, len(read)))
         drift = np.zeros_like(noise)
         for j, sensor in enumerate(read):
-            if not sensor.counts:
+            if not sensor.quantum:
                 noise[:, j] = sensor_noise(stream, samples, bench.interval, sensor.noise, truth.nuisance.coloured)
             if j < len(truth.nuisance.sensor_drift):
                 drift[:, j] = truth.nuisance.sensor_drift[j] * slow_course(stream, samples, bench.interval)
@@ -86,6 +86,8 @@ def record(
         )
         role = "hold_out" if bench.held_out[k] else "train"
         time = bench.interval * np.arange(samples, dtype=float)
+        if truth.plant.habits.jitter:
+            time[1:] += truth.plant.habits.jitter * bench.interval * stream.uniform(-1, 1, samples - 1)
         out.append(Recorded(f"rec{k + 1}", kind, role, time, run.command, run.measured[:, : len(sensors)]))
     return tuple(out)
 

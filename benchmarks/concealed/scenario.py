@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,11 @@ simulate: {{stop: {seconds:g} s, step: 1 ms}}
 
 recordings:
 """
-    return head + "".join(_recording(case, r) for r in case.recordings)
+    each = zip(case.recordings, case.bench.released, strict=True)
+    return head + "".join(_recording(case, r, released != 0) for r, released in each)
 
 
-def _recording(case: Case, recorded: Recorded) -> str:
+def _recording(case: Case, recorded: Recorded, released: bool) -> str:
     plant = case.plant
     drive = f"{{column: u, unit: {plant.drive_unit}, tap: before_limit, hold: zero_order}}"
     lines = [
@@ -44,8 +46,9 @@ def _recording(case: Case, recorded: Recorded) -> str:
         f"    loop: {case.options.loop}",
         f"    role: {recorded.role}",
     ]
-    if recorded.kind == "decay":
-        lines.insert(5 + len(case.sensors), f"    initial: {{state: at_rest, free: [{plant.sensors[0].signal}]}}")
+    if released:
+        free = ", ".join(plant.habits.free) or plant.sensors[0].signal
+        lines.insert(5 + len(case.sensors), f"    initial: {{state: at_rest, free: [{free}]}}")
     return "\n".join(lines) + "\n"
 
 
@@ -53,7 +56,7 @@ def _measurement(sensor: Sensor, sigma_error: float) -> str:
     if sensor.counts:
         noise = sigma_error / np.sqrt(12)
         return f"{{column: {sensor.column}, unit: count, counts_per_rev: {sensor.counts}, noise: {noise:.5g}}}"
-    return f"{{column: {sensor.column}, unit: {sensor.unit}, noise: {sigma_error * sensor.noise:.5g}}}"
+    return f"{{column: {sensor.column}, unit: {sensor.unit}, noise: {sigma_error * sensor.sigma:.5g}}}"
 
 
 class _Nested:
@@ -71,13 +74,14 @@ class _Keys:
     """Values of one block."""
 
 
-def write(case: Case, folder: Path, answers: Path) -> Path:
+def write(case: Case, folder: Path, answers: Path, withheld: Sequence[str] = ()) -> Path:
     """Write the case to a folder, and its answers to another.
 
     Args:
         case: what was drawn.
         folder: gets scenario.yaml and the recordings.
         answers: gets NAME.json, NAME the name of ``folder``.
+        withheld: effects that the tool is not to try, noted with the answers.
 
     Returns:
         The file with the answers.
@@ -100,5 +104,6 @@ def write(case: Case, folder: Path, answers: Path) -> Path:
             folder / f"{recorded.name}.csv", table, fmt=formats, delimiter=",", header=",".join(columns), comments=""
         )
     sealed = answers / f"{folder.name}.json"
-    sealed.write_text(json.dumps(case.answers(), indent=2) + "\n", encoding="utf-8")
+    told = case.answers() | {"withheld": list(withheld)}
+    sealed.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     return sealed

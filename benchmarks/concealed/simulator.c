@@ -168,7 +168,7 @@ int concealed_simulate(const Plan *P) {
     int n = P->states, m = P->forces, ny = P->outputs;
     if (n > STATES || m > FORCES || ny > SENSORS || P->modes > MODES) return 1;
     double x[STATES], middle[STATES], end[STATES], f[FORCES] = {0}, g[FORCES] = {0}, z[FORCES] = {0}, W[FORCES * FORCES];
-    double seen[SENSORS], h = P->step, dt = h * P->substeps, lagged = 0, integral = 0, slope = 0, last = 0;
+    double seen[SENSORS], now_on[FORCES], h = P->step, dt = h * P->substeps, lagged = 0, integral = 0, slope = 0, last = 0;
     double keep = P->input[7] > 0 ? exp(-h / P->input[7]) : 0, mean = P->input[7] > 0 ? P->input[7] / h * (1 - keep) : 0;
     int rubbing = 0, who[FORCES];
     for (int j = 0; j < P->elements; j++)
@@ -184,9 +184,17 @@ int concealed_simulate(const Plan *P) {
         if (P->closed) P->command[k] = k ? P->command[k - 1] : 0; /* what acts until this sample has been read */
         f[0] = shaped(P, P->input[7] > 0 ? lagged : delayed(P, t, h, dt));
         efforts(P, x, z, P->start + t, k, 0, f);
+        /* An accelerometer feels the friction of the instant that begins, not that of the step before: a jump of the
+         * command does not move what sticks. */
+        memcpy(now_on, f, m * sizeof(double));
+        if (rubbing) {
+            for (int a = 0; a < rubbing; a++) now_on[1 + who[a]] = 0;
+            advance(P->phi, P->gamma, n, m, x, now_on, end);
+            stick_or_slip(P, end, x, P->start + t, now_on, W);
+        }
         for (int s = 0; s < ny; s++) {
             const double *c = P->sensor + 4 * s;
-            double y = dot(P->C + s * n, x, n) + dot(P->D + s * m, f, m);
+            double y = dot(P->C + s * n, x, n) + dot(P->D + s * m, now_on, m);
             if (k == 0 || c[0] <= 0) seen[s] = y;
             y = c[1] * seen[s] + c[2];
             if (c[3] != 0) y = fabs(y);

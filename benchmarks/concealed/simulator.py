@@ -132,9 +132,11 @@ class Simulator:
             }
 
     def at(self, angle: float) -> Array:
-        """The state in which all coordinates are turned by an angle, at rest: what a pendulum is let go from."""
-        x = np.zeros(len(self.A))
+        """The state at rest, turned by an angle: all coordinates, or those that the mechanism says are let go."""
+        x, released = np.zeros(len(self.A)), self.mechanism.released
         x[: len(self.mechanism.names)] = angle
+        if released is not None:
+            x[: len(self.mechanism.names)] = [angle * released.get(i, 0.0) for i in range(len(self.mechanism.names))]
         return x
 
     def run(

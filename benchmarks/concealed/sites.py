@@ -14,9 +14,6 @@ from benchmarks.concealed.plants.base import Body, LinkOptions, Plant
 from benchmarks.concealed.simulator import Simulator
 from benchmarks.concealed.truth import Truth
 
-FAST = frozenset({"motor.shaft", "rotor.shaft", "drive.shaft", "gear.input"})
-"""Flanges before the gear; the others are behind it."""
-
 
 @dataclass(frozen=True)
 class Site:
@@ -50,9 +47,9 @@ def sites(plant: Plant, extra: bool = False) -> list[Site]:
         if effect.only and plant.drive_unit not in effect.only:
             continue
         places = s.extra.get(effect.name)
-        if effect.name == "inductance":
+        if effect.name == "inductance" and places is None:
             places = ("motor",)
-        elif effect.name == "structural_damping":
+        elif effect.name == "structural_damping" and places is None:
             places = s.springs
         elif places is None:
             by_kind = {
@@ -74,6 +71,8 @@ def sites(plant: Plant, extra: bool = False) -> list[Site]:
 def _same(plant: Plant, effect: Effect, place: str) -> tuple[str, ...]:
     if effect.name == "inductance":
         return ("motor.voltage", plant.sites.input)
+    if place in plant.sites.same:
+        return plant.sites.same[place]
     if effect.kind == "input":
         return tuple(place.split(" -> "))
     if effect.kind == "joint" and " -> " in place:
@@ -84,7 +83,7 @@ def _same(plant: Plant, effect: Effect, place: str) -> tuple[str, ...]:
         found = next((tuple(x for x in group if x != place) for group in plant.sites.shafts if place in group), ())
         if effect.name in ("torque_ripple", "gravity"):
             # They go by the angle itself: behind a gear the same law is another one.
-            found = tuple(x for x in found if (x in FAST) == (place in FAST))
+            found = tuple(x for x in found if plant.ratio(x) == plant.ratio(place))
         return found
     return ()
 

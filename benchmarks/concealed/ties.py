@@ -20,7 +20,7 @@ from benchmarks.concealed.bench import Bench
 from benchmarks.concealed.case import Case, draw
 from benchmarks.concealed.drawing import Options, conceal
 from benchmarks.concealed.effects import Concealed
-from benchmarks.concealed.refit import WIDEST, Small, least_squares, refit
+from benchmarks.concealed.refit import WIDEST, GaussNewton, Small, least_squares, refit
 from benchmarks.concealed.simulator import Diverged
 from benchmarks.concealed.sites import Site, find, scales, sites
 from benchmarks.concealed.truth import Nuisance, Truth
@@ -125,7 +125,8 @@ def tie_class(case: Case, rivals: Iterable[Sequence[str]] | None = None) -> list
         chosen = [c for c in chosen if c not in own and all(_recorded(bench, site) for site in c)]
     else:
         chosen = [tuple(find(case.plant, part) for part in rival if part != "none") for rival in rivals]
-    nearest = refit(bench, base, target)
+    quick = bool(case.plant.habits.hidden)
+    nearest = GaussNewton(bench, base).refit(target) if quick else refit(bench, base, target)
     own_count = sum(len(_free(c, base)) for c in case.truth.concealed)
     found = [fit_rival(bench, nearest, target, rival, case.truth) for rival in chosen]
     return sorted((replace(r, more=r.more - own_count) for r in found), key=lambda rival: rival.distance)

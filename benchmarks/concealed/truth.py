@@ -292,6 +292,9 @@ def _vibration(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None
 
 def _resonator(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
     body = mechanism.coordinate("resonator")
+    if mechanism.released is not None:  # it begins where the body is that carries it
+        turned = sum(c * mechanism.released.get(i, 0.0) for i, c in port.sense.items())
+        mechanism.released[next(iter(body.sense))] = turned
     mechanism.inertia(body, p["inertia"])
     mechanism.spring(port.against(body), p["stiffness"], p["damping"])
 

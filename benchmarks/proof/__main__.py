@@ -10,7 +10,8 @@ from pathlib import Path
 
 from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.plants import PLANTS
-from benchmarks.proof import data, frozen, page, settle
+from benchmarks.concealed.rigs.hard import HARD
+from benchmarks.proof import data, frozen, page, rigs, settle
 from benchmarks.proof.run import one, plan, run
 from benchmarks.proof.score import Score, scores
 from benchmarks.proof.suites import SUITES, Spec, from_json
@@ -30,6 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     running.add_argument("--first", type=int, default=0, metavar="K", help="leave out the first K of these seeds")
     _folder(running)
     _workers(running)
+    running.add_argument("--longest", type=float, metavar="S", help="stop a diagnosis after S s of processor time")
     running.add_argument("--plant", help="only cases of this plant")
     running.add_argument("--effect", action="append", help="only cases with this effect; repeatable")
     running.set_defaults(act=_run)
@@ -42,6 +44,13 @@ def main(arguments: list[str] | None = None) -> int:
     paging.add_argument("--page", type=Path, default=frozen.ROOT / "docs" / "proof.md")
     paging.add_argument("--data", type=Path, default=data.DATA)
     paging.set_defaults(act=_page)
+    rigging = commands.add_parser("rigs", help="score random rigs and hard cases, and write their page and data file")
+    rigging.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="folder of the results; absent: the data file"
+    )
+    rigging.add_argument("--page", type=Path, default=rigs.PAGE)
+    rigging.add_argument("--data", type=Path, default=rigs.DATA)
+    rigging.set_defaults(act=_rigs)
     single = commands.add_parser("one", help="diagnose one case before your eyes, then open its answer")
     single.add_argument("name", nargs="?", help="such as core-15e1e2a691, of the page or of the folder given by -o")
     single.add_argument("--plant", choices=sorted(PLANTS))
@@ -88,7 +97,7 @@ def _run(given: argparse.Namespace) -> int:
             remedy=f"give '--count' more than {given.first}, or '--first' less than {given.count}",
         )
     commit = frozen.insist().commit if given.frozen else ""
-    names = [name for name in SUITES if name != "quick"] if "all" in given.suite else given.suite
+    names = [name for name in SUITES if name not in ("quick", "rigs", "hard")] if "all" in given.suite else given.suite
     specs: list[Spec] = []
     for name in names:
         specs += SUITES[name](frozen.seeds(commit, name, given.count)[given.first :] if commit else given.seeds)
@@ -96,7 +105,7 @@ def _run(given: argparse.Namespace) -> int:
         specs = [s for s in specs if s.plant == given.plant]
     if given.effect:
         specs = [s for s in specs if set(s.effects) & set(given.effect)]
-    run(specs, given.output, given.workers, _say, given.scheduler, commit)
+    run(specs, given.output, given.workers, _say, given.scheduler, commit, given.longest)
     return 0
 
 
@@ -132,6 +141,16 @@ def _page(given: argparse.Namespace) -> int:
     return 0
 
 
+def _rigs(given: argparse.Namespace) -> int:
+    if given.output:
+        data.save(data.gather(given.output), given.data)
+    proof = data.load(given.data)
+    rigs.write(proof, given.page, data.causes(), {name: case.what for name, case in HARD.items()})
+    ran = [r for r in proof.rows if r.outcome != "not run"]
+    print(f"{given.page}: {len(ran)} of {len(proof.rows)} ran, {sum(r.right for r in ran)} right; data in {given.data}")
+    return 0
+
+
 def _one(given: argparse.Namespace) -> int:
     spec = _spec(given)
     with tempfile.TemporaryDirectory(prefix="proof-") as place:
@@ -163,8 +182,9 @@ def _spec(given: argparse.Namespace) -> Spec:
         sizes = (given.size,) * len(given.effect)
         return Spec("one", given.plant, tuple(given.effect), sizes, given.seed, Options())
     known = plan(given.output) if given.output else {}
-    if given.name not in known and data.DATA.exists():
-        known |= {row.name: row.spec for row in data.load().rows}
+    for kept in (data.DATA, rigs.DATA):
+        if given.name not in known and kept.exists():
+            known |= {row.name: row.spec for row in data.load(kept).rows}
     if given.name not in known:
         raise FlexarmError(
             f"no case is called '{given.name}'", remedy="see docs/proof.md, or draw one by --plant, --effect and --seed"

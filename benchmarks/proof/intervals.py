@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from benchmarks.concealed.plants import PLANTS
-from benchmarks.concealed.sites import FAST
+from benchmarks.concealed.named import plant as plant_of
 
 POWERS = {
     "coulomb_friction": 1,
@@ -70,12 +69,13 @@ def _true_value(concealed: dict[str, Any], key: str, place: str, answer: dict[st
         return float(value)
     if place not in concealed["same_place"]:
         return None
-    if (place in FAST) == (concealed["place"] in FAST):
+    plant = plant_of(answer["plant"])
+    there, here = plant.ratio(place), plant.ratio(concealed["place"])
+    if there == here:
         return float(value)
-    if key not in POWERS or "gear.efficiency" in answer["true_parameters"]:
+    if key not in POWERS or plant.lossy(place, concealed["place"]):
         return None
-    ratio = PLANTS[answer["plant"]].fixed["gear.ratio"] ** POWERS[key]
-    return float(value / ratio if place in FAST else value * ratio)
+    return float(value * (here / there) ** POWERS[key])
 
 
 def _inside(key: str, row: dict[str, Any], value: float) -> bool:

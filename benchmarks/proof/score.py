@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.named import plant as plant_of
 from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.sites import Site, sites
 from benchmarks.concealed.ties import FLOOR, from_answers, tie_class
@@ -44,6 +44,10 @@ class Score:
         failure: what went wrong.
         frozen, code: commit that the seeds follow from, or nothing; hash of the program that ran.
         proposal: kind of the next experiment, if one was proposed.
+        sizes: of what was concealed, in detection thresholds.
+        claims: for each finding that claims a name, whether it is the truth at its place.
+        recognised: whether the verdict is ``unknown``, although the model that came closest on the held-out recordings
+            holds the true effects at their places.
         settled: whether that experiment, carried out, made the tie a right name; None if it was not carried out.
     """
 
@@ -68,6 +72,9 @@ class Score:
     code: str = ""
     proposal: str = ""
     settled: bool | None = None
+    sizes: tuple[float, ...] = ()
+    claims: tuple[bool, ...] = ()
+    recognised: bool = False
 
     @property
     def right(self) -> bool:
@@ -117,7 +124,12 @@ def _score(folder: Path, result: Path) -> Score:
     answer = json.loads(sealed.read_text(encoding="utf-8"))
     concealed, wrong = answer["concealed"], [name for name, _ in spec["options"]["wrong"]]
     truth = [f"{c['effect']}@{c['place']}" for c in concealed] + [f"wrong_parameter@{name}" for name in wrong]
-    base = replace(base, truth=tuple(truth), visible=tuple(float(c["excess_in_floors"]) for c in concealed))
+    base = replace(
+        base,
+        truth=tuple(truth),
+        visible=tuple(float(c["excess_in_floors"]) for c in concealed),
+        sizes=tuple(float(c.get("size_in_thresholds") or 0.0) for c in concealed),
+    )
     if run["failure"]:
         return base
     found = json.loads((result / "diagnosis.json").read_text(encoding="utf-8"))
@@ -143,7 +155,19 @@ def _score(folder: Path, result: Path) -> Score:
         covered=tuple(covered(found, answer)),
         proposal=(found["next_experiment"] or {}).get("kind", ""),
         settled=_settled(folder, result, targets),
+        claims=tuple(any(_meets(row, t) for t in targets) for row in reported if _is_claim(*row)),
+        recognised=outcome == "unknown" and _recognised(found, targets),
     )
+
+
+def _recognised(found: dict[str, Any], targets: list[tuple[str, set[str]]]) -> bool:
+    """Whether the trial that left least on the held-out recordings holds the truth."""
+    tried = [t for t in found.get("trials", ()) if t["hold_out_chi2"] is not None]
+    if not tried:
+        return False
+    best = min(tried, key=lambda t: t["hold_out_chi2"])
+    parts = [one.partition(" at ") for one in best["effects"]]
+    return all(any(name == what and _at(where, allowed) for what, _, where in parts) for name, allowed in targets)
 
 
 def _settled(folder: Path, result: Path, targets: list[tuple[str, set[str]]]) -> bool | None:
@@ -237,7 +261,7 @@ def _true_tie(
 
     A rival that the generator has no counterpart of cannot be checked, and does not count against the report.
     """
-    plant = PLANTS[answer["plant"]]
+    plant = plant_of(answer["plant"])
     rivals = set()
     # What is found belongs together; what it cannot be told from is a whole model each time.
     models = [" + ".join(f"{effect} at {place}" for _, effect, place, _ in reported)]
@@ -250,7 +274,7 @@ def _true_tie(
 
 def _stands_in(found: dict[str, Any], folder: Path, result: Path, answer: dict[str, Any]) -> bool:
     """Whether everything that is claimed together, and each of its rivals, does what the truth does."""
-    plant = PLANTS[answer["plant"]]
+    plant = plant_of(answer["plant"])
     claims = [" + ".join(f"{f['effect']} at {f['place']}" for f in found["findings"])]
     claims += [one for f in found["findings"] for one in f["indistinguishable_from"]]
     rivals = set()

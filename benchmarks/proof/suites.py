@@ -9,11 +9,17 @@ from typing import Any
 
 from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.rigs.drawn import PREFIX
+from benchmarks.concealed.rigs.hard import HARD
 from benchmarks.concealed.sites import sites
 from benchmarks.concealed.suites import CORE, PAIRS, TIES
 
 SIZES = (1.0, 3.0, 10.0)
 """Effect sizes, in detection thresholds; what a suite does not vary stands at the middle one."""
+
+
+DRAWN = "drawn"
+"""In place of effects: what is concealed is drawn by `benchmarks.concealed.rigs.hidden`."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +30,8 @@ class Spec:
         suite: it belongs to.
         plant, effects, sizes, seed, options: as `benchmarks.concealed.case.draw` takes them.
         withheld: effects that the tool is not to try.
+
+    A random rig's effects, sizes and options are drawn with it: ``effects`` is then `DRAWN` alone.
     """
 
     suite: str
@@ -146,6 +154,19 @@ def quick(seeds: list[int]) -> Iterator[Spec]:
     yield next(withheld(seeds))
 
 
+def rigs(seeds: list[int]) -> Iterator[Spec]:
+    """Random rigs, one for each seed: what they conceal is drawn with them, and stands in the sealed answer alone."""
+    for seed in seeds:
+        yield Spec("rigs", f"{PREFIX}{seed}", (DRAWN,), (), seed)
+
+
+def hard(seeds: list[int]) -> Iterator[Spec]:
+    """The hard cases of `benchmarks.concealed.rigs.hard`."""
+    for name, case in HARD.items():
+        for seed in seeds:
+            yield Spec("hard", name, case.effects, case.sizes, seed, case.options)
+
+
 SUITES = {
     "core": core,
     "none": nothing,
@@ -156,6 +177,8 @@ SUITES = {
     "withheld": withheld,
     "wrong": wrong,
     "ties": ties,
+    "rigs": rigs,
+    "hard": hard,
     "quick": quick,
 }
 

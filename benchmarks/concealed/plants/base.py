@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from types import MappingProxyType
 
 from benchmarks.concealed.mechanism import Mechanism, Port, Readout
 
@@ -46,6 +46,8 @@ class Sensor:
         noise: standard deviation (SI); for an encoder the quantum / sqrt(12).
         counts: per revolution, 0 if it does not count.
         extra: recorded only when asked for.
+        at: flange on which it truly sits, where the scenario reads it at another of the same rigid node.
+        step: of a linear scale (m), 0 if it has none.
     """
 
     signal: str
@@ -54,16 +56,18 @@ class Sensor:
     noise: float = 0.0
     counts: int = 0
     extra: bool = False
+    at: str = ""
+    step: float = 0.0
 
     @property
     def quantum(self) -> float:
-        """Angle of one count (rad), 0 if it does not count."""
-        return 2 * math.pi / self.counts if self.counts else 0.0
+        """Angle (rad) of one count or length (m) of one step, 0 if it has none."""
+        return 2 * math.pi / self.counts if self.counts else self.step
 
     @property
     def sigma(self) -> float:
         """Noise floor (SI)."""
-        return self.quantum / math.sqrt(12) if self.counts else self.noise
+        return self.quantum / math.sqrt(12) if self.quantum else self.noise
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,7 @@ class Sites:
         links: blocks that are flexible links.
         sensors: effect -> signals.
         extra: effect -> places, where it differs from all of its kind; an empty list leaves the effect out.
+        same: place -> its other names, where they do not follow from the place itself.
     """
 
     input: str
@@ -145,30 +150,59 @@ class Sites:
     links: tuple[str, ...] = ()
     sensors: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     extra: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    same: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Habits:
+    """How a plant is recorded, where that differs from the four plants of the first proof.
+
+    Attributes:
+        training: recordings to train on; 0 for half of them.
+        jitter: largest error of a time stamp, as a share of the sample interval.
+        preload: largest twist (rad or m) from which half of the recordings begin; 0 if all begin slack.
+        free: states that the scenario leaves free where a recording begins twisted.
+        hidden: largest share of the concealed effect that the background may leave; 0 for the usual background, which
+            goes by the noise floor.
+    """
+
+    training: int = 0
+    jitter: float = 0.0
+    preload: float = 0.0
+    free: tuple[str, ...] = ()
+    hidden: float = 0.0
+
+
+FAST = frozenset({"motor.shaft", "rotor.shaft", "drive.shaft", "gear.input"})
+"""Flanges before the gear of the four plants; the others are behind it."""
 
 
 class Plant(ABC):
-    """A plant: nominal parameters and their meaning, as a mechanism and as a scenario."""
+    """A plant: nominal parameters and their meaning, as a mechanism and as a scenario.
 
-    name: ClassVar[str]
-    title: ClassVar[str]
-    drive: ClassVar[str]
-    drive_unit: ClassVar[str]
-    parameters: ClassVar[tuple[Quantity, ...]]
-    fixed: ClassVar[Mapping[str, float]] = {}
-    sensors: ClassVar[tuple[Sensor, ...]]
-    sites: ClassVar[Sites]
-    excitation: ClassVar[Excitation]
-    control: ClassVar[Control]
-    orders: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    The four plants of the first proof are classes; a random rig is an instance that brings all of this with it.
+    """
+
+    name: str
+    title: str
+    drive: str
+    drive_unit: str
+    parameters: tuple[Quantity, ...]
+    fixed: Mapping[str, float] = MappingProxyType({})
+    sensors: tuple[Sensor, ...]
+    sites: Sites
+    excitation: Excitation
+    control: Control
+    orders: tuple[int, ...] = (1, 2, 3)
     """Waves per revolution of a concealed torque ripple."""
-    swings: ClassVar[bool] = False
+    swings: bool = False
     """Whether it swings back when let go, so that a free decay makes sense."""
-    main: ClassVar[str]
+    main: str
     """The shaft on which small background disturbances act."""
-    inductance: ClassVar[float] = 0.0
+    inductance: float = 0.0
     """Winding inductance (H) that half of the cases carry unnoticed; 0 for plants without a winding."""
-    blocks: ClassVar[str]
+    habits: Habits = Habits()
+    blocks: str
     """The blocks and connections of the nominal scenario; ``{block.key}`` stands for a parameter."""
 
     @abstractmethod
@@ -183,6 +217,14 @@ class Plant(ABC):
             link: what is concealed in the link.
             inductance: of the winding (H).
         """
+
+    def ratio(self, place: str) -> float:
+        """How far a flange moves while those behind all gears on its shaft move by one."""
+        return self.fixed.get("gear.ratio", 1.0) if place in FAST else 1.0
+
+    def lossy(self, one: str, other: str) -> bool:
+        """Whether power is lost between two flanges of one shaft."""
+        return "gear.efficiency" in self.nominal() and self.ratio(one) != self.ratio(other)
 
     def nominal(self) -> dict[str, float]:
         """Nominal parameters, SI."""

@@ -1,0 +1,24 @@
+"""Plants by name: those of the first proof, and random rigs."""
+
+from __future__ import annotations
+
+from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.plants.base import Plant
+from benchmarks.concealed.rigs.drawn import PREFIX, rig
+from benchmarks.concealed.rigs.hard import HARD, hard
+
+
+def plant(name: str) -> Plant:
+    """A plant by its name, a random rig by ``rig-SEED``, that of a hard case by ``hard-WHAT``.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if name in PLANTS:
+        return PLANTS[name]
+    if name in HARD:
+        return hard(name)
+    seed = name.removeprefix(PREFIX)
+    if name.startswith(PREFIX) and seed.isdecimal():
+        return rig(int(seed))
+    raise ValueError(f"no plant is called '{name}'; there are {', '.join(PLANTS)}, and {PREFIX}SEED for a random rig")

@@ -1,0 +1,174 @@
+"""Random rigs and hard cases: drawn blind, stopped by processor time, and scored."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict, replace
+from typing import Any
+
+import pytest
+
+from benchmarks.concealed.rigs.hidden import drawn
+from benchmarks.proof import data, rigs
+from benchmarks.proof import run as runner
+from benchmarks.proof.__main__ import main
+from benchmarks.proof.score import Score, scores
+from benchmarks.proof.suites import DRAWN, SUITES, Spec, from_json
+from tests.proof.test_blind import SPY
+
+WITHHOLDING, PLAIN = 0, 5
+"""Seeds of rigs: one conceals an effect that is withheld, one an effect that is not."""
+
+
+def score(
+    truth: Any = (), outcome: str = "named", sizes: Any = (), withheld: Any = (), wrong: Any = (), **more: Any
+) -> Score:
+    spec = Spec("rigs", "rig-1", tuple(truth), tuple(sizes), 1, withheld=tuple(withheld))
+    told = asdict(spec)
+    told["options"]["wrong"] = list(wrong)
+    return Score("rigs-x", "rigs", "rig-1", told, tuple(truth), outcome=outcome, sizes=tuple(sizes), **more)
+
+
+def goal(rows: Any, what: Any, goal: Any) -> Any:
+    (found,) = [g for g in rigs.rig_goals(rows) if g.suite.startswith(what) and g.goal.startswith(goal)]
+    return found
+
+
+# -- running ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_drawn_case_says_what_it_conceals_to_the_scorer_alone(tmp_path: Any, monkeypatch: Any) -> None:
+    script, note = tmp_path / "spy.py", tmp_path / "note.json"
+    script.write_text(SPY)
+    monkeypatch.setattr(runner, "TOOL", (sys.executable, str(script)))
+    monkeypatch.setenv("SPY", str(note))
+    for seed in (PLAIN, WITHHOLDING):
+        (spec,) = SUITES["rigs"]([seed])
+        assert spec.effects == (DRAWN,)
+        asked, case = drawn(seed)
+        runner.run([spec], tmp_path / str(seed), 1, lambda line: None, longest=100)
+        seen = json.loads(note.read_text())
+        told = seen["argv"][seen["argv"].index("--without") + 1 :] if "--without" in seen["argv"] else []
+        assert told == list(asked.withheld)
+        assert seen["files"] == [*sorted(f"{r.name}.csv" for r in case.recordings), "scenario.yaml"]
+        assert f"rig-{seed}" in seen["text"]  # a name that says nothing
+        (row,) = scores(tmp_path / str(seed))
+        assert row.truth == asked.effects
+        assert from_json(row.spec) == Spec("rigs", f"rig-{seed}", *astuple(asked))
+        assert row.outcome == "missed"
+
+
+def astuple(asked: Any) -> Any:
+    return asked.effects, asked.sizes, asked.seed, asked.options, asked.withheld
+
+
+def test_what_spends_too_much_is_stopped_however_long_it_waits(tmp_path: Any, monkeypatch: Any) -> None:
+    busy = tmp_path / "busy.py"
+    busy.write_text("while True: pass\n")
+    monkeypatch.setattr(runner, "TOOL", (sys.executable, str(busy)))
+    monkeypatch.setattr(runner, "LONGEST", 0.001)  # of no account where processor time counts
+    (tmp_path / "case").mkdir()
+    numbers = runner.diagnose(Spec("rigs", "rig-1", (), (), 1), tmp_path / "case", tmp_path, longest=1)
+    assert numbers["failure"] == "stopped after 1 s of processor time"
+    assert 0.9 < numbers["cpu"] < 8
+
+
+def test_suites_in_the_order_of_their_seeds() -> None:
+    assert [s.plant for s in SUITES["rigs"]([3, 1])] == ["rig-3", "rig-1"]
+    names = [s.plant for s in SUITES["hard"]([1])]
+    assert len(names) == len(set(names)) == 10
+
+
+# -- scoring ----------------------------------------------------------------------------------------------------------
+
+
+def test_only_effects_of_three_thresholds_must_be_named() -> None:
+    rows = [
+        score(["offset@a"], sizes=[3.2], placed=True, claims=(True,)),
+        score(["offset@a"], "wrong", sizes=[2.9], placed=False, claims=(False,)),
+        score(["offset@a"], "unknown", sizes=[10.0], placed=True, recognised=True),
+        score(["offset@a"], "failed", sizes=[10.0], placed=False),
+    ]
+    assert goal(rows, "one effect", "right name").measured.startswith("1 of 3")
+    assert goal(rows, "one effect", "right place").measured.startswith("2 of 3")
+    assert goal(rows, "findings", "right").measured.startswith("1 of 2")
+    found = goal(rows, "one to three", "`unknown`")
+    assert found.measured.startswith("2 of 4")  # what failed counts against it
+    assert found.met is False
+
+
+def test_pairs_triples_nothing_withheld_and_wrong_parameters() -> None:
+    rows = [
+        score(["offset@a", "lag@a"], "half", sizes=[3, 3], found=1),
+        score(["offset@a", "lag@a"], sizes=[3, 3], found=2),
+        score(["offset@a", "lag@a", "delay@a"], "half", sizes=[3, 3, 3], found=2),
+        score((), "none"),
+        score((), "false alarm", claimed=True),
+        score(["offset@a"], "unknown", sizes=[9], withheld=["offset"]),
+        score(["wrong_parameter@a.b"], sizes=[], wrong=[("a.b", 2.0)]),
+    ]
+    assert goal(rows, "two effects", "both").measured.startswith("1 of 2")
+    assert goal(rows, "two effects", "at least one").met is True
+    assert goal(rows, "three effects", "at least two").met is True
+    assert goal(rows, "nothing", "false").measured.startswith("1 of 2")
+    assert goal(rows, "withheld", "confident").measured.startswith("0 of 1")
+    assert goal(rows, "one parameter", "found").measured.startswith("1 of 1")
+    assert goal(rows, "one effect", "right name").measured == "not run"
+
+
+def test_each_parameter_has_its_own_intervals() -> None:
+    right = (*[("lag.x", True)] * 9, ("lag.x", False), ("delay.y", False))
+    found = goal([score(["lag@a"], sizes=[5], covered=right)], "95 %", "each parameter")
+    assert found.measured.startswith("1 of 2 parameters; all intervals: 9 of 11")
+    assert found.met is False
+
+
+def test_processor_time_is_judged_by_its_middle_and_its_end() -> None:
+    rows = [replace(score((), "none"), cpu=float(s)) for s in [4] * 19 + [80]]
+    assert goal(rows, "processor time", "median").met is True
+    assert goal(rows, "processor time", "95 %").measured.startswith("4 s")
+    assert goal([*rows, rows[-1]], "processor time", "95 %").met is False
+
+
+@pytest.mark.parametrize(
+    ("trials", "recognised"),
+    [
+        ([(["offset at source.out -> motor.voltage"], 2.0), (["lag at a"], 9.0)], True),
+        ([(["offset at source.out -> motor.voltage"], 9.0), (["lag at a"], 2.0)], False),
+        ([(["offset at somewhere"], 2.0)], False),
+        ([], False),
+    ],
+)
+def test_unknown_although_the_right_was_found(trials: Any, recognised: Any) -> None:
+    from benchmarks.proof.score import _recognised
+
+    found = {"trials": [{"effects": names, "hold_out_chi2": chi} for names, chi in trials]}
+    assert _recognised(found, [("offset", {"source.out -> motor.voltage", "motor.voltage"})]) is recognised
+
+
+def test_the_page_tells_what_has_run_and_what_has_not(tmp_path: Any, monkeypatch: Any) -> None:
+    script = tmp_path / "spy.py"
+    script.write_text(SPY)
+    monkeypatch.setattr(runner, "TOOL", (sys.executable, str(script)))
+    monkeypatch.setenv("SPY", str(tmp_path / "note.json"))
+    specs = [*SUITES["rigs"]([PLAIN, 6]), next(SUITES["hard"]([1]))]
+    runner.run(specs[:1], tmp_path / "proof", 1, lambda line: None)
+    known = runner.plan(tmp_path / "proof") | {s.name: asdict(s) for s in specs}
+    (tmp_path / "proof" / runner.PLAN).write_text(json.dumps(known))
+    given = [
+        "rigs",
+        "-o",
+        str(tmp_path / "proof"),
+        "--page",
+        str(tmp_path / "p.md"),
+        "--data",
+        str(tmp_path / "d.json"),
+    ]
+    assert main(given) == 0
+    page = (tmp_path / "p.md").read_text()
+    assert "1 of the 2 rigs that were asked for have run" in page
+    assert "1 of 1 rigs." in page
+    assert "Coulomb friction begun on a ridge" in page
+    assert "not run yet" in page
+    assert len(data.load(tmp_path / "d.json").rows) == 3
