@@ -118,7 +118,7 @@ def extend(case: Case, old: Path, new: Path, kind: str) -> bool:
             header = ",".join(columns)
             rows = np.column_stack(list(columns.values()))
             np.savetxt(new / f"{named.name}.csv", rows, fmt="%.9g", delimiter=",", header=header, comments="")
-            scenario.write(_recording(case, named))
+            scenario.write(_recording(case, named, released=False))
     return True
 
 

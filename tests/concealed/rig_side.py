@@ -10,8 +10,9 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from benchmarks.concealed.scenario import text, write
-from diagnosis.compare import grid, plan
-from diagnosis.recording import from_scenario
+from diagnosis.binding import bind, row_interval
+from diagnosis.recordings.mapping import from_scenario
+from diagnosis.recordings.types import Recording
 from engine.simulate import simulate
 from scenarios.amend import AtFlange, Between, InSignal, amended
 from scenarios.load import load
@@ -150,8 +151,10 @@ def simulated(case: Any, folder: Any, concealed: Any = (), internal_step: Any = 
     for recorded, angle in zip(case.recordings, case.bench.released, strict=True):
         file.write_text(_begun(source, angle, concealed, case.plant) if angle else source)
         scenario = load(str(file))
-        made = plan(scenario, from_scenario(scenario, recorded.name))
-        step, every = grid(recorded.time, 1e-3)
+        read = from_scenario(scenario, recorded.name)
+        assert isinstance(read, Recording)
+        made = bind(scenario, read)
+        step, every = row_interval(recorded.time, 1e-3)
         stop = step * every * (len(recorded.time) - 1)
         run = simulate(made.model, stop, step, drive=made.drive, internal_step=internal_step)
         out.append(np.asarray(run.values)[::every] / case.bench.sigma)

@@ -32,7 +32,7 @@ from tests.concealed.flexarm_side import NOT_IN_THE_LIBRARY, clean, difference
 from tests.concealed.rig_side import simulated
 
 MANY = range(150)
-QUIET = {"nuisance": 0.0, "seconds": 2.0, "loop": "open"}
+QUIET: dict[str, Any] = {"nuisance": 0.0, "seconds": 2.0, "loop": "open"}
 
 
 @pytest.fixture(scope="module")
@@ -237,6 +237,7 @@ def test_energy_is_kept_but_for_what_is_damped(drawn: Any) -> None:
         start[n] = 1.0
         made_ = Simulator(body.mechanism, [Readout({0: 1.0})], h, 1)
         x = made_.run(np.zeros(2000), states=True, initial=start).states
+        assert x is not None
         q, v = x[:, :n], x[:, n : 2 * n]
         energy = 0.5 * np.einsum("ki,ij,kj->k", v, M, v) + 0.5 * np.einsum("ki,ij,kj->k", q, K, q)
         lost = trapezoid(np.einsum("ki,ij,kj->k", v, D, v), dx=h)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from types import MappingProxyType
 
 from benchmarks.concealed import beam
 from benchmarks.concealed.mechanism import Mechanism, Readout
@@ -36,7 +36,7 @@ class HarmonicArm(Plant):
         Quantity("link.hub_inertia", 4.9e-3, "kg.m2", 0.10),
         Quantity("link.damping_ratio", 0.02, "1", 0.50, spread=0.30),
     )
-    fixed: ClassVar[Mapping[str, float]] = {"gear.ratio": 100.0, "link.length": 0.8}
+    fixed: Mapping[str, float] = MappingProxyType({"gear.ratio": 100.0, "link.length": 0.8})
     sensors = (
         Sensor("rotor.shaft.angle", "enc", "count", counts=40),
         Sensor("link.tip.position", "tip", "m", noise=1e-4),

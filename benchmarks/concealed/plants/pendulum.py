@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from types import MappingProxyType
 
 from benchmarks.concealed import native
 from benchmarks.concealed.mechanism import Mechanism, Readout
@@ -36,7 +36,7 @@ class Pendulum(Plant):
         Quantity("weight.mass", 0.18, "kg", 0.10),
         Quantity("weight.radius", 0.165, "m", 0.10),
     )
-    fixed: ClassVar[Mapping[str, float]] = {"gear.ratio": 10.0}
+    fixed: Mapping[str, float] = MappingProxyType({"gear.ratio": 10.0})
     sensors = (
         Sensor("arm.shaft.angle", "enc", "count", counts=4096),
         Sensor("arm.shaft.speed", "gyro", "rad/s", noise=2e-2, extra=True),

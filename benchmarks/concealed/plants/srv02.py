@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from types import MappingProxyType
 
 import numpy as np
 
@@ -70,7 +70,7 @@ class Srv02Flexible(Plant):
         Quantity("link.damping_ratio", 0.02, "1", 0.50, spread=0.30),
         Quantity("gauge.sensitivity", 1.0, "V.m", 0.10),
     )
-    fixed: ClassVar[Mapping[str, float]] = {"gear.ratio": 70.0, "link.length": 0.419}
+    fixed: Mapping[str, float] = MappingProxyType({"gear.ratio": 70.0, "link.length": 0.419})
     sensors = (
         Sensor("link.hub.angle", "enc", "count", counts=4096),
         Sensor("gauge.out", "strain", "V", noise=5e-3),

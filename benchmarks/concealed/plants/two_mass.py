@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from types import MappingProxyType
 
 from benchmarks.concealed.mechanism import Mechanism, Readout
 from benchmarks.concealed.plants.base import (
@@ -42,7 +42,7 @@ class GearedTwoMass(Plant):
         Quantity("load.inertia", 9.6e-3, "kg.m2", 0.10),
         Quantity("tacho.sensitivity", 0.01432, "V.s/rad", 0.05, spread=0.05),
     )
-    fixed: ClassVar[Mapping[str, float]] = {"gear.ratio": 14.0}
+    fixed: Mapping[str, float] = MappingProxyType({"gear.ratio": 14.0})
     sensors = (
         Sensor("tacho.out", "tacho", "V", noise=5e-3),
         Sensor("load.shaft.angle", "enc", "count", counts=4096),

@@ -279,11 +279,13 @@ class Rig(Plant):
             "rectified_sensor": tuple(name for name in analog if kinds[name] != "acceleration"),
         }
 
-    def _extra(self, shafts: list[str], joints: tuple[str, ...], springs: tuple[str, ...]) -> dict[str, tuple]:
+    def _extra(
+        self, shafts: list[str], joints: tuple[str, ...], springs: tuple[str, ...]
+    ) -> dict[str, tuple[str, ...]]:
         t = self.topology
         damped = {shafts[k] for k, group in enumerate(t.groups()) if self._damped(group)}
         last = shafts[-1]
-        found: dict[str, tuple] = {
+        found: dict[str, tuple[str, ...]] = {
             "viscous_friction": tuple(s for s in shafts if s not in damped),
             "joint_flexibility": joints,
             "gravity": (last,),
