@@ -71,7 +71,7 @@ def test_what_spends_too_much_is_stopped_however_long_it_waits(tmp_path: Any, mo
     (tmp_path / "case").mkdir()
     numbers = runner.diagnose(Spec("rigs", "rig-1", (), (), 1), tmp_path / "case", tmp_path, longest=1)
     assert numbers["failure"] == "stopped after 1 s of processor time"
-    assert 0.9 < numbers["cpu"] < 8
+    assert 0.5 < numbers["cpu"] < 8  # the limit is kept by the kernel's ticks, which are not those of the usage
 
 
 def test_suites_in_the_order_of_their_seeds() -> None:
