@@ -26,15 +26,17 @@ class Fastest:
     state: str
 
 
-def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
-    """The fastest mode at ``x`` with joints sliding, over switches open and closed to either side."""
+def fastest(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> Fastest:
+    """The fastest mode at ``x`` and inputs ``u``, joints sliding, over switches open and closed to either side."""
     e = model.equations
     if "jacobian" not in model.functions:
         model.functions["jacobian"] = ca.Function("jacobian", e.arguments, [ca.jacobian(e.derivative, e.x)])
     found = Fastest(0.0, "")
     for level in (0.0, 1.0, -1.0):
         m = [{FRICTION: 1.0, SWITCH: level}.get(mode.kind, 0.0) for mode in model.modes]
-        matrix = model.functions["jacobian"](0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), m, p)
+        matrix = model.functions["jacobian"](
+            0, x, np.zeros(e.u.numel()) if u is None else u, np.zeros(e.d.numel()), m, p
+        )
         matrix = np.array(matrix.full())
         if not matrix.size or not np.isfinite(matrix).all():
             continue
@@ -49,7 +51,7 @@ def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
     return found
 
 
-def internal_step(model: Model, p: Vector, x: Vector, step: float) -> float:
-    """A step (s) no longer than ``step`` that resolves the fastest mode."""
-    rate = fastest(model, p, x).rate
+def internal_step(model: Model, p: Vector, x: Vector, step: float, u: Vector | None = None) -> float:
+    """A step (s) no longer than ``step`` that resolves the fastest mode; see `fastest`."""
+    rate = fastest(model, p, x, u).rate
     return min(step, STEP_PER_RATE / rate) if rate > 0 else step

@@ -326,11 +326,22 @@ def export(
         return export_python(made.model, path, LOADER, *recipe(made), **settings)
     if platforms is not None:
         settings["platforms"] = tuple(platforms)
+    settings["magnitudes"] = magnitudes(made)
     model = made.model
     if beside or linear_twin:
         settings |= _linear_settings(made, modes, at)
         beside = beside and "linear" in settings
     return write_fmu(model, path, version=version, linear_twin=linear_twin, beside=beside, **settings)
+
+
+def magnitudes(made: Cut) -> dict[str, float]:
+    """How large the states get in the scenario's own run, by its own sources; SI units."""
+    from fmu.nominal import magnitudes as largest
+
+    found = made.simulation
+    stop, step = (found.stop, found.step) if found is not None else (10.0, 1e-3)
+    own = largest(made.scenario.build(), stop, step)
+    return own if all(own.get(state.name) for state in made.model.states) else largest(made.model, stop, step) | own
 
 
 def _linear_settings(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -342,7 +353,10 @@ def _linear_settings(made: Cut, modes: Mapping[str, int | str] | None, at: Mappi
     if not (model.states and model.inputs and model.outputs) or model.externals:
         return {}
     point = _point(made, modes, at)
-    found: dict[str, Any] = {"linear": linear(model, **point)}
+    from fmu.linear import family
+
+    at_point = linear(model, **point)
+    found: dict[str, Any] = {"linear": at_point, "others": family(model, at_point, **point)}
     return found | ({"discrete": discrete(model, **point)} if model.clocks else {})
 
 

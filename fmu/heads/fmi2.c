@@ -52,7 +52,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   i->allocate = fa_allocate;
   i->release = fa_release;
   snprintf(i->name, sizeof i->name, "%s", name);
-  fa_fresh(&i->core);
+  fa_fresh(&i->core, i->exchange);
   return made;
 }
 

@@ -50,7 +50,7 @@ static fmi3Instance fa_make(const char *function, const char *wrong, fmi3String 
   i->allocate = fa_allocate;
   i->release = fa_release;
   snprintf(i->name, sizeof i->name, "%s", name);
-  fa_fresh(&i->core);
+  fa_fresh(&i->core, i->exchange);
   return made;
 }
 
