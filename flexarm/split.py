@@ -19,7 +19,7 @@ from engine.block import MOTION, TRANSLATIONAL, Block, flange, signal_in, signal
 from engine.errors import FlexarmError, nearest
 from engine.system import Connection, System, bypass
 from fmu import ssp
-from fmu.coupling import NEVER, Answers, Coupling, answers, elapsed
+from fmu.coupling import NEVER, Answers, Coupling, answers, elapsed, felt_inertia, motion, with_jerk
 from fmu.variables import flat
 
 if TYPE_CHECKING:
@@ -33,12 +33,14 @@ REST = "rest"
 class Follower(Block):
     """A cut shaft on the side that follows: its motion comes from outside, its torque goes there.
 
-    Between communication points the motion goes on: angle + speed s + acceleration s^2 / 2, with s = time - sent.
+    Between communication points the motion goes on: with s = time - sent, by
+    angle + speed s + acceleration s^2 / 2 + jerk s^3 / 6.
     """
 
     angle = signal_in("rad", "angle of the shaft")
     speed = signal_in("rad/s", "speed of the shaft")
     acceleration = signal_in("rad/s2", "acceleration of the shaft", default=0.0)
+    jerk = signal_in("rad/s3", "its rate of change", default=0.0)
     sent = signal_in("s", "when the motion held", default=NEVER)
     shaft = flange("where the cut is")
     torque = signal_out("N.m", "torque on the other side of the cut")
@@ -55,6 +57,7 @@ class TranslationalFollower(Block):
     position = signal_in("m", "position of the flange")
     speed = signal_in("m/s", "speed of the flange")
     acceleration = signal_in("m/s2", "acceleration of the flange", default=0.0)
+    jerk = signal_in("m/s3", "its rate of change", default=0.0)
     sent = signal_in("s", "when the motion held", default=NEVER)
     flange = flange("where the cut is", kind=TRANSLATIONAL)
     force = signal_out("N", "force on the other side of the cut")
@@ -65,11 +68,10 @@ class TranslationalFollower(Block):
         net.output(self.force, -_imposed(net, self.flange, self.position, self))
 
 
-def _imposed(net: Net, motion: Any, angle: Any, block: Any) -> Any:
+def _imposed(net: Net, flange: Any, angle: Any, block: Any) -> Any:
     s = elapsed(net.time, block.sent)
     net.output(block.now, net.time)
-    angle = angle + block.speed * s + block.acceleration * s**2 / 2
-    return net.prescribe(motion, angle, block.speed + block.acceleration * s, block.acceleration)
+    return net.prescribe(flange, *motion(angle, block.speed, block.acceleration, block.jerk, s))
 
 
 class Owner(Block):
@@ -128,10 +130,11 @@ def _act(net: Net, motion: Any, angle: Any, effort: Any, block: Any) -> None:
 
 @dataclass(frozen=True)
 class _Cut:
-    """A flange that was cut: groups and blocks on either side, torque or force, and the motions sent."""
+    """A flange that was cut: groups on either side, the owner's flange, the follower's block, effort and motions sent."""
 
     owner: str
     follower: str
+    head: str
     block: str
     effort: str
     motions: tuple[str, str, str]
@@ -229,6 +232,10 @@ def _coupled(
     """The parts' models, and what their exports must know; what followers send along with their torque is wired."""
     typical: dict[str, dict[str, float]] = {name: {} for name in parts}
     for name, part in parts.items():
+        for cut in part.owners:
+            taken = parts[cut.follower].take(f"{cut.block}.jerk")
+            wires.append(((name, flat(f"{cut.head}.jerk")), (cut.follower, flat(taken))))
+    for name, part in parts.items():
         model = _build(part)
         for cut in part.followers:
             found = _answers(model, cut)
@@ -243,6 +250,9 @@ def _coupled(
         models[name] = _build(part)
         for cut in part.followers:
             models[name] = _answers(models[name], cut).model
+        for cut in part.owners:
+            if f"{cut.head}.jerk" not in [variable.name for variable in models[name].outputs]:
+                models[name] = with_jerk(models[name], f"{cut.head}.{cut.motions[2]}")
         blocks = {cut.block for cut in part.followers} | {cut.owning for cut in part.owners}
         sent = tuple(endpoint for endpoint in part.inputs if endpoint.rpartition(".")[0] in blocks)
         couplings[name] = Coupling(sent, typical[name])
@@ -254,7 +264,7 @@ def _build(part: _Part) -> Model:
 
 
 def _answers(model: Model, cut: _Cut) -> Answers:
-    return answers(model, f"{cut.block}.{cut.effort}", [f"{cut.block}.{motion}" for motion in cut.motions])
+    return answers(model, f"{cut.block}.{cut.effort}", [f"{cut.block}.{name}" for name in (*cut.motions, "jerk")])
 
 
 def _members(system: System, groups: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
@@ -345,10 +355,10 @@ def _kind(system: System, end: str) -> str:
 
 
 def _owner(system: System, connection: Connection, ends: Mapping[str, list[str]], parts: Mapping[str, _Part]) -> str:
-    """The side that keeps the motion: the first from which all others can follow, best without inertia there."""
+    """The side that keeps the motion: the one that cannot follow, else that with inertia at the cut, else the heavier."""
     groups = list(ends)
-    light = {group: _can_follow(system, parts[group], own[0]) for group, own in ends.items()}
-    fixed = [group for group in groups if light[group] is None]
+    weights = {group: _weight(system, parts[group], own[0]) for group, own in ends.items()}
+    fixed = [group for group in groups if weights[group] is None]
     if len(fixed) > 1:
         raise FlexarmError(
             f"the cut through {' - '.join(connection.ends)} has a side to follow the other on neither end: "
@@ -357,12 +367,11 @@ def _owner(system: System, connection: Connection, ends: Mapping[str, list[str]]
             "friction or another imposed motion holds it; cut elsewhere, or leave "
             f"{', '.join(dict.fromkeys(system.split(end)[0] for end in connection.ends))} in one FMU",
         )
-    heavy = [group for group in groups if not light[group]]
-    return (fixed or heavy or groups)[0]
+    return fixed[0] if fixed else max(groups, key=lambda group: weights[group] or (False, 0.0))
 
 
-def _can_follow(system: System, part: _Part, end: str) -> bool | None:
-    """Whether the torque at a flange whose motion is imposed is free of its acceleration; None if it cannot be."""
+def _weight(system: System, part: _Part, end: str) -> tuple[bool, float] | None:
+    """Whether a flange has inertia of its own, and the inertia felt there; None if its motion cannot be imposed."""
     name, port, wanted = _follower(system, end)
     signals = [f"{name}.{signal}" for signal in wanted]
     trial = replace(part.system, blocks=dict(part.system.blocks), connections=list(part.system.connections))
@@ -373,7 +382,8 @@ def _can_follow(system: System, part: _Part, end: str) -> bool | None:
         model = build(trial, inputs=[*signals, *free], outputs=[f"{name}.{_effort(system, end)}"])
     except FlexarmError:
         return None
-    return not ca.jacobian_sparsity(model.equations.outputs, model.equations.u[len(signals) - 1]).nnz()
+    own = ca.jacobian_sparsity(model.equations.outputs, model.equations.u[len(signals) - 1]).nnz()
+    return bool(own), felt_inertia(model)
 
 
 def _open(system: System, endpoint: str) -> bool:
@@ -423,7 +433,7 @@ def _cut_flange(
         for motion in motions:
             start = (owner, flat(parts[owner].give(f"{head}.{motion}")))
             wires.append((start, (group, flat(parts[group].take(f"{name}.{motion}")))))
-        cut = _Cut(owner, group, name, effort, motions)
+        cut = _Cut(owner, group, head, name, effort, motions)
         parts[group].followers.append(cut)
         parts[owner].owners.append(cut)
         side: Block = TranslationalOwner() if _kind(system, end) == TRANSLATIONAL else Owner()
