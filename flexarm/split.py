@@ -130,7 +130,7 @@ def _act(net: Net, motion: Any, angle: Any, effort: Any, block: Any) -> None:
 
 @dataclass(frozen=True)
 class _Cut:
-    """A flange that was cut: groups on either side, the owner's flange, the follower's block, effort and motions sent."""
+    """A flange that was cut: groups on either side, the owner's flange, the follower's block, effort and motions."""
 
     owner: str
     follower: str
@@ -355,7 +355,7 @@ def _kind(system: System, end: str) -> str:
 
 
 def _owner(system: System, connection: Connection, ends: Mapping[str, list[str]], parts: Mapping[str, _Part]) -> str:
-    """The side that keeps the motion: the one that cannot follow, else that with inertia at the cut, else the heavier."""
+    """The side that keeps the motion: one that cannot follow, else one with inertia at the cut, else the heavier."""
     groups = list(ends)
     weights = {group: _weight(system, parts[group], own[0]) for group, own in ends.items()}
     fixed = [group for group in groups if weights[group] is None]
@@ -430,9 +430,9 @@ def _cut_flange(
         end, effort = own[0], _effort(system, own[0])
         name, port, motions = _follower(system, end)
         _close(parts[group].system, end, name, port, _kind(system, end))
-        for motion in motions:
-            start = (owner, flat(parts[owner].give(f"{head}.{motion}")))
-            wires.append((start, (group, flat(parts[group].take(f"{name}.{motion}")))))
+        for sent in motions:
+            start = (owner, flat(parts[owner].give(f"{head}.{sent}")))
+            wires.append((start, (group, flat(parts[group].take(f"{name}.{sent}")))))
         cut = _Cut(owner, group, head, name, effort, motions)
         parts[group].followers.append(cut)
         parts[owner].owners.append(cut)
