@@ -50,7 +50,7 @@ def export(
     Args:
         model: the model; its inputs and outputs become those of the FMU, its parameters can be tuned.
         path: the file to write.
-        platforms: of ``linux64``, ``win64``, ``darwin64`` and ``aarch64`` (Linux).
+        platforms: of ``linux64``, ``win64``, ``darwin64``, ``darwin-aarch64`` (Apple Silicon) and ``aarch64`` (Linux).
         step: cell of the internal grid (s), and the communication step that is suggested.
         stop: end of the default experiment (s).
         version: of FMI: 2 or 3.
