@@ -50,7 +50,7 @@ def export(
             "--platforms",
             "--platform",
             metavar="NAMES",
-            help="linux64,win64 (default), darwin64, darwin-aarch64, aarch64; commas.",
+            help="linux64,win64 (default), darwin64, darwin-aarch64, aarch64.",
         ),
     ] = None,
     linear_twin: Annotated[
