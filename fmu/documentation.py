@@ -79,14 +79,21 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
             ],
         ),
         "<h2>States</h2>",
-        _table(("name", "unit", "meaning"), [(v.name, v.unit, v.doc) for v in of(STATE)]),
+        "<p>A state with a start can be set before the run; stuck joints, gaps and contacts follow.</p>",
+        _table(
+            ("name", "start", "nominal", "unit", "meaning"),
+            [
+                (v.name, "" if v.start is None else f"{v.start:.9g}", f"{v.nominal or 1:.3g}", v.unit, v.doc)
+                for v in of(STATE)
+            ],
+        ),
         "<h2>Modes</h2>",
         _table(("name", "meaning"), [(v.name, v.doc) for v in of(MODE)]),
         *([] if python else [_INDICATORS, _table(("name", "meaning"), [(v.name, v.doc) for v in of(INDICATOR)])]),
         "<h2>Time</h2>",
         f"<p>Fixed-step Runge-Kutta of order 4 on a grid of {plan.step:g} s, aligned at the start time; each cell is "
-        f"divided into steps of at most {plan.hmax:.6g} s, chosen at the parameters of the export and kept when "
-        "parameters are tuned. Switches (stick-slip, contacts, limits) are located inside a step. Communication points "
+        f"divided into steps of at most {plan.hmax:.6g} s, chosen for the parameters when initialization ends and kept "
+        "when parameters are tuned. Switches (stick-slip, contacts, limits) are located inside a step. Communication points "
         "may lie anywhere; on the grid, the result does not depend on how the time is divided. Inputs hold between "
         f"communication points{_SLOPES if version == 2 and not python else ''}.</p>",
         f"<p>Sample clocks: {html.escape('; '.join(clocks)) or 'none'}. A clock that is due at a communication point "

@@ -45,7 +45,7 @@ def export(
     """Write a model as an FMI Co-Simulation FMU of compiled C.
 
     The FMU integrates on an internal grid of ``step``, aligned at the start time, with the same C as `engine.simulate`
-    and the same internal step, which is chosen at the default parameters and kept when parameters are tuned.
+    and the same internal step, chosen for the parameters at the start of a run and kept when parameters are tuned.
 
     Args:
         model: the model; its inputs and outputs become those of the FMU, its parameters can be tuned.

@@ -125,12 +125,13 @@ def draw(target: Path = TARGET) -> Path:
         ]
     for plot, title, found in zip(axes, titles, maps, strict=True):
         shown = np.clip(np.log10(found), -5, 1)
-        image = plot.pcolormesh(RATIOS, PERIODS, shown, cmap="RdYlGn_r", vmin=-5, vmax=1, shading="nearest")
-        for i, p in enumerate(PERIODS):
-            for j, r in enumerate(RATIOS):
-                label = "x" if found[i, j] > 10 else f"{100 * found[i, j]:.1g}"
-                plot.text(r, p, label, ha="center", va="center", fontsize=6)
-        plot.set(xscale="log", yscale="log", xlabel="inertia of the load / of the rotor")
+        image = plot.imshow(shown, cmap="RdYlGn_r", vmin=-5, vmax=1, origin="lower", aspect="auto")
+        for (i, j), value in np.ndenumerate(found):
+            label = "unstable" if value > 10 else f"{100 * value:.2g} %"
+            plot.text(j, i, label, ha="center", va="center", fontsize=7)
+        plot.set_xticks(range(len(RATIOS)), [f"{ratio:g}" for ratio in RATIOS])
+        plot.set_yticks(range(len(PERIODS)), [f"{period:.2g}" for period in PERIODS])
+        plot.set_xlabel("inertia of the load / of the rotor")
         plot.set_title(title, fontsize=9)
     axes[0].set_ylabel("step x frequency of the rotor on the spring (rad)")
     assert image is not None
