@@ -93,9 +93,9 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
         "<h2>Time</h2>",
         f"<p>Fixed-step Runge-Kutta of order 4 on a grid of {plan.step:g} s, aligned at the start time; each cell is "
         f"divided into steps of at most {plan.hmax:.6g} s, chosen for the parameters when initialization ends and kept "
-        "when parameters are tuned. Switches (stick-slip, contacts, limits) are located inside a step. Communication points "
-        "may lie anywhere; on the grid, the result does not depend on how the time is divided. Inputs hold between "
-        f"communication points{_SLOPES if version == 2 and not python else ''}.</p>",
+        "when parameters are tuned. Switches (stick-slip, contacts, limits) are located inside a step. Communication "
+        "points may lie anywhere; on the grid, the result does not depend on how the time is divided. Inputs hold "
+        f"between communication points{_SLOPES if version == 2 and not python else ''}.</p>",
         f"<p>Sample clocks: {html.escape('; '.join(clocks)) or 'none'}. A clock that is due at a communication point "
         "uses the inputs set there: set inputs first, then read outputs.</p>",
         *(_PYTHON if python else _DERIVATIVES),

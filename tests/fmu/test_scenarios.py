@@ -73,7 +73,9 @@ def _limits(name: str) -> float:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_cvode_at_the_usual_tolerance_agrees_with_co_simulation(name: str, made: Callable[[str], Path]) -> None:
+def test_cvode_at_the_usual_tolerance_agrees_with_co_simulation(
+    name: str, made: Callable[[str], Path], record_property: Callable[[str, object], None]
+) -> None:
     path = made(name)
     rows = simulate_fmu(
         str(path),
@@ -84,11 +86,14 @@ def test_cvode_at_the_usual_tolerance_agrees_with_co_simulation(name: str, made:
         record_events=False,
     )
     worst, signal = _worst(name, _slave(path), rows)
+    record_property("error", f"{100 * worst:.2g} %")
     assert worst <= 0.01, signal
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_fmusim_agrees_with_co_simulation(name: str, made: Callable[[str], Path], tmp_path: Path) -> None:
+def test_fmusim_agrees_with_co_simulation(
+    name: str, made: Callable[[str], Path], tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
     tool = os.environ.get("FLEXARM_FMUSIM") or shutil.which("fmusim")
     if not tool:
         pytest.skip("fmusim is not installed: build it from the sources of the Reference FMUs")
@@ -99,6 +104,7 @@ def test_fmusim_agrees_with_co_simulation(name: str, made: Callable[[str], Path]
     assert run.returncode == 0, run.stdout + run.stderr
     expected = _slave(path)
     worst, signal = _worst(name, expected, _last_at(_rows(result), expected["time"]))
+    record_property("error", f"{100 * worst:.2g} %")
     assert worst <= 0.01, signal
 
 
@@ -133,7 +139,9 @@ np.savetxt(result, np.column_stack([run["time"], *[run[n] for n in names]]), del
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_pyfmi_agrees_with_co_simulation(name: str, made: Callable[[str], Path], tmp_path: Path) -> None:
+def test_pyfmi_agrees_with_co_simulation(
+    name: str, made: Callable[[str], Path], tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
     python = os.environ.get("FLEXARM_PYFMI")
     if not python:
         pytest.skip("PyFMI is not installed: FLEXARM_PYFMI names no Python that has it")
@@ -144,4 +152,5 @@ def test_pyfmi_agrees_with_co_simulation(name: str, made: Callable[[str], Path],
     assert run.returncode == 0, run.stdout + run.stderr
     expected = _slave(path)
     worst, signal = _worst(name, expected, _last_at(_rows(result), expected["time"]))
+    record_property("error", f"{100 * worst:.2g} %")
     assert worst <= 0.01, signal
