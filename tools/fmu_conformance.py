@@ -197,7 +197,9 @@ def outcomes(report: ET.Element) -> dict[str, Outcome]:
             outcome.skipped += (skipped.get("message", "").removeprefix("Skipped: ").partition(":")[0],)
         else:
             outcome.passed += 1
-        outcome.figures += tuple(f"{p.get('name')} {p.get('value')}" for p in case.iter("property"))
+        outcome.figures += tuple(
+            f"{p.get('name')} {p.get('value')}" for p in case.iter("property") if p.get("name") != "error"
+        )
     return found
 
 
@@ -230,9 +232,8 @@ def exchange(report: ET.Element) -> list[str]:
 
 def versions() -> str:
     """The importers that were there, with their versions."""
-    found = [
-        f"{name} {metadata.version(name)}" for name in ("fmpy", "libcosimpy", "ecospy", "fmu_manipulation_toolbox")
-    ]
+    packages = ("fmpy", "libcosimpy", "ecospy", "fmu_manipulation_toolbox")
+    found = [f"{name} {metadata.version(name)}" for name in packages]
     fmusim, python = os.environ.get("FLEXARM_FMUSIM") or shutil.which("fmusim"), os.environ.get("FLEXARM_PYFMI")
     if fmusim:
         said = subprocess.run([fmusim, "--version"], capture_output=True, text=True, check=False).stdout.split()
