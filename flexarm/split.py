@@ -184,7 +184,9 @@ def split(
     from fmu import export
 
     target = Path(path)
-    system = bypass(made.scenario.system, list(made.settings.inputs))[0]
+    system = bypass(
+        made.scenario.system, list(made.settings.inputs), [variable.name for variable in made.model.outputs]
+    )[0]
     parts, wires = _cut(system, _members(system, groups))
     outside: list[ssp.Connector] = []
     units: dict[ssp.End, str] = {}

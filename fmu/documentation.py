@@ -22,14 +22,14 @@ _DERIVATIVES = (
     "sampled memories held.</p>",
     "<h2>Rebuild</h2>",
 )
+_VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"
 _PYTHON = (
     "<h2>What it needs</h2>",
-    f"<p>The model holds Python functions and runs in Python: where it is imported, the importing process must find a "
-    f"Python {sys.version_info.major}.{sys.version_info.minor} with flexarm and pythonfmu. An importer that is no Python "
-    f"program itself, on Linux, must be started with <code>LD_PRELOAD=libpython{sys.version_info.major}."
-    f"{sys.version_info.minor}.so.1.0</code>, and PYTHONHOME and PYTHONPATH set for that Python; without, loading ends in "
-    f"<code>undefined symbol: _Py_NoneStruct</code>. A step takes some 0.4 ms, a hundred times that of compiled C. "
-    f"Co-Simulation only.</p>",
+    "<p>The model holds Python functions and runs in Python: where it is imported, the importing process must find a "
+    f"Python {_VERSION} with flexarm and pythonfmu. An importer that is no Python program itself must, on Linux, be "
+    f"started with <code>LD_PRELOAD=libpython{_VERSION}.so.1.0</code>, and with PYTHONHOME and PYTHONPATH set for that "
+    "Python; without, loading ends in <code>undefined symbol: _Py_NoneStruct</code>. A step takes some 0.4 ms, a "
+    "hundred times that of compiled C. Co-Simulation only.</p>",
     "<h2>Refused calls</h2>",
     "<p>pythonfmu gives back OK for a value that is out of range, not finite or not to be set. It is logged, the old "
     "value is kept, and the next step is refused until a value that fits is set, a saved state comes back or the "

@@ -1,4 +1,4 @@
-"""Writes docs/fmu-conformance.md: ``python -m tools.fmu_conformance`` runs the FMU tests and lists the checks.
+"""Writes docs/fmu-conformance.md and docs/fmu-importers.md: ``python -m tools.fmu_conformance`` runs the FMU tests.
 
 Figures of cost come from benchmarks/results/fmu.json, which ``python -m benchmarks.bench_fmu`` writes.
 """
@@ -19,6 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "fmu-conformance.md"
+IMPORTERS = ROOT / "docs" / "fmu-importers.md"
 FIGURES = ROOT / "benchmarks" / "results" / "fmu.json"
 
 CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
@@ -245,7 +246,27 @@ def versions() -> str:
     return ", ".join(found)
 
 
-def page(found: dict[str, Outcome], figures: dict[str, float] | None, table: Sequence[str] = ()) -> str:
+def importers(table: Sequence[str]) -> str:
+    """The document of Model Exchange, importer by importer."""
+    lines = [
+        "# FMU importers",
+        "",
+        "Written by `python -m tools.fmu_conformance --importers`; do not edit.",
+        "",
+        "Every shipped scenario in Model Exchange at a relative tolerance of 1e-4, against its Co-Simulation: the",
+        "largest difference of any output over its range, in 2 s; in bold where it is above 1 %. Three scenarios",
+        "(`ABSOLUTE` in `tests/fmu/test_scenarios.py`) are run at 1e-6, because an integrator holds the angle of a",
+        "shaft that turns far to 1e-4 of itself, and the twist that matters is smaller.",
+        "",
+        f"Importers: {versions()}. Which FMUs run in libcosim, Ecos, fmutool and Wine, and how well, is among the",
+        "[checks](fmu-conformance.md).",
+        "",
+        *table,
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def page(found: dict[str, Outcome], figures: dict[str, float] | None) -> str:
     """The document."""
     lines = [
         "# FMU conformance",
@@ -261,19 +282,6 @@ def page(found: dict[str, Outcome], figures: dict[str, float] | None, table: Seq
         for i, test in enumerate(tests):
             head = f"| {number} | {check} " if i == 0 else "| | "
             lines.append(f"{head}| `{test}` | {found.get(test, Outcome()).text} |")
-    if table:
-        lines += [
-            "",
-            "## Model Exchange, importer by importer",
-            "",
-            "Every shipped scenario at a relative tolerance of 1e-4, against its Co-Simulation: the largest difference",
-            "of any output over its range, in 2 s. Three scenarios (`ABSOLUTE` in `tests/fmu/test_scenarios.py`) need",
-            "1e-6, because an integrator holds the angle of a shaft that turns far to 1e-4 of itself.",
-            "",
-            f"Importers: {versions()}.",
-            "",
-            *table,
-        ]
     lines += ["", "## Cost", ""]
     if figures is None:
         lines.append("Not measured: run `python -m benchmarks.bench_fmu`.")
@@ -296,15 +304,22 @@ def page(found: dict[str, Outcome], figures: dict[str, float] | None, table: Seq
 
 
 def main(arguments: Sequence[str] = ()) -> int:
-    """Run the tests and write the page; 1 if a test failed."""
+    """Run the tests and write the pages, with ``--importers`` that of the importers alone; 1 if a test failed."""
+    alone = "--importers" in arguments
+    arguments = [argument for argument in arguments if argument != "--importers"]
+    tests = "tests/fmu/test_scenarios.py" if alone else "tests/fmu"
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
-        command = [sys.executable, "-m", "pytest", "-q", "tests/fmu", "-m", "slow or not slow", f"--junitxml={report}"]
+        command = [sys.executable, "-m", "pytest", "-q", tests, "-m", "slow or not slow", f"--junitxml={report}"]
         run = subprocess.run([*command, *arguments], cwd=ROOT, check=False)
         root = ET.parse(report).getroot()
         found, table = outcomes(root), exchange(root)
+    IMPORTERS.write_text(importers(table), encoding="utf-8")
+    print(f"written: {IMPORTERS.relative_to(ROOT)}")
+    if alone:
+        return 1 if run.returncode else 0
     figures = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.exists() else None
-    PAGE.write_text(page(found, figures, table), encoding="utf-8")
+    PAGE.write_text(page(found, figures), encoding="utf-8")
     print(f"written: {PAGE.relative_to(ROOT)}")
     return 1 if run.returncode else 0
 
