@@ -59,7 +59,7 @@ def build(
 
 class _Assembly:
     def __init__(self, system: System, inputs: list[str], outputs: list[str] | None, energy: bool) -> None:
-        self.system = bypass(system, inputs)[0] if inputs else system
+        self.system = bypass(system, inputs, outputs or ())[0] if inputs else system
         self.free_names, self.wanted, self.energy = inputs, outputs, energy
         self.net = Net()
         self.flanges = self._join()

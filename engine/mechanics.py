@@ -158,7 +158,7 @@ class Mechanics:
         f = ca.SX.zeros(len(self.net.motions) + len(self.net.velocities), 1)
         for index, value in self.net.forces.items():
             f[self._place(index)] += value
-        return self.wiring.resolve(f)
+        return f
 
     def _mass(self) -> Expression:
         n = len(self.net.motions)
@@ -196,7 +196,7 @@ class Mechanics:
         free = [*free, *range(len(names), len(names) + velocities)]
         onto = ca.diagcat(self.T, ca.SX.eye(velocities))
         weights = ca.diag(ca.vertcat(*self.coordinates.weights))
-        mass0, force0 = self.in_coordinates(self._mass()), self.in_coordinates(self._forces())
+        mass0, force0 = (self.in_coordinates(self.wiring.resolve(part)) for part in (self._mass(), self._forces()))
         whole = onto.T @ weights @ mass0 @ onto
         force = onto.T @ weights @ force0
         imposed = ca.vertcat(self._all(ca.SX.zeros(self.count, 1), 2), ca.SX.zeros(velocities, 1))

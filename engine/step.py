@@ -37,10 +37,10 @@ class Fastest:
     state: str
 
 
-def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
-    """The fastest mode at ``x`` with joints sliding, over switches open and closed to either side."""
+def fastest(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> Fastest:
+    """The fastest mode at ``x`` and inputs ``u``, joints sliding, over switches open and closed to either side."""
     found = Fastest(0.0, "")
-    for values, shares in _spectra(model, p, x):
+    for values, shares in _spectra(model, p, x, u):
         sizes = np.abs(values)
         rate = float(sizes.max())
         if rate > found.rate:
@@ -51,12 +51,15 @@ def fastest(model: Model, p: Vector, x: Vector) -> Fastest:
     return found
 
 
-def _spectra(model: Model, p: Vector, x: Vector) -> Iterator[tuple[NDArray[np.complex128], NDArray[np.float64]]]:
+def _spectra(
+    model: Model, p: Vector, x: Vector, u: Vector | None
+) -> Iterator[tuple[NDArray[np.complex128], NDArray[np.float64]]]:
     """Eigenvalues with switches open, then closed to either side; and the states' shares in each, one column each."""
     e = model.equations
     for level in (0.0, 1.0, -1.0) if model.count(SWITCH) else (0.0,):
         m = [{FRICTION: 1.0, SWITCH: level}.get(mode.kind, 0.0) for mode in model.modes]
-        matrix = model.jacobian(0, x, np.zeros(e.u.numel()), np.zeros(e.d.numel()), m, p)
+        inputs = np.zeros(e.u.numel()) if u is None else u
+        matrix = model.jacobian(0, x, inputs, np.zeros(e.d.numel()), m, p)
         matrix = np.array(matrix.full())
         if not matrix.size or not np.isfinite(matrix).all():
             continue
@@ -89,13 +92,15 @@ def lasting_step(values: NDArray[np.complex128], stop: float) -> float:
     return float(steps.min(initial=np.inf))
 
 
-def internal_step(model: Model, p: Vector, x: Vector, step: float, stop: float | None = None) -> float:
+def internal_step(
+    model: Model, p: Vector, x: Vector, step: float, stop: float | None = None, u: Vector | None = None
+) -> float:
     """A step (s) no longer than ``step`` that resolves the fastest mode.
 
     Given the length of the run (s), it also follows every lightly damped mode to its end; see `lasting_step`. Modes
     that there are only while a contact is closed are resolved, and not followed: they last no longer than the contact.
     """
-    found, spectra = step, list(_spectra(model, p, x))
+    found, spectra = step, list(_spectra(model, p, x, u))
     for values, _ in spectra:
         rate = float(np.abs(values).max())
         if rate > 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from engine.block import Block
@@ -101,12 +102,13 @@ class System:
         ]
 
 
-def bypass(system: System, inputs: list[str]) -> tuple[System, list[str]]:
+def bypass(system: System, inputs: list[str], wanted: Iterable[str] = ()) -> tuple[System, list[str]]:
     """Free some inputs from the connections that fed them, dropping blocks that fed nothing else.
 
     Args:
         system: the system.
         inputs: endpoints of signal inputs.
+        wanted: endpoints that are asked for as outputs; their blocks are kept.
 
     Returns:
         The system without those connections, and the names of the blocks dropped.
@@ -129,12 +131,14 @@ def bypass(system: System, inputs: list[str]) -> tuple[System, list[str]]:
         if len(ends) == len(connection.ends) or any(system.is_input(end) for end in ends):
             connections.append(replace(connection, ends=ends))
     blocks = dict(system.blocks)
+    kept = {name for name in blocks if any(endpoint.startswith(f"{name}.") for endpoint in wanted)}
     dropped: list[str] = []
     before = _feeders(system, system.connections)
     while True:
         trial = replace(system, blocks=blocks, connections=connections)
         feeding = _feeders(trial, connections)
-        gone = [name for name in blocks if name in before and name not in feeding and not blocks[name].is_physical()]
+        idle = [name for name in blocks if name in before and name not in feeding and name not in kept]
+        gone = [name for name in idle if not blocks[name].is_physical()]
         if not gone:
             return trial, dropped
         for endpoint in inputs:

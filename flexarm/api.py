@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from engine.errors import ParameterError, Where, nearest
+from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.model import TIME, Model
 from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
@@ -242,11 +242,25 @@ def export(
         return export_python(made.model, path, LOADER, *recipe(made), **settings)
     if o.platforms is not None:
         settings["platforms"] = tuple(o.platforms)
+    settings["magnitudes"] = magnitudes(made)
     model = made.model
     if o.beside or o.linear_twin:
         settings |= _linear_settings(made, o.modes, o.at)
     beside = o.beside and "linear" in settings
     return write_fmu(model, path, version=o.version, linear_twin=o.linear_twin, beside=beside, **settings)
+
+
+def magnitudes(made: Cut) -> dict[str, float]:
+    """How large the states get in the scenario's own run, by its own sources; SI units."""
+    from fmu.nominal import magnitudes as largest
+
+    found = made.simulation
+    stop, step = (found.stop, found.step) if found is not None else (10.0, 1e-3)
+    try:
+        own = largest(made.scenario.build(), stop, step)
+    except FlexarmError:  # inputs that are free in the scenario itself
+        own = {}
+    return own if all(own.get(state.name) for state in made.model.states) else largest(made.model, stop, step) | own
 
 
 def _linear_settings(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -258,7 +272,10 @@ def _linear_settings(made: Cut, modes: Mapping[str, int | str] | None, at: Mappi
     if not (model.states and model.inputs and model.outputs) or model.externals:
         return {}
     point = _point(made, modes, at)
-    found: dict[str, Any] = {"linear": linear(model, **point)}
+    from fmu.linear import family
+
+    at_point = linear(model, **point)
+    found: dict[str, Any] = {"linear": at_point, "others": family(model, at_point, **point)}
     return found | ({"discrete": discrete(model, **point)} if model.clocks else {})
 
 

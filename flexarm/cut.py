@@ -60,7 +60,7 @@ def cut(
         name: value for name, value in settings.modes.items() if find_mode(model, name) or not _is_block(scenario, name)
     }
     settings = replace(settings, modes=kept)
-    dropped = bypass(scenario.system, list(settings.inputs))[1]
+    dropped = bypass(scenario.system, list(settings.inputs), settings.outputs or ())[1]
     return Cut(model, tuple(dropped), settings, scenario, scenario.simulation)
 
 

@@ -33,6 +33,7 @@ PLATFORMS = {
     "linux64": Platform("linux64", "x86_64-linux", ".so", "x86_64-linux-gnu.2.17"),
     "win64": Platform("win64", "x86_64-windows", ".dll", "x86_64-windows-gnu"),
     "darwin64": Platform("darwin64", "x86_64-darwin", ".dylib", "x86_64-macos"),
+    "darwin-aarch64": Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos"),
     "aarch64": Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
 }
 DEFAULT = ("linux64", "win64")
@@ -59,7 +60,9 @@ def _is_zig() -> bool:
 def _own() -> str:
     """The platform this process runs on, if it is one of ours."""
     name = {"linux": "linux64", "win32": "win64", "darwin": "darwin64"}.get(sys.platform, "")
-    return name if machine.machine().lower() in ("x86_64", "amd64") else "aarch64" if name == "linux64" else ""
+    if machine.machine().lower() in ("x86_64", "amd64"):
+        return name
+    return {"linux64": "aarch64", "darwin64": "darwin-aarch64"}.get(name, "")
 
 
 def library(files: dict[str, str], platform: str) -> bytes:

@@ -10,6 +10,9 @@ from fmu.plan import Plan
 from fmu.units import definition
 from fmu.variables import DERIVATIVE, INDICATOR, INPUT, MEMORY, MODE, OUTPUT, PARAMETER, STATE, TIME_KIND, FmuVariable
 
+TOLERANCE = 1e-6
+"""Relative tolerance that is suggested to integrators of Model Exchange."""
+
 _CATEGORIES = {
     "logEvents": "what happens inside a step",
     "logStatusWarning": "warnings",
@@ -130,7 +133,12 @@ def _common(root: ET.Element, plan: Plan) -> None:
     ET.SubElement(
         root,
         "DefaultExperiment",
-        {"startTime": "0.0", "stopTime": number(plan.stop), "stepSize": number(plan.step)},
+        {
+            "startTime": "0.0",
+            "stopTime": number(plan.stop),
+            "tolerance": number(TOLERANCE),
+            "stepSize": number(plan.step),
+        },
     )
 
 
@@ -163,7 +171,7 @@ def _role(variable: FmuVariable) -> dict[str, str]:
     role = {"causality": _CAUSALITY.get(kind, "local"), "variability": variability}
     if variable.doc:
         role["description"] = variable.doc
-    if kind == PARAMETER:
+    if kind == PARAMETER or (kind == STATE and variable.start is not None):
         role["initial"] = "exact"
     elif kind not in (TIME_KIND, INPUT):
         role["initial"] = "calculated"
@@ -180,8 +188,8 @@ def _numbers(variable: FmuVariable) -> dict[str, str]:
     for name, bound in (("min", variable.minimum), ("max", variable.maximum)):
         if math.isfinite(bound):
             found[name] = number(bound)
-    if variable.kind == PARAMETER and variable.start and math.isfinite(variable.start):
-        found["nominal"] = number(abs(variable.start))
+    if variable.nominal is not None:
+        found["nominal"] = number(variable.nominal)
     if variable.start is not None:
         found["start"] = number(variable.start)
     return found
@@ -214,12 +222,15 @@ def _unknowns(plan: Plan) -> Iterator[tuple[str, int, list[tuple[int, str]]]]:
 
 
 def _initial_unknowns(plan: Plan) -> Iterator[tuple[int, list[tuple[int, str]]]]:
-    """The same for values at the start, which depend on inputs and parameters."""
+    """The same for values at the start, which depend on inputs, parameters and the starts of states."""
     found = plan.structure
     starts = ((OUTPUT, found.initial_outputs), (STATE, found.initial_states), (DERIVATIVE, found.initial_rates))
     for kind, initial in starts:
-        for k, (inputs, parameters) in enumerate(initial):
+        for k, (inputs, parameters, states) in enumerate(initial):
+            if kind == STATE and found.exact[k]:
+                continue
             known = [plan.first(PARAMETER) + j for j in parameters] + [plan.first(INPUT) + j for j in inputs]
+            known += [plan.first(STATE) + j for j in states if found.exact[j]]
             yield plan.first(kind) + k, [(reference, "dependent") for reference in known]
 
 

@@ -15,10 +15,9 @@ _SIZE = 96
 
 
 def files(plan: Plan, version: int) -> dict[str, bytes]:
-    """``model.png`` of an FMI 2 FMU; icon and terminals of an FMI 3 FMU."""
-    if version == 2:
-        return {"model.png": icon()}
-    return {"terminalsAndIcons/icon.png": icon(), "terminalsAndIcons/terminalsAndIcons.xml": terminals(plan).encode()}
+    """Icon and terminals, which importers of FMI 3 read of an FMI 2 FMU too; of that also ``model.png``."""
+    made = {"terminalsAndIcons/icon.png": icon(), "terminalsAndIcons/terminalsAndIcons.xml": terminals(plan).encode()}
+    return made | ({"model.png": icon()} if version == 2 else {})
 
 
 def terminals(plan: Plan) -> str:

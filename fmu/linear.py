@@ -1,7 +1,9 @@
-"""The linear model of an FMU: as files in the archive and beside it, and as a twin inside the FMU."""
+"""The linear model that travels with an FMU: files, a twin that runs along, and the family of other modes."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,18 +12,87 @@ import numpy as np
 
 from engine.discretise import DiscreteModel
 from engine.errors import FlexarmError
-from engine.linear_files import as_json, as_mat
-from engine.linearise import LinearModel
+from engine.linear_files import as_json, as_mat, content
+from engine.linearise import LinearModel, linearise
 from engine.model import TIME, Model, Variable, Vector
 from engine.start import start_values
 
 
-def linear_files(linear: LinearModel, discrete: DiscreteModel | None = None) -> dict[str, bytes]:
-    """``resources/linear.json`` and ``resources/linear.mat`` of an archive."""
-    return {
+def linear_files(
+    linear: LinearModel, discrete: DiscreteModel | None = None, others: Sequence[LinearModel] = ()
+) -> dict[str, bytes]:
+    """``resources/linear.json`` and ``.mat`` of an archive, and ``linear_family.json`` if there are other modes."""
+    made = {
         "resources/linear.json": as_json(linear, discrete=discrete),
         "resources/linear.mat": as_mat(linear, discrete),
     }
+    return made | ({"resources/linear_family.json": family_file(linear, others)} if others else {})
+
+
+def family_file(linear: LinearModel, others: Sequence[LinearModel]) -> bytes:
+    """The linear models of all modes as JSON: a list, that of the operating point first."""
+    return (json.dumps([content(member) for member in (linear, *others)], indent=1) + "\n").encode()
+
+
+def deaf(linear: LinearModel) -> list[str]:
+    """Inputs that move no output of a linear model: the joint is stuck, or the input ends inside a dead zone."""
+    moves, passes = linear.A != 0, linear.C != 0
+    found = []
+    for j, name in enumerate(linear.inputs):
+        reached = linear.B[:, j] != 0
+        for _ in linear.states:
+            reached = reached | (moves @ reached)
+        if not (linear.D[:, j] != 0).any() and not (passes @ reached).any():
+            found.append(name)
+    return found
+
+
+def family(model: Model, linear: LinearModel, **point: Any) -> list[LinearModel]:
+    """Linear models of the modes in which inputs that now move no output do: stuck joints sliding, zones left.
+
+    Each mode is changed alone, then all of them together; a model is kept if more inputs move an output in it, and its
+    modes are not those of one that is kept already.
+
+    Args:
+        model: the model.
+        linear: its linear model in the modes of the operating point.
+        point: further arguments of `engine.linearise.linearise`: ``at``, ``inputs``, ``modes``.
+    """
+    silent, asked = len(deaf(linear)), dict(point.pop("modes", None) or {})
+    if not silent:
+        return []
+    free = [mode for mode in model.modes if mode.kind != TIME and linear.modes[mode.name] == mode.labels[1]]
+    trials = [{mode.name: label} for mode in free for label in (mode.labels[2], mode.labels[0])]
+    trials += [{mode.name: mode.labels[2] for mode in free}] if len(free) > 1 else []
+    found: dict[tuple[tuple[str, str], ...], LinearModel] = {}
+    for trial in trials:
+        try:
+            made = linearise(model, modes={**asked, **trial}, **point)
+        except FlexarmError:
+            continue
+        if len(deaf(made)) < silent:
+            found.setdefault(tuple(made.modes.items()), made)
+    return list(found.values())
+
+
+def warning(linear: LinearModel, others: Sequence[LinearModel]) -> str:
+    """What is said at export of a linear model in which inputs move nothing, empty if all of them move something."""
+    silent = deaf(linear)
+    if not silent:
+        return ""
+    held = {name for other in others for name, label in other.modes.items() if linear.modes[name] != label}
+    why = ", ".join(f"'{name}' is {label}" for name, label in linear.modes.items() if not held or name in held)
+    text = f"the linear model is a zero system for {', '.join(silent)}, which moves no output at the operating point"
+    text += f": {why}" if why else ""
+    if not others:
+        return text
+    choices = dict.fromkeys(
+        f'--mode {name}="{label}"'
+        for other in others
+        for name, label in other.modes.items()
+        if name in held and label != linear.modes[name]
+    )
+    return f"{text}; linear_family.json holds the other modes; for one of them give {' or '.join(choices)}"
 
 
 def with_twin(model: Model, linear: LinearModel) -> Model:

@@ -16,7 +16,9 @@ from engine.linear_files import as_mat, script
 from engine.linearise import LinearModel, linearise
 from engine.model import Model
 from fmu import build, describe, documentation, icon
-from fmu.linear import linear_files, with_twin
+from fmu.coupling import Coupling
+from fmu.linear import family, family_file, linear_files, warning, with_twin
+from fmu.nominal import magnitudes as largest
 from fmu.plan import Plan
 from fmu.plan import plan as make_plan
 from fmu.source import placeholder, source
@@ -34,25 +36,32 @@ def export(
     version: int = 2,
     linear: LinearModel | None = None,
     discrete: DiscreteModel | None = None,
+    others: Sequence[LinearModel] | None = None,
     linear_twin: bool = False,
     beside: bool = False,
+    magnitudes: Mapping[str, float] | None = None,
+    coupling: Coupling | None = None,
 ) -> Path:
     """Write a model as an FMI Co-Simulation FMU of compiled C.
 
     The FMU integrates on an internal grid of ``step``, aligned at the start time, with the same C as `engine.simulate`
-    and the same internal step, which is chosen at the default parameters and kept when parameters are tuned.
+    and the same internal step, chosen for the parameters at the start of a run and kept when parameters are tuned.
 
     Args:
         model: the model; its inputs and outputs become those of the FMU, its parameters can be tuned.
         path: the file to write.
-        platforms: of ``linux64``, ``win64``, ``darwin64`` and ``aarch64`` (Linux).
+        platforms: of ``linux64``, ``win64``, ``darwin64``, ``darwin-aarch64`` (Apple Silicon) and ``aarch64`` (Linux).
         step: cell of the internal grid (s), and the communication step that is suggested.
         stop: end of the default experiment (s).
         version: of FMI: 2 or 3.
         linear: the linear model to send along as ``resources/linear.json`` and ``.mat``; that at the start if None.
         discrete: its discrete-time model; that at the start if neither is given and the model has clocks.
+        others: linear models of further modes, where inputs move no output in ``linear``; see `fmu.linear.family`.
         linear_twin: also run the linear model on the same inputs, as outputs ``NAME_lin``.
         beside: also write ``NAME_linear.mat`` and ``NAME_linear.m`` beside the FMU.
+        magnitudes: state name -> its largest magnitude in use, from which its nominal value comes; from a run of the
+            model if None.
+        coupling: what is known of inputs at cuts, of an FMU that is a part of a whole.
 
     Returns:
         The path written.
@@ -68,16 +77,26 @@ def export(
     check_target(target)
     if linear is None:
         linear, discrete = _linear(model)
+        if linear is not None and others is None and coupling is None:
+            others = family(model, linear)
+    if coupling is None and linear is not None and (said := warning(linear, others or ())):
+        log.warning("%s", said)
     if linear is None and (linear_twin or beside):
         raise FlexarmError("the model has no linear model at its start", remedy="give one, made by engine.linearise")
     travelling = with_twin(model, linear) if linear is not None and linear_twin else model
     files: dict[Path, Callable[[IO[bytes]], object]] = {}
-    inside = contents(make_plan(travelling, step, stop), chosen, linear, version, discrete)
+    sizes = largest(model, stop, step) if magnitudes is None else magnitudes
+    inside = contents(
+        make_plan(travelling, step, stop, sizes, coupling), chosen, linear, version, discrete, others or ()
+    )
     files[target] = lambda handle: _zip(handle, inside)
     if linear is not None and beside:
         mat, text = as_mat(linear, discrete), script(linear, target.stem, discrete).encode()
         files[target.with_name(f"{target.stem}_linear.mat")] = lambda handle: handle.write(mat)
         files[target.with_name(f"{target.stem}_linear.m")] = lambda handle: handle.write(text)
+        if others:
+            rest = family_file(linear, others)
+            files[target.with_name(f"{target.stem}_linear_family.json")] = lambda handle: handle.write(rest)
     write_files(files)
     log.info("wrote %s for %s", target, ", ".join(chosen))
     return target
@@ -107,6 +126,7 @@ def contents(
     linear: LinearModel | None = None,
     version: int = 2,
     discrete: DiscreteModel | None = None,
+    others: Sequence[LinearModel] = (),
 ) -> dict[str, bytes]:
     """Every file of the archive by name."""
     described = describe.fmi2 if version == 2 else describe.fmi3
@@ -120,7 +140,7 @@ def contents(
     if version == 3:
         made["sources/buildDescription.xml"] = describe.build_description(plan).encode()
     if linear is not None:
-        made |= linear_files(linear, discrete)
+        made |= linear_files(linear, discrete, others)
     made |= icon.files(plan, version)
     made["documentation/index.html"] = documentation.page(plan, platforms, version).encode()
     return made

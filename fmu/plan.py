@@ -5,15 +5,20 @@ from __future__ import annotations
 import functools
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from importlib import metadata
+
+import numpy as np
 
 from engine.errors import FlexarmError
 from engine.model import Model, Vector
 from engine.simulate import common_tick, rational
 from engine.start import start_values
 from engine.step import internal_step
+from fmu.coupling import Coupling
+from fmu.nominal import nominals
 from fmu.structure import Structure, structure
 from fmu.variables import FmuVariable, variables
 
@@ -31,6 +36,9 @@ class Plan:
         structure: dependencies.
         tick: resolution of the instants (s), of which the grid and all clocks are whole multiples.
         hmax: longest integration step (s), chosen at the default parameters.
+        finer: share of the step that the fastest mode asks for, to which lightly damped modes bring it down.
+        coupling: what is known of inputs at cuts.
+        typical: inputs and tables for which hmax is chosen.
         start: states at the start at the default parameters.
         memory: memories at the start at the default parameters.
     """
@@ -43,6 +51,9 @@ class Plan:
     structure: Structure
     tick: Fraction
     hmax: float
+    finer: float
+    coupling: Coupling
+    typical: Vector
     start: Vector
     memory: Vector
 
@@ -71,13 +82,23 @@ class Plan:
         return int(rational(seconds) / self.tick)
 
 
-def plan(model: Model, step: float = 1e-3, stop: float = 10.0) -> Plan:
+def plan(
+    model: Model,
+    step: float = 1e-3,
+    stop: float = 10.0,
+    magnitudes: Mapping[str, float] | None = None,
+    coupling: Coupling | None = None,
+    settable: bool = True,
+) -> Plan:
     """Plan an export.
 
     Args:
         model: the model.
         step: cell of the internal grid (s).
         stop: end of the default experiment (s).
+        magnitudes: state name -> its largest magnitude in use; see `fmu.nominal`.
+        coupling: what is known of inputs at cuts.
+        settable: whether an importer may set the states' starts.
 
     Raises:
         FlexarmError: the step is not a positive number, it has no common tick with a clock, or two names are equal.
@@ -93,15 +114,27 @@ def plan(model: Model, step: float = 1e-3, stop: float = 10.0) -> Plan:
         )
     p = model.parameter_values
     start = start_values(model, p)
+    coupling = coupling or Coupling()
+    typical = np.zeros(model.equations.u.numel())
+    for k, entry in enumerate(model.inputs):
+        typical[k] = coupling.typical.get(entry.name, 0.0)
+    found = structure(model)
+    if not settable:
+        found = replace(found, exact=[False] * len(model.states))
+    starts = {s.name: float(x) for s, x, exact in zip(model.states, start, found.exact, strict=True) if exact}
+    hmax = internal_step(model, p, start, step, stop, typical)
     return Plan(
         model=model,
         step=step,
         stop=stop,
         identifier=identifier(model.name),
-        variables=variables(model),
-        structure=structure(model),
+        variables=variables(model, starts, nominals(model, magnitudes or {}), coupling.starts()),
+        structure=found,
         tick=tick,
-        hmax=internal_step(model, p, start, step, stop),
+        hmax=hmax,
+        finer=hmax / internal_step(model, p, start, step, u=typical),
+        coupling=coupling,
+        typical=typical,
         start=start,
         memory=model.functions["memory_start"](p).full().ravel(),
     )

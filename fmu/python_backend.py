@@ -67,7 +67,7 @@ def export_python(
     """
     target = Path(path)
     check_target(target)
-    plan = make_plan(model, step, stop)
+    plan = make_plan(model, step, stop, settable=False)
     digest = hashlib.sha256(_description(plan, "").encode() + repr((loader, sorted(recipe.items()))).encode())
     for name in sorted(files):
         digest.update(name.encode() + files[name])

@@ -44,7 +44,7 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         module, _, name = recipe["loader"].partition(":")
         model = getattr(importlib.import_module(module), name)(folder, recipe)
         self._refused = ""
-        self._core = Core(plan(model, recipe["step"], recipe["stop"]))
+        self._core = Core(plan(model, recipe["step"], recipe["stop"], settable=False))
 
     def _refuse(self, error: Exception) -> None:
         """Log an error; the run continues only after a valid value is set."""

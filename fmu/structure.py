@@ -13,6 +13,7 @@ from engine.ports import Expression
 from fmu.start import start_expression
 
 Pattern = NDArray[np.bool_]
+Known = tuple[list[int], list[int], list[int]]
 
 
 @dataclass(frozen=True)
@@ -23,15 +24,17 @@ class Structure:
         rates: for each state derivative, what it depends on: (kind of known, its position, kind of dependence). Knowns
             are ``state`` and ``input``; kinds are ``constant``, ``tunable``, ``discrete`` and ``dependent``.
         outputs: the same for each output.
-        initial_states, initial_rates, initial_outputs: for each, positions of the (inputs, parameters) that its value
-            at the start depends on.
+        initial_states, initial_rates, initial_outputs: for each, positions of the (inputs, parameters, states) that
+            its value at the start depends on; of states, those with an exact start.
+        exact: for each state whether its start is a number of its own, which no parameter changes.
     """
 
     rates: list[list[tuple[str, int, str]]]
     outputs: list[list[tuple[str, int, str]]]
-    initial_states: list[tuple[list[int], list[int]]]
-    initial_rates: list[tuple[list[int], list[int]]]
-    initial_outputs: list[tuple[list[int], list[int]]]
+    initial_states: list[Known]
+    initial_rates: list[Known]
+    initial_outputs: list[Known]
+    exact: list[bool]
 
 
 def _pattern(expression: Expression, symbols: Expression) -> Pattern:
@@ -52,7 +55,8 @@ def structure(model: Model) -> Structure:
     """The dependencies of a model."""
     rates, outputs = _running(model)
     states, first_rates, first_outputs = _initial(model)
-    return Structure(rates, outputs, states, first_rates, first_outputs)
+    exact = [not parameters for _, parameters, _ in states]
+    return Structure(rates, outputs, states, first_rates, first_outputs, exact)
 
 
 def _running(model: Model) -> tuple[list[list[tuple[str, int, str]]], list[list[tuple[str, int, str]]]]:
@@ -80,26 +84,33 @@ def _running(model: Model) -> tuple[list[list[tuple[str, int, str]]], list[list[
     return rows[:n], rows[n:]
 
 
-def _initial(model: Model) -> tuple[list[tuple[list[int], list[int]]], ...]:
+def _initial(model: Model) -> tuple[list[Known], ...]:
     e = model.equations
-    r, n_p = len(model.inputs), len(model.parameters)
+    r, n_p, n = len(model.inputs), len(model.parameters), len(model.states)
     given = ca.vertcat(e.u[:r], e.p)
     start = ca.vertcat(start_expression(model))
-    x = np.hstack([np.zeros((start.numel(), r), dtype=bool), _pattern(start, e.p)])
-    d = np.hstack([np.zeros((e.d.numel(), r), dtype=bool), _pattern(e.memory_start, e.p)])
+    chosen = _pattern(start, e.p)
+    exact = np.diag(~chosen.any(axis=1))
+    x = np.hstack([np.zeros((n, r), dtype=bool), chosen, exact])
+    d = np.hstack([np.zeros((e.d.numel(), r), dtype=bool), _pattern(e.memory_start, e.p), np.zeros((e.d.numel(), n))])
+    d = d.astype(bool)
     switching = [k for k, mode in enumerate(model.modes) if mode.kind != TIME]
 
     def arrived(expression: Expression) -> Pattern:
         chain = _along(_pattern(expression, e.x), x) | _along(_pattern(expression, e.d), d)
-        return np.asarray(_pattern(expression, given) | chain | _along(_pattern(expression, e.m), m))
+        direct = np.hstack([_pattern(expression, given), np.zeros((expression.numel(), n), dtype=bool)])
+        return np.asarray(direct | chain | _along(_pattern(expression, e.m), m))
 
-    m = np.zeros((len(model.modes), r + n_p), dtype=bool)
+    m = np.zeros((len(model.modes), r + n_p + n), dtype=bool)
     if switching:
         m[switching] = arrived(e.guards).any(axis=0)
     if any(clock.offset == 0 for clock in model.clocks):
         d = d | arrived(e.update)
     whole = (x, arrived(e.derivative), arrived(e.outputs))
-    return tuple(
-        [([int(k) for k in np.flatnonzero(row[:r])], [int(k) for k in np.flatnonzero(row[r:])]) for row in table]
-        for table in whole
-    )
+    return tuple([_known(row, r, n_p) for row in table] for table in whole)
+
+
+def _known(row: Pattern, inputs: int, parameters: int) -> Known:
+    parts = np.split(row, [inputs, inputs + parameters])
+    first, second, third = ([int(k) for k in np.flatnonzero(part)] for part in parts)
+    return first, second, third

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 
 from engine.errors import FlexarmError
 from engine.model import TIME, Model
+from engine.quantity import Parameter
 
 TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR = (
     "time",
@@ -43,8 +45,10 @@ class FmuVariable:
         reference: value reference; also the position in the list.
         unit: coherent SI unit, empty if unknown.
         doc: one sentence.
-        start: starting value, for parameters and inputs.
-        minimum, maximum: closed bounds, infinite where none is declared.
+        start: starting value, for parameters, inputs and states whose start an importer may set.
+        nominal: typical magnitude, for parameters and states.
+        minimum, maximum: closed bounds, infinite where none is declared; a bound that is itself excluded is moved
+            inwards by one number.
         tunable: whether a parameter may change during a run.
     """
 
@@ -55,6 +59,7 @@ class FmuVariable:
     unit: str = ""
     doc: str = ""
     start: float | None = None
+    nominal: float | None = None
     minimum: float = -math.inf
     maximum: float = math.inf
     tunable: bool = True
@@ -91,15 +96,33 @@ def _used_parameters(model: Model) -> set[int]:
     return set(pattern.get_triplet()[1])
 
 
-def variables(model: Model) -> list[FmuVariable]:
+def closed(declared: Parameter) -> tuple[float, float]:
+    """The least and the greatest value that a parameter may have."""
+    low, high = declared.bounds
+    if declared.gt is not None:
+        low = sys.float_info.min if low == 0 else math.nextafter(low, math.inf)
+    if declared.lt is not None:
+        high = -sys.float_info.min if high == 0 else math.nextafter(high, -math.inf)
+    return low, high
+
+
+def variables(
+    model: Model, starts: Mapping[str, float], nominals: Mapping[str, float], inputs: Mapping[str, float]
+) -> list[FmuVariable]:
     """All variables of the FMU in the order of their references.
+
+    Args:
+        model: the model.
+        starts: state name -> value at the start, of the states whose start an importer may set.
+        nominals: state name -> typical magnitude.
+        inputs: input name -> start value, of inputs that do not start at zero.
 
     Raises:
         FlexarmError: two of them would have one name.
     """
     made = [
         FmuVariable(reference=reference, **fields)  # type: ignore[arg-type]
-        for reference, fields in enumerate(_fields(model))
+        for reference, fields in enumerate(_fields(model, starts, nominals, inputs))
     ]
     taken: dict[str, FmuVariable] = {}
     for variable in made:
@@ -113,11 +136,14 @@ def variables(model: Model) -> list[FmuVariable]:
     return made
 
 
-def _fields(model: Model) -> Iterator[dict[str, object]]:
+def _fields(
+    model: Model, starts: Mapping[str, float], nominals: Mapping[str, float], inputs: Mapping[str, float]
+) -> Iterator[dict[str, object]]:
     yield {"name": "time", "source": "time", "kind": TIME_KIND, "unit": "s", "doc": "simulation time"}
     used = _used_parameters(model)
     for i, parameter in enumerate(model.parameters):
-        low, high = parameter.declared.bounds
+        low, high = closed(parameter.declared)
+        usual = abs(parameter.value)
         yield {
             "name": structured(parameter.name),
             "source": parameter.name,
@@ -125,19 +151,23 @@ def _fields(model: Model) -> Iterator[dict[str, object]]:
             "unit": parameter.unit,
             "doc": parameter.declared.doc,
             "start": parameter.value,
+            "nominal": usual if usual and math.isfinite(usual) else None,
             "minimum": low,
             "maximum": high,
             "tunable": i in used,
         }
     for entry in model.inputs:
         yield {"name": flat(entry.name), "source": entry.name, "kind": INPUT, "unit": entry.unit, "doc": entry.doc} | {
-            "start": 0.0
+            "start": inputs.get(entry.name, 0.0)
         }
     for entry in model.outputs:
         yield {"name": flat(entry.name), "source": entry.name, "kind": OUTPUT, "unit": entry.unit, "doc": entry.doc}
     for entry in model.states:
         name = structured(entry.name)
-        yield {"name": name, "source": entry.name, "kind": STATE, "unit": entry.unit, "doc": entry.doc}
+        yield {"name": name, "source": entry.name, "kind": STATE, "unit": entry.unit, "doc": entry.doc} | {
+            "start": starts.get(entry.name),
+            "nominal": nominals.get(entry.name),
+        }
     for entry in model.states:
         name = f"der({structured(entry.name)})"
         yield {"name": name, "source": entry.name, "kind": DERIVATIVE, "unit": per_second(entry.unit)}

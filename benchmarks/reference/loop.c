@@ -9,3 +9,17 @@ int loop_run(do_step *step, void *component, long first, double length, long ste
   }
   return 0;
 }
+
+typedef int save_state(void *component, void **state);
+typedef int set_state(void *component, void *state);
+
+/* Saves the state and goes back to it, over and over. */
+int loop_states(save_state *get, set_state *set, void *component, long times) {
+  void *state = 0;
+  for (long k = 0; k < times; k++) {
+    int status = get(component, &state);
+    if (!status) status = set(component, state);
+    if (status) return status;
+  }
+  return 0;
+}

@@ -40,7 +40,10 @@ def export(
     platforms: Annotated[
         list[str] | None,
         typer.Option(
-            "--platforms", "--platform", metavar="NAMES", help="linux64,win64 (default), darwin64, aarch64; commas."
+            "--platforms",
+            "--platform",
+            metavar="NAMES",
+            help="linux64,win64 (default), darwin64, darwin-aarch64, aarch64.",
         ),
     ] = None,
     linear_twin: Annotated[

@@ -6,6 +6,7 @@
  * earlier state. */
 
 #define FA_STATUS_OK 0
+#define FA_STATUS_WARNING 1
 #define FA_STATUS_DISCARD 2
 #define FA_STATUS_ERROR 3
 
@@ -34,10 +35,19 @@ static void fa_format_message(char *line, size_t size, const char *function, con
     if (*at == '%' || *at == '#') *at = '_';
 }
 
-static int fa_log_status(fa_instance *i, int status, const char *function, const char *text) {
+enum { FA_LOG_EVENTS = 1, FA_LOG_WARNING, FA_LOG_DISCARD, FA_LOG_ERROR };
+
+static int fa_logs(const fa_instance *i, int category) { return i->logging & (1 << category); }
+
+static void fa_say(fa_instance *i, int status, int category, const char *function, const char *text) {
   char line[700];
+  if (!fa_logs(i, category)) return;
   fa_format_message(line, sizeof line, function, text);
-  i->log_message(i, status, fa_log_category[status == FA_STATUS_DISCARD ? 3 : 4], line);
+  i->log_message(i, status, fa_log_category[category], line);
+}
+
+static int fa_log_status(fa_instance *i, int status, const char *function, const char *text) {
+  fa_say(i, status, status == FA_STATUS_DISCARD ? FA_LOG_DISCARD : FA_LOG_ERROR, function, text);
   return status;
 }
 
@@ -90,6 +100,50 @@ static const char *fa_instantiation_error(const char *name, const char *token) {
   return 0;
 }
 
+/* -- events and warnings ---------------------------------------------------------------------------------------- */
+
+#define FA_LOGGED 64                                           /* switches that one call can tell of */
+
+/* Listen to the switches of a call into `row`, if they are logged. */
+static void fa_listen(fa_instance *i, double *row) {
+  fa_sim *s = &i->core.now.sim;
+  s->log = fa_logs(i, FA_LOG_EVENTS) ? row : 0;
+  s->log_length = 0;
+  s->log_capacity = FA_LOGGED;
+}
+
+static void fa_tell(fa_instance *i, const char *f) {
+  fa_sim *s = &i->core.now.sim;
+  char text[400];
+  for (int64_t k = 0; s->log && k < s->log_length; k++) {
+    const double *row = s->log + 3 * k;
+    const int mode = (int)row[1];
+    if (mode < FA_NF + FA_NS)
+      snprintf(text, sizeof text, "at %.9g s '%s' becomes %s", row[0], fa_mode_name[mode],
+               fa_mode_label[3 * mode + 1 + (int)row[2]]);
+    else snprintf(text, sizeof text, "at %.9g s time event %.0f of '%s'", row[0], row[2], fa_mode_name[mode]);
+    fa_say(i, FA_STATUS_OK, FA_LOG_EVENTS, f, text);
+  }
+  s->log = 0;
+  s->log_length = s->log_capacity = 0;
+}
+
+/* The internal step is chosen at the start; say so if the parameters now would need a finer one. */
+static void fa_warn_of_step(fa_instance *i, const char *f) {
+  char text[300];
+  fa_state *s = &i->core.now;
+  if (i->exchange || !fa_logs(i, FA_LOG_WARNING) || !(s->pending & FA_PENDING_PARAMETERS) || (s->pending & FA_PENDING_START)) return;
+  fa_sim trial = s->sim;
+  memcpy(trial.p, s->p, sizeof(double) * FA_NP);
+  fa_prepare_parameters(trial.p, trial.cp);
+  const double wanted = fa_choose_step(&trial);
+  if (wanted >= 0.99 * s->sim.hmax) return;
+  snprintf(text, sizeof text, "the parameters now need an internal step of %.3g s; that of this run, chosen at its "
+           "start, stays %.3g s: results may be inaccurate or diverge; set them before initialization ends", wanted,
+           s->sim.hmax);
+  fa_say(i, FA_STATUS_WARNING, FA_LOG_WARNING, f, text);
+}
+
 /* -- life ------------------------------------------------------------------------------------------------------- */
 
 static int fa_set_debug_logging(fa_instance *i, const char *f, int on, size_t n, const char *const *categories) {
@@ -129,7 +183,7 @@ static int fa_enter_state(fa_instance *i, const char *f, int fmi_state) {
 }
 
 static int fa_reset(fa_instance *i) {
-  fa_reset_core(&i->core);
+  fa_reset_core(&i->core, i->exchange);
   i->last = FA_STATUS_OK;
   return FA_STATUS_OK;
 }
@@ -146,7 +200,7 @@ static int fa_get_values(fa_instance *i, const char *f, const unsigned *vr, size
     const int is_mode = vr[k] >= FA_VR_M && vr[k] < FA_VR_G;
     if (vr[k] >= FA_VR_END || is_mode == (real != 0))
       return fa_invalid_reference(i, f, "no variable of this type", vr[k]);
-    given &= fa_is_given(vr[k]);
+    given &= fa_is_given(&c->now, vr[k]);
   }
   if (!given) {
     if (!(FA_BIT(c->now.fmi_state) & FA_READABLE))
@@ -164,8 +218,10 @@ static int fa_set_values(fa_instance *i, const char *f, const unsigned *vr, size
   fa_core *c = &i->core;
   if (n && (!vr || !value)) return fa_error(i, f, "the references or values are NULL");
   for (size_t k = 0; k < n; k++) {
-    if (!fa_is_parameter(vr[k]) && !fa_is_input(vr[k]))
-      return fa_invalid_reference(i, f, "neither an input nor a parameter", vr[k]);
+    if (vr[k] >= FA_VR_END || (!fa_is_parameter(vr[k]) && !fa_is_input(vr[k]) && !fa_is_start(vr[k])))
+      return fa_invalid_reference(i, f, "neither an input nor a parameter, nor the start of a state", vr[k]);
+    if (c->now.fmi_state > FA_INITIALIZATION_MODE && fa_is_start(vr[k]))
+      return fa_invalid_reference(i, f, "the start of a state cannot change after initialization", vr[k]);
     if (c->now.fmi_state > FA_INITIALIZATION_MODE && fa_is_parameter(vr[k]) &&
         !(fa_p_kind[vr[k] - FA_VR_P] & FA_TUNABLE))
       return fa_invalid_reference(i, f, "a fixed parameter cannot change after initialization", vr[k]);
@@ -258,8 +314,7 @@ static int fa_get_fmu_state(fa_instance *i, const char *f, void **state) {
 static int fa_set_fmu_state(fa_instance *i, const char *f, const void *state) {
   const char *why = state ? fa_fmu_state_error(state) : "the state is NULL";
   if (why) return fa_error(i, f, why);
-  if (FA_BIT(((const fa_fmu_state *)state)->state.fmi_state) &
-      (i->exchange ? FA_BIT(FA_STEP_MODE) : FA_MODEL_EXCHANGE_MODES))
+  if (((const fa_fmu_state *)state)->state.exchange != i->exchange)
     return fa_error(i, f, "it is a state of the other kind: Co-Simulation and Model Exchange do not mix");
   fa_restore(&i->core, state);
   return FA_STATUS_OK;
@@ -282,7 +337,9 @@ static int fa_serialize_fmu_state(fa_instance *i, const char *f, const void *sta
   if (size < sizeof(fa_fmu_state)) return fa_error(i, f, "the buffer is too small");
   const char *why = fa_fmu_state_error(state);
   if (why) return fa_error(i, f, why);
+  const uint64_t sum = fa_checksum(state);
   memcpy(bytes, state, sizeof(fa_fmu_state));
+  memcpy((char *)bytes + offsetof(fa_fmu_state, sum), &sum, sizeof sum);
   return FA_STATUS_OK;
 }
 
@@ -292,7 +349,9 @@ static int fa_deserialize_fmu_state(fa_instance *i, const char *f, const void *b
   if (size != sizeof trial) return fa_error(i, f, "the state has another size: it is not of this model");
   memcpy(&trial, bytes, sizeof trial);
   const char *why = fa_fmu_state_error(&trial);
+  if (!why && trial.sum != fa_checksum(&trial)) why = "it is damaged";
   if (why) return fa_error(i, f, why);
+  fa_prepare_again(&trial);
   fa_fmu_state *saved = *state ? *state : i->allocate(i, sizeof *saved);
   if (!saved) return fa_error(i, f, "out of memory");
   *saved = trial;
@@ -309,6 +368,7 @@ static double fa_time(const fa_instance *i) {
 
 static int fa_do_step(fa_instance *i, const char *f, double from, double length) {
   char text[200];
+  double row[3 * FA_LOGGED];
   const fa_state *s = &i->core.now;
   const double tolerance = fa_time_tolerance(fa_time(i));
   if (!(length > 0) || !(from + length - from > 0) || (from + length - s->start) / FA_RESOLUTION > 4e18) {
@@ -323,7 +383,11 @@ static int fa_do_step(fa_instance *i, const char *f, double from, double length)
     snprintf(text, sizeof text, "the step to %.9g s passes stopTime %.9g s", from + length, s->stop);
     return fa_error(i, f, text);
   }
-  if (fa_advance(&i->core, from, length)) {
+  fa_warn_of_step(i, f);
+  fa_listen(i, row);
+  const int failed = fa_advance(&i->core, from, length);
+  fa_tell(i, f);
+  if (failed) {
     i->core.now.fmi_state = FA_ERROR_STATE;
     i->last = FA_STATUS_ERROR;
     return fa_simulation_error(i, f);
@@ -333,16 +397,28 @@ static int fa_do_step(fa_instance *i, const char *f, double from, double length)
 
 /* -- Model Exchange --------------------------------------------------------------------------------------------- */
 
+/* *moved: the right-hand side jumps, so that the integrator must start afresh: states, modes, memories, inputs or
+ * parameters changed. */
 static int fa_update_discrete_states(fa_instance *i, const char *f, int *moved, double *next) {
   fa_state *s = &i->core.now;
-  double x[FA_SIZE(FA_NX)];
-  if (fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
-  memcpy(x, s->sim.x, sizeof x);
-  if (fa_process_events(&i->core)) {
+  fa_sim *sim = &s->sim;
+  double x[FA_SIZE(FA_NX)], d[FA_SIZE(FA_ND)], m[FA_SIZE(FA_NM)], row[3 * FA_LOGGED];
+  int cursor[FA_SIZE(FA_NW)];
+  const int starting = s->pending & FA_PENDING_START;
+  memcpy(x, sim->x, sizeof x);
+  memcpy(d, sim->d, sizeof d);
+  memcpy(m, sim->m, sizeof m);
+  memcpy(cursor, sim->cursor, sizeof cursor);
+  fa_listen(i, row);
+  const int failed = fa_ensure_evaluated(&i->core) || fa_process_events(&i->core);
+  fa_tell(i, f);
+  if (failed) {
     s->fmi_state = FA_ERROR_STATE;
     return fa_simulation_error(i, f);
   }
-  *moved = memcmp(x, s->sim.x, sizeof(double) * FA_NX) != 0;
+  *moved = starting || s->moved || memcmp(x, sim->x, sizeof x) || memcmp(d, sim->d, sizeof d) ||
+           memcmp(m, sim->m, sizeof m) || memcmp(cursor, sim->cursor, sizeof cursor);
+  s->moved = 0;
   *next = fa_next_event_time(s);
   return FA_STATUS_OK;
 }
@@ -380,6 +456,6 @@ static int fa_get_or_set_array(fa_instance *i, const char *f, int what, double *
   if (what != FA_GET_NOMINALS && fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
   for (size_t k = 0; k < n; k++)
     out[k] = what == FA_GET_STATES ? s->x[k] : what == FA_GET_DERIVATIVES ? s->full[k]
-           : what == FA_GET_EVENT_INDICATORS ? FA_HYSTERESIS - s->full[FA_NX + k] : 1;
+           : what == FA_GET_EVENT_INDICATORS ? FA_HYSTERESIS - s->full[FA_NX + k] : fa_x_nominal[k];
   return FA_STATUS_OK;
 }

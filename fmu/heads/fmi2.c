@@ -52,7 +52,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   i->allocate = fa_allocate;
   i->release = fa_free;
   snprintf(i->name, sizeof i->name, "%s", name);
-  fa_reset_core(&i->core);
+  fa_reset_core(&i->core, i->exchange);
   return made;
 }
 

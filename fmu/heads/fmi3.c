@@ -50,7 +50,7 @@ static fmi3Instance fa_instantiate(const char *function, const char *wrong, fmi3
   i->allocate = fa_allocate;
   i->release = fa_free;
   snprintf(i->name, sizeof i->name, "%s", name);
-  fa_reset_core(&i->core);
+  fa_reset_core(&i->core, i->exchange);
   return made;
 }
 

@@ -55,7 +55,7 @@ def slave3(path: Path, folder: Path) -> Iterator[tuple[Any, Any, list[str]]]:
     def log(environment: Any, status: int, category: bytes, message: bytes) -> None:
         messages.append(message.decode())
 
-    instance.instantiate(logMessage=log)
+    instance.instantiate(logMessage=log, loggingOn=True)
     try:
         yield instance, description, messages
     finally:

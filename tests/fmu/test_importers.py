@@ -116,11 +116,11 @@ def test_other_checkers_find_no_error(
 class Package:
     """An SSP without connectors of its own, what its FMUs are given and asked for, and the scenario it was made from.
 
-    Cut at the spring between gearbox and link. Both importers hold values over a step, which needs steps far below the
-    spring's time constant; the error is then in proportion to the step.
+    Cut at the spring between gearbox and link. Both importers hold values over a step; the parts carry motion and
+    torque on between, so that the error is in proportion to the square of the step.
     """
 
-    stop, steps = 0.05, (4e-5, 2e-5, 1e-5)
+    stop, steps = 0.05, (1e-3, 5e-4, 2.5e-4)
 
     def __init__(self, folder: Path) -> None:
         made = cut(load("srv02-3mass-b4"), "export")
@@ -172,12 +172,12 @@ def test_an_ssp_converges_to_the_scenario(
     found = np.array([run(step) for step in package.steps])
     errors = np.abs(found - package.expected).max(axis=1)
     orders = np.log2(errors[:-1] / errors[1:])
-    limit = 2 * found[-1] - found[-2]
-    record_property(f"{importer} error at 10 us", f"{errors[-1]:.4f} of {np.abs(package.expected).max():.2f} rad/s")
+    limit = (4 * found[-1] - found[-2]) / 3
+    record_property(f"{importer} error at 0.25 ms", f"{errors[-1]:.4f} of {np.abs(package.expected).max():.2f} rad/s")
     record_property(f"{importer} orders", ", ".join(f"{order:.2f}" for order in orders))
-    assert (np.abs(orders - 1) < 0.1).all(), (errors, orders)
-    assert errors[-1] < 5e-3 * np.abs(package.expected).max()
-    assert np.abs(limit - package.expected).max() < 1e-4
+    assert (np.abs(orders - 2) < 0.3).all(), (errors, orders)
+    assert errors[0] < 2e-2 * np.abs(package.expected).max()
+    assert np.abs(limit - package.expected).max() < 1e-3
 
 
 def test_importers_agree_on_an_ssp(package: Package) -> None:

@@ -15,6 +15,7 @@ import fmu
 from engine.errors import FlexarmError
 from engine.model import Model
 from engine.simulate import Drive
+from flexarm.api import export, linearise
 from fmu.verify import references, slave
 
 
@@ -73,3 +74,27 @@ def test_a_model_without_inputs_has_no_linear_model(timed_model: Model, tmp_path
     with pytest.raises(FlexarmError, match="no linear model"):
         fmu.export(timed_model, tmp_path / "x.fmu", platforms=["linux64"], beside=True)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_zero_system_is_said_and_comes_with_its_family(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Inside its dead zone the Quanser's input moves nothing; the family holds what it does outside."""
+    with caplog.at_level("WARNING", logger="flexarm.export"):
+        path = export("quanser-single-link", tmp_path / "q.fmu", platforms=["linux64"])
+    said = " ".join(record.message for record in caplog.records)
+    assert "zero system for zone.in" in said
+    assert "inside" in said
+    assert "--mode" in said
+    with zipfile.ZipFile(path) as archive:
+        inside = json.loads(archive.read("resources/linear_family.json"))
+    assert (tmp_path / "q_linear_family.json").read_bytes() == (json.dumps(inside, indent=1) + "\n").encode()
+    first, *others = inside
+    assert not np.any(first["B"])
+    made = linearise("quanser-single-link", inputs=["zone.in"], modes=others[0]["modes"])
+    assert np.array_equal(made.B, others[0]["B"])
+    assert np.any(made.B)
+    assert all(np.any(other["B"]) for other in others)
+
+
+def test_no_family_where_every_input_moves_an_output(smooth_model: Model, exported: Any) -> None:
+    with zipfile.ZipFile(exported(smooth_model)) as archive:
+        assert "resources/linear_family.json" not in archive.namelist()

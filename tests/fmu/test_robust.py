@@ -78,7 +78,8 @@ def running(patient: Patient) -> Iterator[Patient]:
 
 def test_start_values_read_back(patient: Patient) -> None:
     given = [v for v in patient.description.modelVariables if v.start is not None]
-    assert {v.causality for v in given} == {"parameter", "input"}
+    assert {v.causality for v in given} == {"parameter", "input", "local"}
+    assert all(v.causality != "local" or v.initial == "exact" for v in given)
     for phase in ("instantiated", "initializing", "stepping"):
         assert patient.fmu.getReal([v.valueReference for v in given]) == [float(v.start) for v in given], phase
         if phase == "instantiated":

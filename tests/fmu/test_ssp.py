@@ -75,12 +75,12 @@ def test_converges_with_order_two_when_rates_are_passed_on(
     assert (np.abs(orders - 2) < 0.3).all(), (errors, orders)
 
 
-def test_converges_with_order_one_when_values_are_held(linear: tuple[Path, Any]) -> None:
+def test_converges_with_order_two_when_values_are_held(linear: tuple[Path, Any]) -> None:
     path, model = linear
     steps = [4e-5, 2e-5, 1e-5]
     errors = _errors(path, model, 0.05, steps, extrapolated=False)
     orders = np.log2(errors[:-1] / errors[1:])
-    assert (np.abs(orders - 1) < 0.1).all(), (errors, orders)
+    assert (np.abs(orders - 2) < 0.1).all(), (errors, orders)
 
 
 def test_converges_in_fmpys_own_co_simulation(linear: tuple[Path, Any]) -> None:
@@ -107,7 +107,7 @@ def test_converges_with_backlash_and_friction(switching: tuple[Path, Any]) -> No
 
 
 def test_fmi_3(linear: tuple[Path, Any], tmp_path: Path) -> None:
-    """Held values, for FMI 3 gives no rates to inputs: step by step the same as FMI 2 with held values."""
+    """FMI 3 gives no rates to inputs: step by step the same as FMI 2 with values alone."""
     path, model = linear
     made = cut(load("srv02-3mass-b4"), "export")
     third = split(made, tmp_path / "x.ssp", {"link": ["link", "bearing"]}, platforms=["linux64"], stop=1.0, version=3)
@@ -118,7 +118,7 @@ def test_fmi_3(linear: tuple[Path, Any], tmp_path: Path) -> None:
     given, expected = (cosim_ssp(p, 0.05, 2e-5, drive=STEP, extrapolated=False) for p in (third, path))
     assert np.array_equal(given.values, expected.values)
     errors = _errors(third, model, 0.05, [2e-5, 1e-5])
-    assert abs(np.log2(errors[0] / errors[1]) - 1) < 0.1
+    assert abs(np.log2(errors[0] / errors[1]) - 2) < 0.1
 
 
 def test_without_connectors(tmp_path: Path) -> None:
@@ -134,8 +134,6 @@ def test_without_connectors(tmp_path: Path) -> None:
 def test_refusals_write_nothing(tmp_path: Path) -> None:
     made = cut(load("reference-a"), "export")
     for groups, piece in (
-        ({"arm": ["link"]}, "inertia on both sides"),
-        ({"arm": ["link"]}, "or leave gear, link, bearing in one FMU"),
         ({"arm": ["lonk"]}, "did you mean 'link'"),
         ({"a": ["link"], "b": ["link"]}, "two groups"),
         ({"arm": ["motor", "gear", "bearing", "link"]}, "leaves one FMU"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -225,3 +227,74 @@ def test_two_fmus_in_one_process_do_not_meet(smooth_model: Model, switching_mode
         for first in range(0, 200, 10):
             assert np.array_equal(_run(a, of_a, first, first + 10), alone[0][first : first + 10])
             assert np.array_equal(_run(b, of_b, first, first + 10), alone[1][first : first + 10])
+
+
+def _forged(blob: bytes, at: int, value: bytes) -> bytes:
+    """A serialised state with other bytes at a place of its state, and the checksum that belongs to them."""
+    state = bytearray(blob[32:])
+    state[at : at + len(value)] = value
+    total = 1469598103934665603
+    for byte in state:
+        total = ((total ^ byte) * 1099511628211) % 2**64
+    return blob[:24] + total.to_bytes(8, "little") + bytes(state)
+
+
+_WORDS = [b"\xff\xff\xff\x7f", b"\xff\xff\xff\xff", b"\x63\0\0\0", b"\0\0\0\x80"]
+_DOUBLES = [struct.pack("<d", value) for value in (math.nan, math.inf, -1.0, 7.0, 1e300)]
+
+
+def test_forged_states_are_refused_or_harmless(switching_model: Model, exported: Any, tmp_path: Path) -> None:
+    """Every word of a saved state replaced in turn, under a checksum that fits: no crash, no hang, no false step.
+
+    In a child process, which may die: what matters is that it does not.
+    """
+    with slave(exported(switching_model)) as (instance, description, _):
+        _start(instance)
+        _run(instance, description, 0, 50)
+        blob = instance.serializeFMUstate(instance.getFMUstate())
+    files = tmp_path / "blob"
+    files.write_bytes(bytes(blob))
+    run = subprocess.run(
+        [sys.executable, "-c", _FORGER, str(exported(switching_model)), str(files)],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout[-500:] + run.stderr[-2000:]
+    refused, taken = map(int, run.stdout.split()[-2:])
+    assert refused > 100
+    assert taken > 100
+
+
+_FORGER = """
+import sys
+from pathlib import Path
+from fmpy.fmi1 import FMICallException
+from fmu.verify import references, slave
+from tests.fmu.test_state import _DOUBLES, _WORDS, _forged, _start
+
+blob = Path(sys.argv[2]).read_bytes()
+refused = taken = 0
+with slave(sys.argv[1]) as (instance, description, messages):
+    y = references(description, "output")
+    _start(instance)
+    for width, values in ((4, _WORDS), (8, _DOUBLES)):
+        for at in range(0, len(blob) - 32 - width + 1, width):
+            messages.clear()
+            try:
+                state = instance.deSerializeFMUstate(_forged(blob, at, values[at // width % len(values)]))
+                instance.setFMUstate(state)
+            except FMICallException:
+                refused += 1
+                continue
+            taken += 1
+            try:
+                instance.getReal(y)
+                instance.doStep(currentCommunicationPoint=0.05, communicationStepSize=1e-3)
+            except FMICallException:
+                instance.reset()
+                _start(instance)
+            instance.freeFMUstate(state)
+print(refused, taken)
+"""
