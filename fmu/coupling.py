@@ -14,8 +14,7 @@ torque's rate of change by the follower's own states. So the owner feels the spr
 inside the step, and only the motion of what lies beyond them is a step late. Rigid cuts, with inertia on both sides,
 work alike.
 
-After [Sicklinger 2014], with the Jacobian
-sent along as signals, since masters do not ask for it.
+After [Sicklinger 2014], with the Jacobian sent along as signals, since masters do not ask for it.
 """
 
 from __future__ import annotations

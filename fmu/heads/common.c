@@ -474,8 +474,10 @@ static int fa_sound_run(const fa_state *s) {
   }
   for (int i = 0; i < FA_NW; i++)
     if (sim->cursor[i] < -1 || sim->cursor[i] >= fa_table_length[i]) return 0;
+#if FA_NL
   for (int l = 0; l < FA_NL; l++)
     if (sim->newest[l] < 0 || sim->newest[l] >= fa_line_size[l]) return 0;
+#endif
   if (sim->status < FA_OK || sim->status > FA_NO_MODE) return 0;
   if (sim->culprit < 0 || sim->culprit >= (sim->status == FA_NOT_FINITE ? FA_SIZE(FA_NX) : FA_SIZE(FA_NM))) return 0;
   if (!(sim->hmax > 0 && sim->hmax <= FA_STEP)) return 0;

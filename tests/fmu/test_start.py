@@ -116,7 +116,7 @@ def _values(model: Model) -> list[tuple[str, float]]:
 def _gelfand(model: Model, p: Any, x: Any) -> float:
     """The step by the FMU's own C, compiled alone."""
     internal_step(model, p, x, 1.0)
-    matrix = model.functions["jacobian"](0, x, [0.0], np.zeros(0), np.zeros(0), p).full()
+    matrix = model.jacobian(0, x, [0.0], np.zeros(0), np.zeros(0), p).full()
     text = (Path(fmu.__file__).parent / "heads" / "common.c").read_text(encoding="utf-8")
     begin = text.index("/* The largest |eigenvalue|")
     body = text[begin : text.index("/* -- start ----")]
