@@ -94,6 +94,7 @@ def test_converges_in_fmpys_own_co_simulation(linear: tuple[Path, Any]) -> None:
     assert (np.abs(orders - 1) < 0.1).all(), (errors, orders)
 
 
+@pytest.mark.slow
 def test_converges_with_backlash_and_friction(switching: tuple[Path, Any]) -> None:
     path, model = switching
     largest = []
