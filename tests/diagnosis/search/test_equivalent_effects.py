@@ -167,22 +167,24 @@ def test_counts_without_a_revolution_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("cell", "row", "remedy"),
+    ("cell", "row", "told", "remedy"),
     [
-        ("V", 0, "if this row holds units, put '#' before it"),
-        ("ERR", 4, "leave it empty, or write 'nan'"),
-        ("0.3V", 4, "numbers are written with a decimal point"),
-        ("2024-03-01 10:00:00", 4, "give the time as a number of seconds"),
+        ("V", 0, "a text", "if this row holds units, put '#' before it"),
+        ("ERR", 4, "a text", "leave the cell empty, or write 'nan'"),
+        ("0.3V", 4, "a number with a text behind it", "leave units out of the cells"),
+        ("2024-03-01 10:00:00", 4, "a date or a time of day", "give the time as a number of seconds"),
     ],
 )
-def test_what_is_no_number_is_told_with_a_remedy_that_fits(tmp_path: Path, cell: str, row: int, remedy: str) -> None:
+def test_what_is_no_number_is_told_with_a_remedy_that_fits(
+    tmp_path: Path, cell: str, row: int, told: str, remedy: str
+) -> None:
     path = case(tmp_path, seed=1)
     file = tmp_path / "steps.csv"
     lines = file.read_text().splitlines()
     values = lines[1 + row].split(",")
     lines[1 + row] = ",".join([values[0], cell, values[2]])
     file.write_text("\n".join(lines) + "\n")
-    with pytest.raises(FlexarmError, match=f"holds '{cell}'") as caught:
+    with pytest.raises(FlexarmError, match=f"column 'u' holds {told} in line {row + 2}") as caught:
         gather(load(path), ["steps"], [])
     assert caught.value.remedy.startswith(remedy)
     assert caught.value.where is not None
