@@ -88,7 +88,7 @@ def calm(bench: Any) -> Any:
 def resumed(bench: Any, calm: Any, output: Any, workers: Any) -> None:
     assert not (bench / output / "diagnosis.json").exists()
     for path in (bench / output / PROGRESS).glob("[!.]*.json"):
-        assert {"x", "cost"} <= set(json.loads(path.read_text()))
+        assert {"x", "cost"} <= set(json.loads(path.read_text())["value"])
     assert compute_finish(bench, workers, output)[1] == calm
 
 
