@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -86,7 +87,7 @@ def lasting_step(values: NDArray[np.complex128], stop: float) -> float:
     rate = np.abs(values)
     with np.errstate(invalid="ignore", divide="ignore"):
         damping = np.where(rate > 0, -values.real / rate, 1.0)
-        turns = np.minimum(rate * stop, np.where(damping > 0, 1 / (np.e * np.maximum(damping, 1e-300)), np.inf))
+        turns = np.minimum(rate * stop, np.where(damping > 0, 1 / (math.e * np.maximum(damping, 1e-300)), np.inf))
         light = (values.imag > 0) & (damping < LIGHT)
         steps = (120 * DRIFT / turns[light]) ** 0.25 / rate[light]
     return float(steps.min(initial=np.inf))
