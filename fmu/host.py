@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from engine.errors import FlexarmError, SimulationError
-from fmu import archive
+from fmu.archive import unpack
 from fmu.loaded import Described, described
 
 _REMEDY = "its binary may be truncated, made for another machine, or faulty; ask where it comes from for a sound one"
@@ -269,7 +269,7 @@ def host(path: str | Path, name: str = "instance") -> Iterator[Host]:
     description = described(path)
     key = hashlib.sha256(Path(path).read_bytes()).hexdigest()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        archive.unpack(Path(path), Path(folder))
+        unpack(Path(path), Path(folder))
         _check_whole(Path(folder), str(path))
         child = _taken(key)
         sound = False

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from engine.errors import FlexarmError, SimulationError, nearest
-from fmu import archive
+from fmu.archive import description as checked_description
+from fmu.archive import unpack
 
 _GROUPS = {
     "Real": "Real",
@@ -176,7 +177,7 @@ def described(path: str | Path) -> Any:
     Raises:
         FlexarmError: the file is no FMU, or has no Co-Simulation of FMI 2 or 3.
     """
-    description = archive.description(path)
+    description = checked_description(path)
     if description.coSimulation is None or description.fmiVersion.startswith("1"):
         raise FlexarmError(
             f"'{path}' is FMI {description.fmiVersion} without Co-Simulation of FMI 2 or 3",
@@ -194,7 +195,7 @@ def loaded(path: str | Path, name: str = "instance") -> Iterator[Loaded]:
     """
     description = described(path)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        archive.unpack(Path(path), Path(folder))
+        unpack(Path(path), Path(folder))
         try:
             made = instance(description, folder, name)
         except FlexarmError as error:

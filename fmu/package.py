@@ -15,8 +15,11 @@ from engine.errors import FlexarmError
 from engine.linear_files import as_mat, script
 from engine.linearise import LinearModel, linearise
 from engine.model import Model
-from fmu import build, describe, documentation, icon
+from fmu.build import DEFAULT, PLATFORMS, check, library
 from fmu.coupling import Coupling
+from fmu.describe import build_description, fmi2, fmi3
+from fmu.documentation import page
+from fmu.icon import files as icon_files
 from fmu.linear import family, family_file, linear_files, warning, with_twin
 from fmu.nominal import magnitudes as largest
 from fmu.plan import Plan
@@ -30,7 +33,7 @@ def export(
     model: Model,
     path: str | Path,
     *,
-    platforms: Sequence[str] = build.DEFAULT,
+    platforms: Sequence[str] = DEFAULT,
     step: float = 1e-3,
     stop: float = 10.0,
     version: int = 2,
@@ -72,7 +75,7 @@ def export(
     """
     if version not in (2, 3):
         raise FlexarmError(f"FMI {version} is not supported", remedy="allowed: 2, 3")
-    chosen = build.check(platforms)
+    chosen = check(platforms)
     target = Path(path)
     check_target(target)
     if linear is None:
@@ -129,20 +132,20 @@ def contents(
     others: Sequence[LinearModel] = (),
 ) -> dict[str, bytes]:
     """Every file of the archive by name."""
-    described = describe.fmi2 if version == 2 else describe.fmi3
+    described = fmi2 if version == 2 else fmi3
     files, guid = source(plan, described(plan, placeholder), version)
     made = {"modelDescription.xml": described(plan, guid).encode()}
     for name in platforms:
-        entry = build.PLATFORMS[name]
+        entry = PLATFORMS[name]
         folder = entry.folder if version == 2 else entry.folder3
-        made[f"binaries/{folder}/{plan.identifier}{entry.suffix}"] = build.library(files, name)
+        made[f"binaries/{folder}/{plan.identifier}{entry.suffix}"] = library(files, name)
     made |= {f"sources/{name}": text.encode() for name, text in files.items()}
     if version == 3:
-        made["sources/buildDescription.xml"] = describe.build_description(plan).encode()
+        made["sources/buildDescription.xml"] = build_description(plan).encode()
     if linear is not None:
         made |= linear_files(linear, discrete, others)
-    made |= icon.files(plan, version)
-    made["documentation/index.html"] = documentation.page(plan, platforms, version).encode()
+    made |= icon_files(plan, version)
+    made["documentation/index.html"] = page(plan, platforms, version).encode()
     return made
 
 

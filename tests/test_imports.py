@@ -12,7 +12,7 @@ import pytest
 import flexarm
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm")
+PACKAGES = ("engine", "blocks", "scenarios", "fmu", "diagnosis", "flexarm", "benchmarks", "tools", "tests")
 
 Graph = Mapping[str, set[str]]
 
@@ -40,8 +40,8 @@ def imports(root: Path, packages: Iterable[str]) -> Graph:
             elif isinstance(node, ast.ImportFrom):
                 above = package.split(".")[: len(package.split(".")) + 1 - node.level] if node.level else []
                 base = ".".join([*above, *([node.module] if node.module else [])])
-                # `from package import module` imports the module, `from module import name` the module it is in.
-                named |= {full if (full := f"{base}.{alias.name}") in paths else base for alias in node.names}
+                # `from package import module` imports the package too, and all that it imports.
+                named |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
         graph[name] = (named & paths.keys()) - {name}
     return graph
 

@@ -1,6 +1,6 @@
 """Random rigs: plants whose very topology is drawn, so that no rule can have been fitted to them.
 
-``rig(seed)`` draws a plant like the four of `benchmarks.concealed.plants`: everything about it follows from the seed.
+`drawn.rig` draws a plant like the four of `benchmarks.concealed.plants`; everything about it follows from a seed.
 
 * One to four bodies in a chain, turning (three of four) or sliding; each follows the one before rigidly, behind a gear
   (ratio 1 to 200, two of five with losses, half with an inertia), a spring, or a belt (a spring and a gear). Three of
@@ -14,7 +14,7 @@
   a quarter have jitter in the time stamps, of up to 20 % of an interval but no more than half a floor in any signal.
 * The data sheet is off by up to 10 % (damping 30 %); in two rigs of five one badly known parameter by up to 30 %.
 
-``asked(seed)`` draws what it conceals: see `benchmarks.concealed.rigs.hidden`.
+`hidden.asked` draws what it conceals.
 
 Left out, and why:
 
@@ -25,7 +25,3 @@ Left out, and why:
 * *gravity in the nominal model, closed loops of bodies, two drives*: the chain of bodies has none;
 * *5 kHz for 30 s*: rows are limited, since a hundred such diagnoses would take days.
 """
-
-from benchmarks.concealed.rigs.drawn import rig
-
-__all__ = ["rig"]
