@@ -264,14 +264,18 @@ def cosim_ssp(
                 raise FlexarmError(f"component '{name}' lies outside of the package: {source}")
             hosts[name] = stack.enter_context(host(file, name))
         values: dict[End, float] = {}
+        sent: dict[str, list[str]] = {}  # all that a part sends is asked of it at once, since it lives in another process
+        for (part, variable), _ in structure.connections:
+            if part and variable not in sent.setdefault(part, []):
+                sent[part].append(variable)
 
         def exchange(time: float) -> None:
             row = present(drive, len(inputs), time)[0]
             values.update({("", name): float(value) for name, value in zip(inputs, row, strict=True)})
             for _ in range(_PASSES):
-                for start, _ in structure.connections:
-                    if start[0]:
-                        values[start] = hosts[start[0]].get([start[1]])[0]
+                for part, names in sent.items():
+                    found = hosts[part].get(names)
+                    values.update({(part, name): value for name, value in zip(names, found, strict=True)})
                 for start, end in structure.connections:
                     values[end] = values[start]
                     if end[0]:
