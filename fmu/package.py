@@ -7,8 +7,9 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO
+from typing import IO, TypedDict, Unpack
 
 from engine.discretise import DiscreteModel, discretise
 from engine.errors import FlexarmError
@@ -29,30 +30,27 @@ from fmu.source import placeholder, source
 log = logging.getLogger("flexarm.export")
 
 
-def export(
-    model: Model,
-    path: str | Path,
-    *,
-    platforms: Sequence[str] = DEFAULT,
-    step: float = 1e-3,
-    stop: float = 10.0,
-    version: int = 2,
-    linear: LinearModel | None = None,
-    discrete: DiscreteModel | None = None,
-    others: Sequence[LinearModel] | None = None,
-    linear_twin: bool = False,
-    beside: bool = False,
-    magnitudes: Mapping[str, float] | None = None,
-    coupling: Coupling | None = None,
-) -> Path:
-    """Write a model as an FMI Co-Simulation FMU of compiled C.
+class PackageKeywords(TypedDict, total=False):
+    """The fields of `PackageOptions` as keywords; why there are both: `engine.simulate.SimulationKeywords`."""
 
-    The FMU integrates on an internal grid of ``step``, aligned at the start time, with the same C as `engine.simulate`
-    and the same internal step, chosen for the parameters at the start of a run and kept when parameters are tuned.
+    platforms: Sequence[str]
+    step: float
+    stop: float
+    version: int
+    linear: LinearModel | None
+    discrete: DiscreteModel | None
+    others: Sequence[LinearModel] | None
+    linear_twin: bool
+    beside: bool
+    magnitudes: Mapping[str, float] | None
+    coupling: Coupling | None
 
-    Args:
-        model: the model; its inputs and outputs become those of the FMU, its parameters can be tuned.
-        path: the file to write.
+
+@dataclass(frozen=True, kw_only=True)
+class PackageOptions:
+    """What an FMU holds.
+
+    Attributes:
         platforms: of ``linux64``, ``win64``, ``darwin64``, ``darwin-aarch64`` (Apple Silicon) and ``aarch64`` (Linux).
         step: cell of the internal grid (s), and the communication step that is suggested.
         stop: end of the default experiment (s).
@@ -65,6 +63,34 @@ def export(
         magnitudes: state name -> its largest magnitude in use, from which its nominal value comes; from a run of the
             model if None.
         coupling: what is known of inputs at cuts, of an FMU that is a part of a whole.
+    """
+
+    platforms: Sequence[str] = DEFAULT
+    step: float = 1e-3
+    stop: float = 10.0
+    version: int = 2
+    linear: LinearModel | None = None
+    discrete: DiscreteModel | None = None
+    others: Sequence[LinearModel] | None = None
+    linear_twin: bool = False
+    beside: bool = False
+    magnitudes: Mapping[str, float] | None = None
+    coupling: Coupling | None = None
+
+
+def export(
+    model: Model, path: str | Path, options: PackageOptions | None = None, **given: Unpack[PackageKeywords]
+) -> Path:
+    """Write a model as an FMI Co-Simulation FMU of compiled C.
+
+    The FMU integrates on an internal grid of ``step``, aligned at the start time, with the same C as `engine.simulate`
+    and the same internal step, chosen for the parameters at the start of a run and kept when parameters are tuned.
+
+    Args:
+        model: the model; its inputs and outputs become those of the FMU, its parameters can be tuned.
+        path: the file to write.
+        options: what the FMU holds.
+        **given: fields of `PackageOptions` as keywords, over those of ``options``, such as ``version=3``.
 
     Returns:
         The path written.
@@ -73,27 +99,29 @@ def export(
         FlexarmError: a name, platform or step that does not fit, a model without C, or a file that cannot be written.
         CompilerUnavailable: no compiler runs, or it fails. Nothing is written then.
     """
-    if version not in (2, 3):
-        raise FlexarmError(f"FMI {version} is not supported", remedy="allowed: 2, 3")
-    chosen = check(platforms)
+    o = replace(options or PackageOptions(), **given)
+    linear, discrete, others = o.linear, o.discrete, o.others
+    if o.version not in (2, 3):
+        raise FlexarmError(f"FMI {o.version} is not supported", remedy="allowed: 2, 3")
+    chosen = check(o.platforms)
     target = Path(path)
     check_target(target)
     if linear is None:
         linear, discrete = _linear(model)
-        if linear is not None and others is None and coupling is None:
+        if linear is not None and others is None and o.coupling is None:
             others = family(model, linear)
-    if coupling is None and linear is not None and (said := warning(linear, others or ())):
+    if o.coupling is None and linear is not None and (said := warning(linear, others or ())):
         log.warning("%s", said)
-    if linear is None and (linear_twin or beside):
+    if linear is None and (o.linear_twin or o.beside):
         raise FlexarmError("the model has no linear model at its start", remedy="give one, made by engine.linearise")
-    travelling = with_twin(model, linear) if linear is not None and linear_twin else model
+    travelling = with_twin(model, linear) if linear is not None and o.linear_twin else model
     files: dict[Path, Callable[[IO[bytes]], object]] = {}
-    sizes = largest(model, stop, step) if magnitudes is None else magnitudes
+    sizes = largest(model, o.stop, o.step) if o.magnitudes is None else o.magnitudes
     inside = contents(
-        make_plan(travelling, step, stop, sizes, coupling), chosen, linear, version, discrete, others or ()
+        make_plan(travelling, o.step, o.stop, sizes, o.coupling), chosen, linear, o.version, discrete, others or ()
     )
     files[target] = lambda handle: _zip(handle, inside)
-    if linear is not None and beside:
+    if linear is not None and o.beside:
         mat, text = as_mat(linear, discrete), script(linear, target.stem, discrete).encode()
         files[target.with_name(f"{target.stem}_linear.mat")] = lambda handle: handle.write(mat)
         files[target.with_name(f"{target.stem}_linear.m")] = lambda handle: handle.write(text)

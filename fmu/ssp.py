@@ -264,7 +264,9 @@ def cosim_ssp(
                 raise FlexarmError(f"component '{name}' lies outside of the package: {source}")
             hosts[name] = stack.enter_context(host(file, name))
         values: dict[End, float] = {}
-        sent: dict[str, list[str]] = {}  # all that a part sends is asked of it at once, since it lives in another process
+        sent: dict[
+            str, list[str]
+        ] = {}  # all that a part sends is asked of it at once, since it lives in another process
         for (part, variable), _ in structure.connections:
             if part and variable not in sent.setdefault(part, []):
                 sent[part].append(variable)

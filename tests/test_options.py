@@ -14,6 +14,7 @@ from diagnosis.api import DiagnosisKeywords
 from engine.simulate import SimulationKeywords
 from flexarm.api import ExportKeywords
 from flexarm.sweeps.sweep import SweepKeywords
+from fmu.package import PackageKeywords, PackageOptions
 
 
 @pytest.mark.parametrize(
@@ -23,6 +24,7 @@ from flexarm.sweeps.sweep import SweepKeywords
         (flexarm.SweepOptions, SweepKeywords),
         (flexarm.ExportOptions, ExportKeywords),
         (flexarm.DiagnosisOptions, DiagnosisKeywords),
+        (PackageOptions, PackageKeywords),
     ],
 )
 def test_keywords_are_the_fields(options: type[Any], keywords: type[Any]) -> None:
