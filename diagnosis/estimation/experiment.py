@@ -36,9 +36,6 @@ class Experiment(ABC):
         initial: starting values by name (SI); free ones at their first guess.
     """
 
-    kind: ClassVar[str]
-    """``time_series`` or ``frequency_response``, for what draws or words it."""
-
     sparse: ClassVar[bool]
     """Whether it has few readings, each costly to simulate, rather than thousands of samples."""
 

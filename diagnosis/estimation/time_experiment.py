@@ -37,7 +37,6 @@ class TimeExperiment(Experiment):
         uneven: whether ``time`` is not a multiple of the rows' interval: outputs are then interpolated between rows.
     """
 
-    kind: ClassVar[str] = "time_series"
     sparse: ClassVar[bool] = False
 
     step: float

@@ -78,7 +78,6 @@ class TableExperiment(Experiment):
         latest: the latest answers, by parameters.
     """
 
-    kind: ClassVar[str] = "frequency_response"
     sparse: ClassVar[bool] = True
 
     frequency: Array

@@ -113,5 +113,5 @@ def at_end(trial: ScoredModel) -> list[str]:
 def log_evidence(trial: ScoredModel, best: ScoredModel) -> float:
     """-BIC/2 on the training data, with chi2 relative to the best model's where that is above 1."""
     count = counted(trial.fit.problem.training)
-    noise_floor = max(1.0, best.fit.chi2)
-    return -0.5 * (trial.fit.chi2 * count / noise_floor + trial.size * math.log(max(count, 2)))
+    floor = max(1.0, best.fit.chi2)
+    return -0.5 * (trial.fit.chi2 * count / floor + trial.size * math.log(max(count, 2)))

@@ -109,22 +109,22 @@ def study(
     return whole if accounts_for_mismatch(whole.recordings, refit, chosen) else _unnamed(fitter, whole, progress)
 
 
-def _unnamed(fitter: CandidateFitter, study: Study, progress: Progress | None) -> Study:
+def _unnamed(fitter: CandidateFitter, done: Study, progress: Progress | None) -> Study:
     """The study with a nonparametric law where no effect of the catalogue accounts for the mismatch.
 
     Where the mismatch is small, nothing is missing, and the refit is chosen.
     """
-    refit = study.refit
+    refit = done.refit
     if not unexplained(refit, noise_floor(refit)):
-        return study
+        return done
     if not missing(refit):
-        return replace(study, chosen=refit)
-    curves = [(c,) for c in laws(replace(study, chosen=refit))]
+        return replace(done, chosen=refit)
+    curves = [(c,) for c in laws(replace(done, chosen=refit))]
     found, _ = _try_all(fitter, curves, refit.fit, progress)
-    found = [t for t in sorted(found, key=lambda t: t.merit) if worth_adding(t, study.chosen)]
+    found = [t for t in sorted(found, key=lambda t: t.merit) if worth_adding(t, done.chosen)]
     if not found:
-        return study
-    return replace(study, chosen=min(fitter.polish(found[0]), found[0], key=lambda t: t.hold_out))
+        return done
+    return replace(done, chosen=min(fitter.polish(found[0]), found[0], key=lambda t: t.hold_out))
 
 
 def exchanged(
@@ -179,29 +179,29 @@ def _second(
     first. Where none of them reaches the floor, a second effect is sought beside the best, and beside the one that the
     fitted recordings ask for most.
     """
-    pairs: list[ScoredModel] = []
+    tried: list[ScoredModel] = []
     if not fitter.tables:
         together = promising(fitter, refit, [t.effects[0] for t in singles], PAIRS.together)
-        pairs = _try_all(fitter, together, refit.fit, progress)[0]
-        pairs.sort(key=lambda t: (t.merit, t.size))
-    if not (pairs and _settled(refit, pairs[0])):
+        tried = _try_all(fitter, together, refit.fit, progress)[0]
+        tried.sort(key=lambda t: (t.merit, t.size))
+    if not (tried and _settled(refit, tried[0])):
         for k, leader in enumerate(_leaders(fitter, chosen, singles)):
             others = singles if k == 0 else singles[: PAIRS.seconds]
-            pairs += _beside(fitter, leader, leader.effects[0], others, pairs, progress)
-    pairs.sort(key=lambda t: (t.merit, t.size))
+            tried += _beside(fitter, leader, leader.effects[0], others, tried, progress)
+    tried.sort(key=lambda t: (t.merit, t.size))
     left = chosen.hold_out - noise_floor(chosen)
-    if not pairs or not (worth_adding(pairs[0], chosen) or chosen.hold_out - pairs[0].hold_out > PAIRS.swaps * left):
-        return chosen, pairs
+    if not tried or not (worth_adding(tried[0], chosen) or chosen.hold_out - tried[0].hold_out > PAIRS.swaps * left):
+        return chosen, tried
     for _ in range(PAIRS.rounds):
-        best, nearest = pairs[0], min(pairs, key=lambda t: t.fit.cost)
+        best, nearest = tried[0], min(tried, key=lambda t: t.fit.cost)
         for pair in [best] if best is nearest or _settled(refit, best) else [best, nearest]:
-            pairs += _around(fitter, refit, pair, singles, pairs, progress)
-        pairs.sort(key=lambda t: (t.merit, t.size))
-        if not worth_adding(pairs[0], chosen):
-            return chosen, pairs
-        if pairs[0] is best:
+            tried += _around(fitter, refit, pair, singles, tried, progress)
+        tried.sort(key=lambda t: (t.merit, t.size))
+        if not worth_adding(tried[0], chosen):
+            return chosen, tried
+        if tried[0] is best:
             break
-    best = choose(chosen, pairs)
+    best = choose(chosen, tried)
     # One of the two may only have helped the other out of a local optimum.
     alone: list[ScoredModel] = []
     for effect in best.effects if len(best.effects) > 1 else ():
@@ -209,13 +209,13 @@ def _second(
             alone.append(fitter.reduced(best, effect))
     alone.sort(key=lambda t: t.merit)
     if not alone or worth_adding(best, alone[0]):
-        return best, [*alone, *pairs]
+        return best, [*alone, *tried]
     # Then it is the model's own parameters that were helped, and the other effects are fitted from there as well.
     known = alone[0].effects[0].key
     again = [(t.effects[0],) for t in singles[: PAIRS.seconds] if t.effects[0].key != known]
     alone += _try_all(fitter, again, alone[0].fit, progress)[0]
     alone.sort(key=lambda t: (t.merit, t.size))
-    return choose(refit, alone), [*alone, *pairs]
+    return choose(refit, alone), [*alone, *tried]
 
 
 def _settled(refit: ScoredModel, pair: ScoredModel) -> bool:
@@ -244,7 +244,7 @@ def _beside(
     singles: Sequence[ScoredModel],
     done: Sequence[ScoredModel],
     progress: Progress | None,
-    compute_finish: int = INSERTION.finished,
+    finish_at_most: int = INSERTION.finished,
 ) -> list[ScoredModel]:
     """One effect kept, every other one beside it."""
     known = {frozenset(c.key for c in t.effects) for t in done}
@@ -255,7 +255,7 @@ def _beside(
     wanted = [(begun, t.effects[0]) for t in others]
     if fitter.tables:
         wanted = [(begun, ended(t, t.effects[0])) for t in others[: PAIRS.seconds_at_tables]]
-    return _try_all(fitter, wanted, start.fit, progress, compute_finish)[0]
+    return _try_all(fitter, wanted, start.fit, progress, finish_at_most)[0]
 
 
 def _around(
@@ -287,7 +287,7 @@ def _try_all(
     combinations: Sequence[tuple[Candidate, ...]],
     start: Fit,
     progress: Progress | None,
-    compute_finish: int = INSERTION.finished,
+    finish_at_most: int = INSERTION.finished,
 ) -> tuple[list[ScoredModel], list[tuple[str, str]]]:
     partials: list[PartialFit] = []
     failures: list[tuple[str, str]] = []
@@ -308,8 +308,10 @@ def _try_all(
                 progress("trying effects", done, len(combinations))
         partials.sort(key=lambda partial: partial.point.cost)
         best = start.cost - partials[0].point.cost if partials else 0.0
-        promising = [d for d in partials[:compute_finish] if start.cost - d.point.cost > INSERTION.promising * best]
-        left = [INSERTION.most_steps if k < len(promising) else 0 for k in range(len(partials))]
+        worth_finishing = [
+            d for d in partials[:finish_at_most] if start.cost - d.point.cost > INSERTION.promising * best
+        ]
+        left = [INSERTION.most_steps if k < len(worth_finishing) else 0 for k in range(len(partials))]
         trials = []
         tasks = zip(partials, left, strict=True)
         for done, trial in enumerate(pool.map(lambda task: fitter.finish(*task), tasks), 1):

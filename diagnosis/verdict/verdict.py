@@ -155,7 +155,7 @@ def _spoilt(study: Study, found: Sequence[Remark]) -> bool:
 
 
 def _finding(
-    study: Study, k: int, status: str, explained: float, intervals: dict[str, Any], rivals: Sequence[ScoredModel]
+    study: Study, k: int, status: str, share: float, intervals: dict[str, Any], others: Sequence[ScoredModel]
 ) -> dict[str, Any]:
     chosen = study.chosen
     effect = chosen.effects[k]
@@ -179,13 +179,13 @@ def _finding(
         "effect": name,
         "place": effect.place,
         "block": effect.block,
-        "indistinguishable_from": [t.label for t in rivals],
+        "indistinguishable_from": [t.label for t in others],
         "conditional_on": _conditional(study.chosen.fit, effect.name),
         "when": when,
         "frequency": frequency,
-        "sentence": finding_sentence(effect.effect, effect.place, status, explained, study, rivals),
-        "explained": explained,
-        "remaining": 1 - explained,
+        "sentence": finding_sentence(effect.effect, effect.place, status, share, study, others),
+        "explained": share,
+        "remaining": 1 - share,
         "parameters": parameters,
     }
 

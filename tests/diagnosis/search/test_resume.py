@@ -48,7 +48,7 @@ def started(folder: Any, workers: Any, output: Any) -> Any:
     )
 
 
-def compute_finish(folder: Any, workers: Any, output: Any) -> tuple[Any, bytes]:
+def finished(folder: Any, workers: Any, output: Any) -> tuple[Any, bytes]:
     process = started(folder, workers, output)
     said, complaint = process.communicate(timeout=LONGEST)
     assert process.returncode == 0, complaint
@@ -82,14 +82,14 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Any:
 @pytest.fixture(scope="module")
 def calm(bench: Any) -> Any:
     """What a command that nothing disturbs writes."""
-    return compute_finish(bench, 2, "calm")[1]
+    return finished(bench, 2, "calm")[1]
 
 
 def resumed(bench: Any, calm: Any, output: Any, workers: Any) -> None:
     assert not (bench / output / "diagnosis.json").exists()
     for path in (bench / output / PROGRESS).glob("[!.]*.json"):
         assert {"x", "cost"} <= set(json.loads(path.read_text())["value"])
-    assert compute_finish(bench, workers, output)[1] == calm
+    assert finished(bench, workers, output)[1] == calm
 
 
 def test_interrupted_it_says_so_and_goes_on(bench: Any, calm: Any) -> None:
@@ -118,7 +118,7 @@ def test_killed_it_goes_on(bench: Any, calm: Any, workers: int) -> None:
 
 @pytest.mark.slow
 def test_one_thread_comes_to_the_same_bytes(bench: Any, calm: Any) -> None:
-    assert compute_finish(bench, 1, "alone")[1] == calm
+    assert finished(bench, 1, "alone")[1] == calm
 
 
 class Counted(dict[str, Any]):
