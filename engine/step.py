@@ -109,3 +109,8 @@ def internal_step(
     if stop is not None and spectra:
         found = min(found, lasting_step(spectra[0][0], stop))
     return found
+
+
+def following_step(model: Model, p: Vector, x: Vector, stop: float, u: Vector | None = None) -> float:
+    """The longest step (s) that follows every lightly damped mode to the end of a run; infinite if there is none."""
+    return next((lasting_step(values, stop) for values, _ in _spectra(model, p, x, u)), np.inf)

@@ -16,7 +16,7 @@ from engine.errors import FlexarmError
 from engine.model import Model, Vector
 from engine.simulate import common_tick, rational
 from engine.start import start_values
-from engine.step import internal_step
+from engine.step import fastest, following_step, internal_step
 from fmu.coupling import Coupling
 from fmu.nominal import nominals
 from fmu.structure import Structure, structure
@@ -36,7 +36,8 @@ class Plan:
         structure: dependencies.
         tick: resolution of the instants (s), of which the grid and all clocks are whole multiples.
         hmax: longest integration step (s), chosen at the default parameters.
-        finer: share of the step that the fastest mode asks for, to which lightly damped modes bring it down.
+        rate: of the fastest mode (1/s), at the default parameters.
+        following: longest step (s) that follows every lightly damped mode to ``stop``, at the default parameters.
         coupling: what is known of inputs at cuts.
         typical: inputs and tables for which hmax is chosen.
         start: states at the start at the default parameters.
@@ -51,7 +52,8 @@ class Plan:
     structure: Structure
     tick: Fraction
     hmax: float
-    finer: float
+    rate: float
+    following: float
     coupling: Coupling
     typical: Vector
     start: Vector
@@ -122,7 +124,6 @@ def plan(
     if not settable:
         found = replace(found, exact=[False] * len(model.states))
     starts = {s.name: float(x) for s, x, exact in zip(model.states, start, found.exact, strict=True) if exact}
-    hmax = internal_step(model, p, start, step, stop, typical)
     return Plan(
         model=model,
         step=step,
@@ -131,8 +132,9 @@ def plan(
         variables=variables(model, starts, nominals(model, magnitudes or {}), coupling.starts()),
         structure=found,
         tick=tick,
-        hmax=hmax,
-        finer=hmax / internal_step(model, p, start, step, u=typical),
+        hmax=internal_step(model, p, start, step, stop, typical),
+        rate=fastest(model, p, start, typical).rate,
+        following=following_step(model, p, start, stop, typical),
         coupling=coupling,
         typical=typical,
         start=start,

@@ -18,7 +18,7 @@ from engine.model import Model
 from engine.simulate import Drive, simulate
 from engine.step import internal_step
 from fmu.nominal import FLOORS, SHARE
-from fmu.verify import reference, references, slave
+from fmu.verify import cosim, reference, references, slave
 from scenarios.load import load
 
 
@@ -35,6 +35,34 @@ def two_link(tmp_path_factory: pytest.TempPathFactory) -> tuple[Model, Path]:
     model = load("two-link-flexible").build()
     path = tmp_path_factory.mktemp("start") / "two.fmu"
     return model, fmu.export(model, path, platforms=["linux64"])
+
+
+UNDAMPED = """\
+schema: 1
+name: undamped
+blocks:
+  m: {type: Mass, mass: 1}
+  k: {type: TranslationalSpringDamper, stiffness: 39.47841760435743}
+  g: {type: TranslationalFixed}
+connect:
+  - [m.flange, k.a]
+  - [k.b, g.flange]
+initial: {m.flange.position: 1}
+"""
+
+
+@pytest.mark.parametrize("step", [0.1, 0.02], ids=["modes decide", "the grid decides"])
+@pytest.mark.parametrize("stiffer", [0.25, 4.0, 16.0])
+def test_a_tuned_oscillator_is_followed_to_the_end(step: float, stiffer: float, tmp_path: Path) -> None:
+    """x = cos(w t); the phase may be off by 1e-3 rad after 100 s, whatever the stiffness that an importer sets."""
+    (tmp_path / "a.yaml").write_text(UNDAMPED)
+    model = load(tmp_path / "a.yaml").build(outputs=["m.flange.position", "m.flange.speed"])
+    path = fmu.export(model, tmp_path / "a.fmu", platforms=["linux64"], step=step, stop=100.0)
+    rate = 2 * np.pi * np.sqrt(stiffer)
+    trace = cosim(path, 100.0, step, parameters={"k.stiffness": rate**2})
+    late = np.exp(1j * rate * trace.time[-1]) * (trace.values[-1, 0] + 1j * trace.values[-1, 1] / rate)
+    assert abs(np.angle(late)) < 1.05e-3
+    assert abs(abs(late) - 1) < 1e-3
 
 
 def test_poses_are_exact_starts_with_the_scenarios_own_values(two_link: tuple[Model, Path]) -> None:
