@@ -59,7 +59,9 @@ def diagnose(
     from flexarm.console.interrupt import heard
 
     console = Console(stderr=True)
-    bar = Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    # Where nobody looks, a bar leaves nothing but an empty line.
+    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     keep = output / PROGRESS if output is not None else None
     try:
         with heard() as check, bar:
