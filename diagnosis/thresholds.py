@@ -69,10 +69,22 @@ class Fitting:
         "first cases of the truth generator (09d7d5d)",
     )
     settled: float = number(
+        0.1,
+        "mean squared residuals",
+        "A fit has converged when a full step would gain less than this: the evidence would change by a twentieth.",
+        "evidence of one recorded value",
+    )
+    stalled: float = number(
         0.0001,
         "1",
         "Where no step gains anything, a fit has converged if it promised less than this share of the cost.",
         "first cases of the truth generator (09d7d5d)",
+    )
+    radius: float = number(
+        3.0,
+        "tolerances",
+        "Length of the first step at most: parameters are believed to be about this close.",
+        "prior of the tolerances",
     )
     alike: float = number(
         0.3,
@@ -247,86 +259,92 @@ class Intervals:
 
 
 @dataclass(frozen=True)
-class Insertion:
-    """How an effect that is put in is fitted."""
+class Evidence:
+    """How much recordings speak for a model, and when an effect is named."""
 
-    starts: int = number(
-        3,
-        "starting sizes",
-        "Starting sizes of an effect that are fitted.",
-        "suite 'catalogue' (544f6d4)",
+    fewest: int = number(
+        4,
+        "values",
+        "Fewest cosines in a band of frequency: the strength of noise is not known from less.",
+        "the whitening of residuals; ADR 17",
     )
-    apart: float = number(
+    chance: float = number(
         3.0,
-        "tolerances",
-        "Least distance between them: neighbours end in the same optimum.",
-        "suite 'catalogue' (544f6d4)",
+        "standard deviations",
+        "A band that shows less than this beyond the sensor's noise shows nothing.",
+        "the whitening of residuals; ADR 17",
     )
-    structures: int = number(
-        10,
-        "models",
-        "Values of a size that is only chosen, such as the order of a ripple, that are fitted.",
-        "ripples of suite 'catalogue' (785e5d6)",
-    )
-    settles: int = number(
-        24,
-        "steps",
-        "Steps of those fits: which value is right shows late.",
-        "ripples of suite 'catalogue' (785e5d6)",
-    )
-    glance: float = number(
-        0.4,
-        "1",
-        "Share of the training recordings on which starting sizes are compared.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    first_steps: int = number(
-        6,
-        "steps",
-        "Steps from each of the best starts.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    most_steps: int = number(
-        25,
-        "steps",
-        "Steps from the best of all.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    polishing_steps: int = number(
-        150,
-        "steps",
-        "Steps of the chosen model's last fit.",
-        "resumed studies (75626be)",
-    )
-    finer: tuple[float, ...] = number(
-        (0.5, 0.25, 0.125, 0.0625, 0.03125),
-        "samples",
-        "Distances at which a size that is only chosen, a delay, is looked for next to the best.",
-        "delays of suite 'core' (ad31092)",
-    )
-    orders: int = number(
-        5,
-        "orders",
-        "Orders of a wave that are fitted from the linear solution.",
-        "ripple and gravity of suite 'catalogue' (137926e)",
-    )
-    orders_beside: int = number(
-        3,
-        "orders",
-        "The same beside another effect.",
-        "ripple and gravity of suite 'catalogue' (137926e)",
-    )
-    solution: float = number(
+    stated: float = number(
         2.0,
-        "chi2",
-        "Up to this the linear solution is taken for the solution.",
-        "ripple and gravity of suite 'catalogue' (137926e)",
+        "noise power",
+        "A sensor's noise is at most this many times as strong as it was stated to be.",
+        "the noise of random rigs is wrong by up to 30 %",
     )
-    least_gain: float = number(
-        0.003,
+    share: float = number(
+        0.005,
         "1",
-        "Stop when a step reduces the cost by less than this fraction.",
-        "the rules drawn together on 100 cases (ea5630f)",
+        "What an effect must account for, as a share of all that its model explains: nuisances are that large.",
+        "nuisances of random rigs, 3 % of an effect or less",
+    )
+    rough: float = number(
+        0.05,
+        "1",
+        "The same where the model's fit has not converged: what such a fit leaves is not missing physics.",
+        "bouncing contacts of random rigs",
+    )
+    temperature: float = number(
+        1.0,
+        "1",
+        "Divides the evidence: no model of noise is exact, and claimed probabilities must be met.",
+        "reliability diagram of random rigs",
+    )
+    probability: float = number(
+        0.95,
+        "1",
+        "From this probability an effect is named, and rivals that hold the rest are not mentioned.",
+        "what users expect of 95 %",
+    )
+    most: float = number(
+        0.5,
+        "1",
+        "A name explains at least this share of the held-out mismatch.",
+        "more than half is most",
+    )
+
+
+@dataclass(frozen=True)
+class Search:
+    """How far the search goes; more of each costs time and finds no less."""
+
+    most: int = number(
+        3,
+        "effects",
+        "Effects that are sought together.",
+        "random rigs conceal up to three",
+    )
+    effort: float = number(
+        3.0,
+        "evidence",
+        "What a further effect could gain at most, beyond its price, for a search to be worth its time.",
+        "odds of twenty to one",
+    )
+    samples: int = number(
+        4000,
+        "samples",
+        "Samples of the fitted recordings on which effects are screened.",
+        "long recordings (2f0e384)",
+    )
+    factor: float = number(
+        3.0,
+        "1",
+        "An effect's course is taken to grow in proportion within this factor of a size that was simulated.",
+        "distance between starting sizes",
+    )
+    factor_of_two: float = number(
+        30.0,
+        "1",
+        "The same for two effects together, which hide each other.",
+        "suite 'pairs' (15b161c)",
     )
     farthest: float = number(
         3.0,
@@ -334,95 +352,11 @@ class Insertion:
         "A parameter moves at most this far in the linear solution.",
         "ripple and gravity of suite 'catalogue' (137926e)",
     )
-    finished: int = number(
-        15,
-        "effects",
-        "Effects that are fitted to the end.",
-        "suite 'pairs' (7f79900)",
-    )
-    promising: float = number(
-        0.2,
-        "1",
-        "They gained at least this share of what the best gained.",
-        "suite 'pairs' (7f79900)",
-    )
-    lines: int = number(
-        3,
-        "frequencies",
-        "Frequencies of what is left over that are tried as a vibration from outside.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-
-
-@dataclass(frozen=True)
-class Pairs:
-    """How a second effect is sought."""
-
-    exchanged: int = number(
-        6,
-        "effects",
-        "Effects that are fitted in the place of one half of a pair.",
-        "suite 'pairs' (7f79900)",
-    )
-    seconds: int = number(
-        12,
-        "effects",
-        "Effects that are tried beside a leader other than the first.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    leaders: int = number(
-        2,
-        "effects",
-        "Effects beside which a second one is sought.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    seconds_at_tables: int = number(
-        3,
-        "effects",
-        "The same for tables, which are costly to simulate for the few numbers they give.",
-        "tables of the SRV02 (3808432)",
-    )
-    leaders_at_tables: int = number(
-        1,
-        "effects",
-        "The same for tables.",
-        "tables of the SRV02 (3808432)",
-    )
-    together: int = number(
-        20,
-        "pairs",
-        "Pairs that are fitted because they look best together.",
-        "suite 'pairs' (7f79900)",
-    )
-    rounds: int = number(
-        2,
-        "rounds",
-        "How often halves of a pair are exchanged.",
-        "suite 'pairs' (7f79900)",
-    )
-    swaps: float = number(
-        0.2,
-        "1",
-        "Share of the held-out excess that the best pair must take away for its halves to be exchanged.",
-        "suite 'pairs' (1945846)",
-    )
-    factor: float = number(
-        30.0,
-        "1",
-        "A size is taken to be within this factor of the one that was simulated.",
-        "suite 'pairs' (15b161c)",
-    )
     sizes: int = number(
-        12,
+        6,
         "sizes",
-        "Sizes of an effect that are simulated.",
+        "Sizes of an effect, those that promise most alone, at which it is paired with others.",
         "suite 'pairs' (15b161c)",
-    )
-    samples: int = number(
-        4000,
-        "samples",
-        "Samples of the fitted recordings that are looked at.",
-        "long recordings (2f0e384)",
     )
     places: int = number(
         2,
@@ -430,174 +364,89 @@ class Pairs:
         "Places at which the pair of two effects is tried.",
         "suite 'pairs' (7f79900)",
     )
-    kept: int = number(
+    starts: int = number(
         2,
-        "pairs of sizes",
-        "Sizes from which a pair starts.",
-        "suite 'pairs' (7f79900)",
+        "starting sizes",
+        "Starting sizes of an effect that are fitted.",
+        "suite 'catalogue' (544f6d4)",
     )
-    nearly: float = number(
-        0.8,
+    fitted: int = number(
+        14,
+        "effects",
+        "Effects that are fitted beside a model, those that promise most.",
+        "random rigs",
+    )
+    fitted_beside: int = number(
+        8,
+        "effects",
+        "The same beside effects that are in already.",
+        "random rigs",
+    )
+    retries: int = number(
+        6,
+        "fits",
+        "Fits of the best model from points around where it ended, if it did not converge.",
+        "bouncing contacts of random rigs",
+    )
+    around: float = number(
+        0.3,
+        "tolerances",
+        "Distance of these points, in each direction.",
+        "bouncing contacts of random rigs",
+    )
+    first_steps: int = number(
+        6,
+        "steps",
+        "Steps from each of the best starts.",
+        "the rules drawn together on 100 cases (ea5630f)",
+    )
+    finished: int = number(
+        8,
+        "models",
+        "Models of one effect, and of two at once, that are fitted to the end.",
+        "random rigs",
+    )
+    finished_beside: int = number(
+        3,
+        "models",
+        "The same for a further effect beside a model.",
+        "random rigs",
+    )
+    promising: float = number(
+        0.1,
         "1",
-        "They gain at least this share of the best gain.",
-        "suite 'pairs' (7f79900)",
+        "They gain at least this share of what the best gains.",
+        "random rigs",
     )
-
-
-@dataclass(frozen=True)
-class Exchange:
-    """When a held-out recording is fitted too, because it alone shows a mismatch."""
-
-    blind: float = number(
-        5.0,
-        "floors",
-        "Held-out excess that calls for another recording to be fitted, where one effect brings the "
-        "fitted ones to the floor.",
-        "suite 'pairs' (1945846)",
+    most_steps: int = number(
+        100,
+        "steps",
+        "Steps of a fit to the end.",
+        "table of optimisers",
     )
-    unseen: float = number(
-        0.5,
-        "floors",
-        "The same where the fitted recordings are at the floor.",
-        "saturation of suite 'core' (5656bef)",
+    beam: int = number(
+        2,
+        "models",
+        "Models that are extended by a further effect.",
+        "random rigs",
+    )
+    finer: tuple[float, ...] = number(
+        (0.5, 0.25, 0.125, 0.0625, 0.03125),
+        "samples",
+        "Distances at which a size that is only chosen, a delay, is looked for next to the best.",
+        "delays of suite 'core' (ad31092)",
+    )
+    lines: int = number(
+        3,
+        "frequencies",
+        "Frequencies of what is left over that are tried as a vibration from outside.",
+        "the rules drawn together on 100 cases (ea5630f)",
     )
     part: float = number(
         0.5,
         "s",
         "Parts into which a recording is cut that alone shows a mismatch.",
         "pairs that hide each other (f8fedfc)",
-    )
-
-
-@dataclass(frozen=True)
-class Preference:
-    """When an effect pays, which of several is taken, and what is named."""
-
-    decisive: float = number(
-        10.0,
-        "cost",
-        "Twice the log likelihood ratio from which one change is preferred to another.",
-        "[Kass 1995]: very strong evidence",
-    )
-    near: float = number(
-        0.05,
-        "1",
-        "Models whose held-out errors differ by less than this share do equally well.",
-        "first cases of the truth generator (09d7d5d)",
-    )
-    richer: float = number(
-        0.02,
-        "1",
-        "A richer law that does better by more than this share is a rival of the simpler one.",
-        "friction of suite 'core' (5656bef)",
-    )
-    least: float = number(
-        0.25,
-        "floors",
-        "Excess that is worth explaining.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    far: float = number(
-        1.5,
-        "floors",
-        "Excess that is worth explaining where the fitted data are at the floor.",
-        "pairs that hide each other (f8fedfc)",
-    )
-    fitted: float = number(
-        0.1,
-        "floors",
-        "The same for fitted data, which more samples and free parameters bring closer to the floor.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    reached: float = number(
-        0.5,
-        "floors",
-        "Where the noise is known, a right law brings the held-out error this close to it.",
-        "pairs that hide each other (f8fedfc)",
-    )
-    left_over: float = number(
-        0.015,
-        "1",
-        "Or it leaves this share of the excess.",
-        "pairs that hide each other (f8fedfc)",
-    )
-    left_at_most: float = number(
-        2.0,
-        "floors",
-        "But at most this many floors.",
-        "pairs that hide each other (f8fedfc)",
-    )
-    uncertain: float = number(
-        0.25,
-        "1",
-        "Where the fitted data are at the floor, this share of the excess may be what the parameters are uncertain by.",
-        "pairs that hide each other (f8fedfc)",
-    )
-    uncertain_at_most: float = number(
-        5.0,
-        "floors",
-        "But at most this many floors.",
-        "pairs that hide each other (f8fedfc)",
-    )
-    unknown: float = number(
-        1.0,
-        "floors",
-        "Held-out excess beyond which something is missing even if no effect accounts for it.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    explains: float = number(
-        0.6,
-        "1",
-        "Share of the held-out excess that a name must account for.",
-        "first cases of the truth generator (09d7d5d)",
-    )
-    pays: float = number(
-        0.3,
-        "1",
-        "Share of the held-out excess that a first effect must take away.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    pays_again: float = number(
-        0.5,
-        "1",
-        "The same for a second effect.",
-        "the rules drawn together on 100 cases (ea5630f)",
-    )
-    bent: float = number(
-        5.0,
-        "tolerances",
-        "An effect that needs a parameter of the user's this far out, where the refit did not, is not named.",
-        "proof of 591 cases (8b7f4d1)",
-    )
-    relieves: float = number(
-        0.6,
-        "1",
-        "A single change relieves the tolerances if it leaves at most this share of the prior cost.",
-        "pairs that hide each other (f8fedfc)",
-    )
-    believed: float = number(
-        2.5,
-        "tolerances",
-        "Distance beyond which a fitted parameter is not believed.",
-        "first cases of the truth generator (09d7d5d)",
-    )
-    alike: float = number(
-        1.1,
-        "1",
-        "Ratio of held-out errors up to which a freed parameter is no worse.",
-        "pairs that hide each other (f8fedfc)",
-    )
-    costly: float = number(
-        3.0,
-        "1",
-        "Multiple of `decisive` by which a rival may cost more before it explains as much.",
-        "first cases of the truth generator (09d7d5d)",
-    )
-    at_end: float = number(
-        0.98,
-        "1",
-        "Share of its limit from which a size counts as at its limit.",
-        "proof of 591 cases (8b7f4d1)",
     )
 
 
@@ -637,7 +486,7 @@ class Recovery:
         "suite 'withheld' (b637a21)",
     )
     places: int = number(
-        3,
+        1,
         "places",
         "Places where a curve is tried.",
         "suite 'withheld' (b68ec5a)",
@@ -810,10 +659,8 @@ NOISE = Noise()
 FITTING = Fitting()
 TABLES = Tables()
 INTERVALS = Intervals()
-INSERTION = Insertion()
-PAIRS = Pairs()
-EXCHANGE = Exchange()
-PREFERENCE = Preference()
+EVIDENCE = Evidence()
+SEARCH = Search()
 RECOVERY = Recovery()
 WORDING = Wording()
 RECORDING_CHECKS = RecordingChecks()
@@ -824,10 +671,8 @@ GROUPS = (
     FITTING,
     TABLES,
     INTERVALS,
-    INSERTION,
-    PAIRS,
-    EXCHANGE,
-    PREFERENCE,
+    EVIDENCE,
+    SEARCH,
     RECOVERY,
     WORDING,
     RECORDING_CHECKS,

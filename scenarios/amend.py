@@ -10,7 +10,7 @@ import io
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +51,7 @@ class AtFlange:
 
 @dataclass(frozen=True)
 class Between:
-    """Cut a flange from its node and put a block between them: ``inner`` joins the flange, ``outer`` the rest."""
+    """Cut a node in two and put a block between: ``inner`` joins the target and those beside it, ``outer`` the rest."""
 
     name: str
     type: str
@@ -59,6 +59,7 @@ class Between:
     inner: str
     outer: str
     parameters: dict[str, Any] = field(default_factory=dict)
+    beside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,19 @@ class OnSensor:
     parameters: dict[str, Any] = field(default_factory=dict)
     entry: str = "in"
     exit: str = "out"
+
+
+@dataclass(frozen=True)
+class ReadAt:
+    """Read a signal that recordings measure elsewhere, such as on the other side of a connection that is cut.
+
+    Attributes:
+        name: of the signal.
+        target: the signal that is measured in its place.
+    """
+
+    name: str
+    target: str
 
 
 @dataclass(frozen=True)
@@ -103,7 +117,14 @@ class Replace:
     drop: tuple[str, ...] = ()
 
 
-Edit = InSignal | AtFlange | Between | OnSensor | Feed | Set | Replace
+Edit = InSignal | AtFlange | Between | OnSensor | ReadAt | Feed | Set | Replace
+
+
+def followed(edits: Sequence[Edit]) -> list[Edit]:
+    """The edits, those behind a sensor at the signal that is read in its place."""
+    moved = {edit.name: edit.target for edit in edits if isinstance(edit, ReadAt)}
+    behind = [e if not isinstance(e, OnSensor) else replace(e, target=moved.get(e.target, e.target)) for e in edits]
+    return [*(e for e in behind if isinstance(e, ReadAt)), *(e for e in behind if not isinstance(e, ReadAt))]
 
 
 def amended(
@@ -125,7 +146,7 @@ def amended(
     """
 
     def change(document: Any) -> None:
-        for edit in edits:
+        for edit in followed(edits):
             _apply(document, edit, resolve)
             name = edit.name
             note = (notes or {}).get(name)
@@ -263,6 +284,9 @@ def _node(document: Any, end: str, resolve: Callable[[str], str]) -> tuple[Any, 
 
 def _apply(document: Any, edit: Edit, resolve: Callable[[str], str]) -> None:
     blocks = document["blocks"]
+    if isinstance(edit, ReadAt):
+        _rename(document, edit.name, edit.target, ("measurements", "response"), "")
+        return
     if isinstance(edit, Set | Replace):
         if edit.name not in blocks:
             raise FlexarmError(f"the scenario has no block '{edit.name}' of its own")
@@ -303,7 +327,9 @@ def _apply(document: Any, edit: Edit, resolve: Callable[[str], str]) -> None:
         if node is None or len(node) < 2:
             raise FlexarmError(f"nothing is connected to '{edit.target}'")
         node[place] = f"{edit.name}.{edit.outer}"
-        connect.append(_flow([edit.target, f"{edit.name}.{edit.inner}"]))
+        for name in [str(end) for end in node if resolve(str(end)) in edit.beside]:
+            node.remove(name)
+        connect.append(_flow([edit.target, *edit.beside, f"{edit.name}.{edit.inner}"]))
     else:
         connect.append(_flow([edit.target, f"{edit.name}.{edit.entry}"]))
         _rename(document, edit.target, f"{edit.name}.{edit.exit}", ("measurements", "response"), "")

@@ -12,7 +12,7 @@ from blocks.registry import find
 from engine.block import Block
 from engine.errors import FlexarmError
 from engine.system import Connection, System
-from scenarios.amend import AtFlange, Between, Edit, Feed, InSignal, OnSensor, Replace, Set
+from scenarios.amend import AtFlange, Between, Edit, Feed, InSignal, OnSensor, ReadAt, Replace, Set, followed
 from scenarios.load import Scenario
 
 
@@ -29,7 +29,7 @@ def edited(scenario: Scenario, edits: Sequence[Edit]) -> Scenario:
         connections=list(given.connections),
         shared={name: dict(keys) for name, keys in given.shared.items()},
     )
-    for edit in edits:
+    for edit in followed(edits):
         _apply(scenario, system, edit)
     return replace(scenario, system=system)
 
@@ -37,8 +37,10 @@ def edited(scenario: Scenario, edits: Sequence[Edit]) -> Scenario:
 def renamed(names: Iterable[str], edits: Sequence[Edit]) -> list[str]:
     """What inputs and signals are called after edits: those of a block that is put before or behind them."""
     found = list(names)
-    for edit in edits:
-        if isinstance(edit, InSignal):
+    for edit in followed(edits):
+        if isinstance(edit, ReadAt):
+            found = [edit.target if name == edit.name else name for name in found]
+        elif isinstance(edit, InSignal):
             found = [f"{edit.name}.{edit.entry}" if name == edit.target else name for name in found]
         elif isinstance(edit, OnSensor):
             found = [f"{edit.name}.{edit.exit}" if name == edit.target else name for name in found]
@@ -46,6 +48,8 @@ def renamed(names: Iterable[str], edits: Sequence[Edit]) -> list[str]:
 
 
 def _apply(scenario: Scenario, system: System, edit: Edit) -> None:
+    if isinstance(edit, ReadAt):
+        return
     if isinstance(edit, Set | Replace):
         if edit.name not in scenario.file.blocks:
             raise FlexarmError(f"the scenario has no block '{edit.name}' of its own")
@@ -68,8 +72,9 @@ def _apply(scenario: Scenario, system: System, edit: Edit) -> None:
             raise FlexarmError(f"nothing is connected to '{edit.target}'")
         outer = f"{edit.name}.{edit.outer}"
         ends = system.connections[node].ends
-        _rewire(system, node, tuple(outer if end == edit.target else end for end in ends))
-        _join(system, edit.target, f"{edit.name}.{edit.inner}")
+        rest = [outer if end == edit.target else end for end in ends if end not in edit.beside]
+        _rewire(system, node, tuple(rest))
+        _join(system, edit.target, *edit.beside, f"{edit.name}.{edit.inner}")
     elif isinstance(edit, InSignal):
         if node is not None:
             entry, ends = f"{edit.name}.{edit.entry}", system.connections[node].ends

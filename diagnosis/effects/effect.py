@@ -5,13 +5,22 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from diagnosis.estimation.parameters import FreeParameter
 from scenarios.amend import Edit
 
 NAME = "found"
 """First part of the name of every block that is put in."""
+
+SIZE_STEP = 0.3
+"""Change of the logarithm of a size per unit of its search variable."""
+
+ANY = math.log(10)
+"""Standard deviation of the logarithm of a size of which nothing is known: a factor of ten either way."""
+
+SMALL = 0.1
+"""Usual size of an effect, as a share of a size that would matter most."""
 
 Sizes = dict[str, float]
 
@@ -28,6 +37,8 @@ class EffectParameter:
         unit: of one that is only chosen.
         most: multiple of ``reference`` that it cannot exceed, if there is one: beyond it is another effect.
         like: another parameter that is about as large, which speaks for it where the recordings do not reach it.
+        usual: multiple of ``reference`` at which such parts usually are.
+        spread: standard deviation of its logarithm, or of a signed one about zero in multiples of ``reference``.
     """
 
     name: str
@@ -37,6 +48,8 @@ class EffectParameter:
     unit: str = "1"
     most: float | None = None
     like: str = ""
+    usual: float = SMALL
+    spread: float = ANY
 
 
 @dataclass(frozen=True)
@@ -67,9 +80,9 @@ class Candidate:
         starts: sizes to start from, the least effect first, so that no fit ends worse than without the effect.
         freed: for ``wrong_parameter``, the parameter that may leave its tolerance.
         finer: for sizes that are only chosen, further ones at a distance from the best, halved from time to time.
-        bold: starts that are fitted however bad they look: the model's own parameters have to make room for them.
         held: further parameters of the block, which are given and not fitted.
         wave: for a torque that is a wave, what its amplitude and phase are solved from.
+        option: which of several ways to put it in there, in words; models that differ in it alone are one model.
     """
 
     effect: str
@@ -81,9 +94,9 @@ class Candidate:
     starts: tuple[Sizes, ...] = ({},)
     freed: FreeParameter | None = None
     finer: Callable[[Sizes, float], Sequence[Sizes]] | None = None
-    bold: tuple[Sizes, ...] = ()
     held: tuple[str, ...] = ()
     wave: Wave | None = None
+    option: str = ""
 
     @property
     def key(self) -> str:
@@ -108,12 +121,17 @@ class Candidate:
             if parameter.signed:
                 end = parameter.most * parameter.reference if parameter.most else math.inf
                 scale = max(0.2 * abs(value), 0.02 * parameter.reference)
-                rows.append(FreeParameter(name, value, scale, False, -end, end, prior=False))
+                spread, centre = parameter.spread * parameter.reference / scale, -value / scale
+                rows.append(
+                    FreeParameter(name, value, scale, False, -end, end, prior=False, spread=spread, centre=centre)
+                )
             else:
                 largest = math.copysign(parameter.most * parameter.reference, value) if parameter.most else 1e6 * value
                 low, high = sorted((0.0, largest))
                 like = f"{self.name}.{parameter.like}" if parameter.like else ""
-                rows.append(FreeParameter(name, value, 0.3, True, low, high, prior=False, like=like))
+                step, usual = SIZE_STEP, math.copysign(parameter.usual * parameter.reference, value)
+                made = FreeParameter(name, value, step, True, low, high, prior=False, like=like)
+                rows.append(replace(made, spread=parameter.spread / step, centre=math.log(usual / value) / step))
         return rows
 
 

@@ -14,7 +14,7 @@ from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, Wa
 from diagnosis.effects.places import Place
 from engine.block import Block
 from engine.errors import FlexarmError, ParameterError, nearest
-from scenarios.amend import AtFlange, Between, Edit, InSignal, OnSensor
+from scenarios.amend import AtFlange, Between, Edit, InSignal, OnSensor, ReadAt
 
 
 def at_flange(
@@ -25,7 +25,6 @@ def at_flange(
     *parameters: EffectParameter,
     tidy: Callable[[Sizes], Sizes] = dict,
     wave: Wave | None = None,
-    bold: Sequence[Sizes] = (),
     **given: Any,
 ) -> Iterator[Candidate]:
     """A block attached to a shaft or slide by its first flange.
@@ -38,7 +37,6 @@ def at_flange(
         *parameters: those that are fitted.
         tidy: makes sizes that a fit may reach into sizes that the block takes.
         wave: for a torque that is a wave, what its amplitude and phase are solved from.
-        bold: starts that are fitted however bad they look.
         **given: further parameters and options of the block, which are not fitted.
 
     Raises:
@@ -52,7 +50,7 @@ def at_flange(
     def edits(sizes: Sizes) -> list[Edit]:
         return [AtFlange(made.name, made.type_name, place.target, port, made.texts(tidy(made.before(sizes))))]
 
-    yield made.candidate(place, effect, edits, parameters, starts, bold=bold, held=made.stays(), wave=wave)
+    yield made.candidate(place, effect, edits, parameters, starts, held=made.stays(), wave=wave)
 
 
 def in_joint(
@@ -61,7 +59,6 @@ def in_joint(
     type_name: str,
     starts: Sequence[Sizes],
     *parameters: EffectParameter,
-    bold: Sequence[Sizes] = (),
     held: tuple[str, ...] = (),
     **given: Any,
 ) -> Iterator[Candidate]:
@@ -73,7 +70,6 @@ def in_joint(
         type_name: type of the block, for a shaft that turns.
         starts: sizes to start from, the least effect first; see `Candidate`.
         *parameters: those that are fitted.
-        bold: starts that are fitted however bad they look.
         held: parameters of the block that keep their defaults and are not fitted.
         **given: further parameters and options of the block, which are not fitted.
 
@@ -86,9 +82,11 @@ def in_joint(
     inner, outer = made.flanges(2)
 
     def edits(sizes: Sizes) -> list[Edit]:
-        return [Between(made.name, made.type_name, place.target, inner, outer, made.texts(made.before(sizes)))]
+        texts = made.texts(made.before(sizes))
+        cut = Between(made.name, made.type_name, place.target, inner, outer, texts, place.beside)
+        return [cut, *(ReadAt(*change) for change in place.read_at)]
 
-    yield made.candidate(place, effect, edits, parameters, starts, bold=bold, held=(*held, *made.stays()))
+    yield made.candidate(place, effect, edits, parameters, starts, held=(*held, *made.stays()))
 
 
 def in_signal(
@@ -230,7 +228,6 @@ class _Inserted:
         edits: Callable[[Sizes], list[Edit]],
         parameters: Sequence[EffectParameter],
         starts: Sequence[Sizes],
-        bold: Sequence[Sizes] = (),
         held: tuple[str, ...] = (),
         wave: Wave | None = None,
     ) -> Candidate:
@@ -247,9 +244,9 @@ class _Inserted:
             edits,
             tuple(replace(p, name=self.there(p.name), like=self.there(p.like)) for p in parameters),
             renamed(starts),
-            bold=renamed(bold),
             held=held,
             wave=wave,
+            option=place.option,
         )
 
 

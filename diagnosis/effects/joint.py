@@ -21,8 +21,8 @@ def at_joint(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     for twist in shares(angle, *TWISTS):
         stiffness = torque / twist
         springs.append({"stiffness": stiffness, "damping": 0.1 * math.sqrt(stiffness * place.inertia)})
-    stiff = EffectParameter("stiffness", springs[3]["stiffness"])
-    loss = EffectParameter("damping", springs[3]["damping"])
+    stiff = EffectParameter("stiffness", springs[3]["stiffness"], usual=1.0)
+    loss = EffectParameter("damping", springs[3]["damping"], usual=1.0)
     yield from in_joint(place, "joint_flexibility", "SpringDamper", springs, stiff, loss)
     plays = [{"half_gap": gap, **s} for gap in shares(angle, *TWISTS[:-1]) for s in springs[1:5:2]]
     gap = EffectParameter("half_gap", angle)
@@ -30,11 +30,10 @@ def at_joint(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     cubic = [
         {"cubic_stiffness": share * s["stiffness"] ** 3 / torque**2, **s} for s in springs for share in (0.1, 10.0)
     ]
-    harder = EffectParameter("cubic_stiffness", stiff.reference**3 / torque**2)
-    # Soft ones move the user's own parameters far, and are no worse for that.
+    harder = EffectParameter("cubic_stiffness", stiff.reference**3 / torque**2, usual=1.0)
     soft = [{"cubic_stiffness": s["stiffness"] ** 3 / torque**2, **s} for s in springs[4:6]]
-    yield from in_joint(place, "hardening_spring", "HardeningSpring", cubic, stiff, harder, loss, bold=soft)
+    yield from in_joint(place, "hardening_spring", "HardeningSpring", [*cubic, *soft], stiff, harder, loss)
     loops = [{"yield_twist": 0.3 * torque / s["stiffness"], "residual_share": 0.5, **s} for s in springs[:-1]]
-    yields, stays = EffectParameter("yield_twist", angle), EffectParameter("residual_share", 0.5)
+    yields, stays = EffectParameter("yield_twist", angle), EffectParameter("residual_share", 0.5, usual=1.0)
     shape = ("sharpness", "unloading_share")
     yield from in_joint(place, "hysteresis", "BoucWenSpring", loops, stiff, yields, stays, loss, held=shape)

@@ -8,6 +8,9 @@ from dataclasses import replace
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import OperatingScales
 
+FACTOR = 1.0
+"""Standard deviation of the logarithm of the factor by which a parameter is wrong, or of its relative error."""
+
 
 def wrong_parameters(scales: OperatingScales) -> Iterator[Candidate]:
     """Each parameter with a tolerance, freed of it."""
@@ -17,5 +20,5 @@ def wrong_parameters(scales: OperatingScales) -> Iterator[Candidate]:
         block, _, key = f.name.rpartition(".")
         place = block or f.name
         factors = ({key: factor * f.start} for factor in scales.factors)
-        freed = replace(f, prior=False)
+        freed = replace(f, prior=False, spread=FACTOR / (f.scale if f.logarithmic else f.scale / abs(f.start)))
         yield Candidate("wrong_parameter", f.name, place, place, lambda values: [], starts=({}, *factors), freed=freed)

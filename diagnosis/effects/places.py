@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
-from engine.ports import TRANSLATIONAL
+from engine.ports import MOTION, TRANSLATIONAL
 from engine.system import System
 
 INPUT, SHAFT, JOINT, BLOCK, SENSOR = "input", "shaft", "joint", "block", "sensor"
 """Kinds of places: in front of a driven input; a shaft or slide, with all flanges that move in proportion; a connection
 that may be cut, with the drive on one side; a block of the scenario; behind a measured signal."""
+
+
+QUANTITIES = frozenset(name for names in MOTION.values() for name, _ in names[:3])
+"""What can be measured of the motion of a flange."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,9 @@ class Place:
         torque: size of the torques that act, at a shaft or joint.
         speed, angle: root mean square of the speed, and range of the angle.
         inertia: inertia felt there.
+        beside: of a joint of several flanges, those that stay with the target.
+        read_at: signals measured at the joint that are taken from its other side, each with what is read instead.
+        option: the same in words; several options share a name.
     """
 
     kind: str
@@ -45,6 +54,9 @@ class Place:
     speed: float = 1.0
     angle: float = 1.0
     inertia: float = 1.0
+    beside: tuple[str, ...] = ()
+    read_at: tuple[tuple[str, str], ...] = ()
+    option: str = ""
 
 
 def node(system: System, flange: str) -> tuple[str, ...]:
@@ -71,6 +83,39 @@ def can_be_cut(system: System, flange: str) -> bool:
     """Whether a flange hands on the motion of a drive to something that it is connected to."""
     block, port = system.split(flange)
     return port in system.blocks[block].cut_after and len(node(system, flange)) > 1
+
+
+def splits(system: System, flanges: Sequence[str]) -> Iterator[tuple[list[str], list[str]]]:
+    """Every way to cut a node in two, the drive's side first, and on each side first the flange that stands for it.
+
+    Args:
+        system: whose node it is.
+        flanges: the node's.
+    """
+    drives = [end for end in flanges if can_be_cut(system, end)]
+    first = (drives or list(flanges))[0]
+    others = [end for end in flanges if end != first]
+    for count in range(len(others)):
+        for beside in itertools.combinations(others, count):
+            yield [first, *beside], [end for end in others if end not in beside]
+
+
+def sides(measured: Sequence[str], inner: Sequence[str], outer: Sequence[str]) -> Iterator[tuple[tuple[str, str], ...]]:
+    """Every way to read what is measured at a cut node from one side or the other; as it is mapped first.
+
+    Args:
+        measured: signals.
+        inner: flanges of one side.
+        outer: flanges of the other.
+    """
+    choices = []
+    for signal in measured:
+        flange, _, quantity = signal.rpartition(".")
+        if quantity in QUANTITIES and flange in (*inner, *outer):
+            other = outer[0] if flange in inner else inner[0]
+            choices.append([None, (signal, f"{other}.{quantity}")])
+    for chosen in itertools.product(*choices):
+        yield tuple(change for change in chosen if change is not None)
 
 
 def groups(problem: Problem) -> dict[str, list[str]]:

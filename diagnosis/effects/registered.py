@@ -78,7 +78,7 @@ class RegisteredEffect:
             raise self._unusable(f"{where} its candidate is called '{candidate.effect}', not '{self.name}'")
         if not candidate.starts:
             raise self._unusable(f"{where} its candidate has no sizes to start from")
-        for start in (*candidate.starts, *candidate.bold):
+        for start in candidate.starts:
             for parameter in candidate.parameters:
                 if parameter.name not in start:
                     raise self._unusable(f"{where} a start of its candidate has no '{parameter.name}': {start}")

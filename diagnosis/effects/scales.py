@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,12 +20,13 @@ from diagnosis.effects.places import (
     SENSOR,
     SHAFT,
     Place,
-    can_be_cut,
     groups,
     imposing_effort,
     node,
     ratio,
+    sides,
     slides,
+    splits,
 )
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
@@ -152,11 +153,20 @@ class OperatingScales:
             yield self._flange(SHAFT, flange, flange, flange)
 
     def _joints(self) -> Iterator[Place]:
+        measured = [v.name for v in self.problem.model.outputs]
         for group, members in self.groups.items():
-            for cut in members:
-                if can_be_cut(self.system, cut):
-                    load = next(end for end in node(self.system, cut) if end != cut)
-                    yield self._flange(JOINT, group, cut, f"{cut} -> {load}")
+            seen: set[tuple[str, ...]] = set()
+            for member in members:
+                ends = tuple(end for end in node(self.system, member) if end in members)
+                if len(ends) < 2 or ends in seen:
+                    continue
+                seen.add(ends)
+                for inner, outer in splits(self.system, ends):
+                    place = self._flange(JOINT, group, inner[0], f"{inner[0]} -> {outer[0]}")
+                    for read_at in sides(measured, inner, outer):
+                        told = [f"with {' and '.join(inner[1:])} on the side of {inner[0]}"] if inner[1:] else []
+                        told += [f"with {old} read at {new.rpartition('.')[0]}" for old, new in read_at]
+                        yield replace(place, beside=tuple(inner[1:]), read_at=read_at, option=" and ".join(told))
 
     def _blocks(self) -> Iterator[Place]:
         for name in self.system.blocks:

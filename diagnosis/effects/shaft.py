@@ -10,7 +10,7 @@ from diagnosis.effects.insertion import at_flange
 from diagnosis.effects.places import Place
 from diagnosis.effects.scales import OperatingScales
 
-LEVELS = (1e-3, 5e-3, 0.03, 0.15, 0.5)
+LEVELS = (1e-4, 1e-3, 5e-3, 0.03, 0.15, 0.5)
 """Starting sizes of torques, as shares of the torques that act."""
 
 ORDERS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0)
@@ -59,7 +59,7 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         "Vibration",
         combinations(amplitude=[0.02 * torque], frequency=scales.lines or [3 * swing], phase=PHASES),
         EffectParameter("amplitude", torque),
-        EffectParameter("frequency", swing, signed=True),
+        EffectParameter("frequency", max([swing, *scales.lines]), signed=True),
         EffectParameter("phase", 1.0, signed=True),
     )
     swings = [
@@ -70,12 +70,14 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         place,
         "extra_mode",
         "Resonator",
-        combinations(inertia=shares(inertia, 1e-3, 0.03), frequency=swings, damping_ratio=[0.02]),
+        [
+            *combinations(inertia=shares(inertia, 1e-3, 0.03), frequency=swings, damping_ratio=[0.02]),
+            *combinations(inertia=[0.3 * inertia], frequency=swings[:2], damping_ratio=[0.02]),
+        ],
         # A heavier body hardly moves: a spring and a damper to the ground, which are other effects.
         EffectParameter("inertia", inertia, most=2.0),
-        EffectParameter("frequency", 100.0),
-        EffectParameter("damping_ratio", 0.02),
-        bold=combinations(inertia=[0.3 * inertia], frequency=swings[:2], damping_ratio=[0.02]),
+        EffectParameter("frequency", 100.0, usual=1.0),
+        EffectParameter("damping_ratio", 0.02, usual=1.0),
     )
     averaged = scales.rotates_fully(place.target)
     for turning in scales.turns(place):

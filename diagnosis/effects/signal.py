@@ -15,8 +15,14 @@ from scenarios.amend import Edit, InSignal, Set
 FEW = (1e-3, 5e-3, 0.02, 0.08, 0.2)
 """Starting sizes as shares of the largest value."""
 
-CORNERS = (1.0, 3.0, 10.0, 30.0)
+CORNERS = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Time constants of the lags that are tried, in samples."""
+
+POSITIONS, OTHERS = 0.05, 0.2
+"""Standard deviation of the logarithm of a sensor's gain: of encoders and scales, which count, and of all others."""
+
+UNEVEN = 0.2
+"""The same of an amplifier's gain in one direction."""
 
 
 def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
@@ -30,7 +36,7 @@ def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     offsets = combinations(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02))
     yield from in_signal(place, "offset", "Offset", offsets, EffectParameter("offset", size, signed=True))
     uneven = combinations(backward=(0.99, 1.01, 0.95, 1.05))
-    backward = EffectParameter("backward", 1.0)
+    backward = EffectParameter("backward", 1.0, usual=1.0, spread=UNEVEN)
     yield from in_signal(place, "uneven_gain", "UnevenGain", uneven, backward, held=False, forward=1.0)
     corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield from in_signal(place, "lag", "LowPass", corners, EffectParameter("corner_frequency", 1 / sample))
@@ -50,7 +56,7 @@ def _delay(place: Place, sample: float) -> Candidate:
         step = share * sample
         return [{"delay": w} for w in (best["delay"] - step, best["delay"] + step) if w > sample / 50]
 
-    waits = combinations(delay=shares(sample, 0.5, 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 14, 20))
+    waits = combinations(delay=shares(sample, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64))
     return Candidate(
         "delay",
         place.name,
@@ -86,10 +92,12 @@ def at_sensor(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         place, "sensor_bias", "Offset", combinations(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02)), offset
     )
     gains = combinations(gain=(1.01, 0.99, 1.05, 0.95))
-    yield from behind_sensor(place, "sensor_scale", "Gain", gains, EffectParameter("gain", 1.0), unit="1")
+    known = POSITIONS if place.unit in ("rad", "m") else OTHERS
+    gain = EffectParameter("gain", 1.0, usual=1.0, spread=known)
+    yield from behind_sensor(place, "sensor_scale", "Gain", gains, gain, unit="1")
     corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield from behind_sensor(place, "sensor_lag", "LowPass", corners, EffectParameter("corner_frequency", 1 / sample))
     if all(np.nanmin(m) > -0.05 * size for m in scales.measured(place.target)):
-        scale = EffectParameter("sensitivity", 1.0)
+        scale = EffectParameter("sensitivity", 1.0, usual=1.0, spread=OTHERS)
         same = combinations(sensitivity=(1.0,))
         yield from behind_sensor(place, "rectified_sensor", "RectifiedSensor", same, scale, unit="1")

@@ -64,7 +64,7 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         "BoucWenSpring",
         combinations(yield_twist=shares(twist, 3.0, 1.0, 0.2), residual_share=(0.95, 0.6)),
         EffectParameter("yield_twist", twist),
-        EffectParameter("residual_share", 0.5),
+        EffectParameter("residual_share", 0.5, usual=1.0),
     )
     centre = math.sqrt(stiffness / min(scales.inertia.values(), default=1.0))
     # What is faster than the recordings show need not be simulated.
@@ -73,7 +73,7 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         "structural_damping",
         "StructuralSpring",
         combinations(loss_factor=sorted({0.01, 0.05, min(max(damping * centre / stiffness, 1e-3), 0.3)})),
-        EffectParameter("loss_factor", 0.05),
+        EffectParameter("loss_factor", 0.05, usual=1.0),
         lowest_frequency=with_unit(centre / 300, "rad/s"),
         highest_frequency=with_unit(fastest, "rad/s"),
     )

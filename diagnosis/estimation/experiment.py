@@ -135,6 +135,18 @@ class Experiment(ABC):
             SimulationError: the run diverged.
         """
 
+    def components(self, rows: Array) -> Array:
+        """Rows (samples, columns) as independent values whose squares sum to the same: those of a table as they are."""
+        return rows
+
+    def bands(self, fewest: int) -> list[tuple[int, slice]]:
+        """Rows of `components` that share a strength of noise, by the number of their band.
+
+        Args:
+            fewest: rows in a band.
+        """
+        return [(0, slice(0, len(self.time)))]
+
     def squares(self, r: Array) -> Array:
         """Contribution of each residual to chi2, shape as ``r``; a robust one for held-out rows of a table."""
         return np.asarray(r**2)

@@ -1,4 +1,4 @@
-"""The optimiser: Levenberg-Marquardt with geodesic acceleration, over growing horizons and from several starts."""
+"""The optimiser: a trust region with geodesic acceleration, over growing horizons and from several starts."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from diagnosis.estimation.covariance import Flat, covariance
 from diagnosis.estimation.experiment import Experiment
@@ -103,13 +104,14 @@ def descend(
     *,
     only: Sequence[int] | None = None,
     iterations: int = 25,
-    promised_drop: float = 1e-3,
-    relative_drop: float = 1e-7,
+    relative_drop: float = 0.0,
 ) -> tuple[Array, float, bool]:
-    """Levenberg-Marquardt with geodesic acceleration from ``x``.
+    """Gauss-Newton steps within a trust region, with geodesic acceleration, from ``x``.
 
-    The acceleration follows the curved valleys that products of parameters make, where plain steps only zigzag
-    [Transtrum 2012].
+    A step is damped only where it would leave the region, a ball in units of the tolerances. So a direction of which
+    the recordings say nothing, such as all torques and inertias scaled together, is decided by the prior in one step,
+    however small the noise is [More 1978]. The acceleration follows the curved valleys that products of parameters
+    make, where plain steps only zigzag [Transtrum 2012].
 
     Args:
         problem: what to fit.
@@ -118,46 +120,99 @@ def descend(
         pool: threads.
         only: numbers of the search variables that may move; all if None.
         iterations: at most.
-        promised_drop: converged when a full step would reduce the cost by less than this.
         relative_drop: stop when a step reduces the cost by less than this fraction.
 
     Returns:
-        Search vector, cost, and whether it converged.
+        Search vector, cost, and whether it converged: a full step would gain no more than `FITTING.settled` of what
+        one recorded value contributes to the cost on average, or no step gains anything and it promises little.
     """
-    damping = 1e-3
     stack = _StackedResiduals(problem, experiments, pool, None if only is None else list(only))
     try:
         r, J = stack.linearised(x)
     except SimulationError:
         return x, math.inf, False
-    cost = float(r @ r)
+    cost, radius = float(r @ r), FITTING.radius
     for _ in range(iterations):
-        H, g = J.T @ J, J.T @ r
-        scale = np.diag(np.maximum(np.diag(H), 1e-9))
-        promised = float(g @ np.linalg.solve(H + 1e-9 * scale, g))
-        if promised < promised_drop:
+        local = _LocalModel(r, J, stack.stuck(x, J.T @ r))
+        full = local.step(math.inf)
+        promised = local.gain(full)
+        enough = FITTING.settled * max(cost / len(r), 1.0)
+        if promised < enough:
             return x, cost, True
         for _ in range(12):
-            A = H + damping * scale
-            step = np.clip(-np.linalg.solve(A, g), -3.0, 3.0)
-            bend = stack.acceleration(x, A, r, J, step)
+            step = local.step(radius)
+            bend = local.bent(stack.curvature(x, r, J, step))
             if np.linalg.norm(bend) < 0.75 * np.linalg.norm(step):
                 step = step + bend / 2
-            there = stack.residual(stack.moved(x, step))
+            moved = stack.moved(x, step)
+            there = stack.residual(moved)
             if float(there @ there) < cost:
                 break
-            damping *= 3
+            radius = 0.25 * min(radius, float(np.linalg.norm(step)))
         else:
-            return x, cost, promised < max(1.0, FITTING.settled * cost)
-        x, damping = stack.moved(x, step), max(damping / 5, 1e-9)
+            return x, cost, promised < max(1.0, FITTING.stalled * cost)
+        if cost - float(there @ there) > 0.5 * local.gain(step):
+            radius = max(radius, 2 * float(np.linalg.norm(step)))
+        x = moved
         try:
             r, J = stack.linearised(x)
         except SimulationError:
             return x, float(there @ there), False
         gain, cost = cost - float(r @ r), float(r @ r)
         if gain < relative_drop * cost:
-            return x, cost, promised < max(1.0, FITTING.settled * cost)
+            return x, cost, promised < max(1.0, FITTING.stalled * cost)
     return x, cost, False
+
+
+class _LocalModel:
+    """The linear model of a residual around a point: its steps within a trust region.
+
+    Args:
+        r: residual, shape (rows,).
+        J: its Jacobian, shape (rows, n).
+        stuck: numbers of the variables that stand at a bound and would leave it.
+    """
+
+    def __init__(self, r: Array, J: Array, stuck: Sequence[int]) -> None:
+        self.moves = np.setdiff1d(np.arange(J.shape[1]), stuck)
+        able = J[:, self.moves]
+        # Triangular factors, for squaring a Jacobian would lose what the prior says beside precise data.
+        upper = np.asarray(np.linalg.qr(np.column_stack([able, r]), mode="r"))
+        n = len(self.moves)
+        left, self.values, self.directions = np.linalg.svd(upper[:n, :n])
+        self.pull = left.T @ upper[:n, n]
+        self.gradient = J.T @ r
+        self.J, self.size = J, J.shape[1]
+
+    def step(self, radius: float) -> Array:
+        """The step that reduces the cost most within a distance, shape (n,)."""
+        least = 1e-12 * float(self.values.max(initial=0.0))
+
+        def along(damping: float) -> Array:
+            values = np.maximum(self.values, least or 1.0)
+            return np.asarray(-values * self.pull / (values**2 + damping))
+
+        found, damping = along(0.0), 0.0
+        if np.linalg.norm(found) > radius:
+            low, high = -30.0, math.log(max(float(np.linalg.norm(self.values * self.pull)) / radius, 1e-12))
+            damping = math.exp(brentq(lambda k: math.log(np.linalg.norm(along(math.exp(k))) / radius), low, high + 1))
+            found = along(damping)
+        self.damping = damping
+        whole = np.zeros(self.size)
+        whole[self.moves] = self.directions.T @ found
+        return np.asarray(whole)
+
+    def gain(self, step: Array) -> float:
+        """How much a step reduces the cost of the linear model."""
+        return float(-2 * self.gradient @ step - np.sum((self.J @ step) ** 2))
+
+    def bent(self, curvature: Array) -> Array:
+        """The geodesic acceleration that belongs to the last step, from the second derivative along it."""
+        pull = self.directions @ (self.J.T @ curvature)[self.moves]
+        whole = np.zeros(self.size)
+        floor = (1e-12 * float(self.values.max(initial=0.0))) ** 2
+        whole[self.moves] = -self.directions.T @ (pull / (np.maximum(self.values**2, floor or 1.0) + self.damping))
+        return np.asarray(whole)
 
 
 @dataclass(frozen=True)
@@ -169,13 +224,27 @@ class _StackedResiduals:
     pool: Threads
     only: list[int] | None
 
+    @property
+    def numbers(self) -> list[int]:
+        """Of the search variables that may move."""
+        return list(range(len(self.problem.free))) if self.only is None else self.only
+
     def moved(self, x: Array, step: Array) -> Array:
-        """The search vector after a step of the variables that may move."""
-        if self.only is None:
-            return x + step
+        """The search vector after a step of the variables that may move, kept within its bounds."""
         there = x.copy()
-        there[self.only] += step
+        for i, change in zip(self.numbers, step, strict=True):
+            low, high = self.problem.free[i].reach
+            there[i] = min(max(x[i] + change, low), high)
         return there
+
+    def stuck(self, x: Array, gradient: Array) -> list[int]:
+        """Which of the variables that may move stand at a bound that they would leave."""
+        found = []
+        for k, i in enumerate(self.numbers):
+            low, high = self.problem.free[i].reach
+            if (x[i] <= low and gradient[k] > 0) or (x[i] >= high and gradient[k] < 0):
+                found.append(k)
+        return found
 
     def residual(self, x: Array) -> Array:
         parts = list(self.pool.map(lambda e: self.problem.residual(x, e).ravel(), self.experiments))
@@ -188,12 +257,11 @@ class _StackedResiduals:
         r, J = np.concatenate([r for r, _ in parts]), np.vstack([J for _, J in parts])
         return r, J if self.only is None else J[:, self.only]
 
-    def acceleration(self, x: Array, A: Array, r: Array, J: Array, step: Array) -> Array:
-        """Second-order correction to a step, from one residual a tenth of the way along it."""
+    def curvature(self, x: Array, r: Array, J: Array, step: Array) -> Array:
+        """Second derivative of the residual along a step, from one residual a tenth of the way along it."""
         h = 0.1
         along = self.residual(self.moved(x, h * step))
-        second = 2 / h * ((along - r) / h - J @ step)
-        return np.asarray(-np.linalg.solve(A, J.T @ second))
+        return np.asarray(2 / h * ((along - r) / h - J @ step))
 
 
 def fit(

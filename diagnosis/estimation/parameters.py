@@ -1,7 +1,8 @@
 """The parameters that a fit may move, and what is known of them before: the prior.
 
-A parameter moves in units of its declared tolerance, on a logarithmic scale where its bounds keep it positive. The
-prior adds the square of that distance to the cost: the tolerance is prior knowledge.
+A parameter moves in units of its declared tolerance, on a logarithmic scale where its bounds keep it positive. One that
+may be absent, such as a loss, reaches zero: it moves linearly below its given value. The prior adds the square of that
+distance to the cost: the tolerance is prior knowledge. A size of an effect has a wide prior of its own.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ class FreeParameter:
         scale: change of the parameter per unit of the search variable: relative if ``logarithmic``, else in SI units.
         logarithmic: value = start * exp(scale * x) rather than start + scale * x.
         low, high: bounds (SI).
-        prior: whether distance from the start counts against the fit.
+        may_vanish: a logarithmic one that is linear below ``start``, so that it can reach zero.
+        prior: whether it is a parameter of the user's, with a tolerance.
+        spread: standard deviation of the prior, in units of the search variable.
+        centre: search variable at which the prior is centred.
         recording: for a starting value, the recording it belongs to.
         like: parameter whose magnitude is expected to be equal, such as the other end of an amplifier's range.
     """
@@ -40,25 +44,46 @@ class FreeParameter:
     logarithmic: bool
     low: float = -math.inf
     high: float = math.inf
+    may_vanish: bool = False
     prior: bool = True
+    spread: float = 1.0
+    centre: float = 0.0
     recording: str = ""
     like: str = ""
 
     def value(self, x: float) -> float:
         """The parameter at search variable ``x``, kept within its bounds."""
-        raw = self.start * math.exp(min(self.scale * x, 50.0)) if self.logarithmic else self.start + self.scale * x
+        if not self.logarithmic:
+            raw = self.start + self.scale * x
+        elif self.may_vanish and x < 0:
+            raw = self.start * (1 + self.scale * x)
+        else:
+            raw = self.start * math.exp(min(self.scale * x, 50.0))
         return min(max(raw, self.low), self.high)
 
     def slope(self, x: float) -> float:
         """Derivative of the parameter with respect to its search variable."""
-        value = self.value(x)
-        return self.scale * value if self.logarithmic else self.scale
+        if not self.logarithmic:
+            return self.scale
+        return self.scale * (self.start if self.may_vanish and x < 0 else self.value(x))
 
     def position(self, value: float) -> float:
         """The search variable at which the parameter has ``value``."""
-        if self.logarithmic:
-            return math.log(max(value / self.start, 1e-300)) / self.scale
-        return (value - self.start) / self.scale
+        if not self.logarithmic:
+            return (value - self.start) / self.scale
+        share = value / self.start
+        if self.may_vanish and share < 1:
+            return (share - 1) / self.scale
+        return math.log(max(share, 1e-300)) / self.scale
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """The least and the greatest search variable that stay within the bounds; infinite where there is none."""
+        ends = [
+            self.position(end) if math.isfinite(end) else math.copysign(math.inf, end) for end in (self.low, self.high)
+        ]
+        least, greatest = sorted(ends) if self.logarithmic and self.start < 0 else ends
+        return (least, greatest) if least <= 0 <= greatest else (min(least, 0.0), max(greatest, 0.0))
 
 
 def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[FreeParameter]:
@@ -71,7 +96,8 @@ def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[FreeP
             continue
         logarithmic = low >= 0 and parameter.value > 0
         scale = tolerance if logarithmic else tolerance * abs(parameter.value)
-        rows.append(FreeParameter(parameter.name, parameter.value, scale, logarithmic, low, high))
+        may_vanish = logarithmic and parameter.declared.ge == 0
+        rows.append(FreeParameter(parameter.name, parameter.value, scale, logarithmic, low, high, may_vanish))
     return rows
 
 
@@ -85,8 +111,8 @@ def prior(free: Sequence[FreeParameter], x: Array) -> tuple[Array, Array]:
     Returns:
         Shapes (rows,) and (rows, n).
     """
-    weights = np.array([1.0 if f.prior else 0.0 for f in free])
-    r, J = weights * x, np.diag(weights)
+    weights = np.array([1 / f.spread for f in free])
+    r, J = weights * (x - np.array([f.centre for f in free])), np.diag(weights)
     names = [f.name for f in free]
     for i, f in enumerate(free):
         if f.like in names:

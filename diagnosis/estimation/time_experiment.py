@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+import scipy.fft
 
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array, FreeParameter
@@ -176,6 +178,20 @@ class TimeExperiment(Experiment):
         even = np.linspace(self.time[0], self.time[-1], len(self.time))
         columns = [np.interp(even, self.time, column) for column in r.T]
         return np.column_stack(columns), float(even[1] - even[0])
+
+    def components(self, rows: Array) -> Array:
+        """Rows (samples, columns) as amplitudes of cosines, whose squares sum to the same [Ahmed 1974]."""
+        return np.asarray(scipy.fft.dct(self.evenly(rows)[0], axis=0, norm="ortho"))
+
+    def bands(self, fewest: int) -> list[tuple[int, slice]]:
+        """Bands of a third of an octave, numbered from 1 Hz; the lowest cosines are one band."""
+        n = len(self.time)
+        lowest = 1 / (2 * float(self.time[-1] - self.time[0]))  # Hz, of the first cosine
+        number = np.zeros(n, dtype=int)
+        number[1:] = np.floor(3 * np.log2(lowest * np.arange(1, n)))
+        number[: min(fewest + 1, n)] = number[min(fewest, n - 1)]
+        edges = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), n]
+        return [(int(number[a]), slice(a, b)) for a, b in itertools.pairwise(edges)]
 
     def lines(self, r: Array, most: int) -> dict[float, float]:
         """The frequencies (rad/s) of the ``most`` largest peaks of a residual's spectrum, with their power."""

@@ -42,12 +42,11 @@ class Order:
 
 @dataclass(frozen=True)
 class Task:
-    """A fit: of effects at their starting sizes from ``parent``'s parameters, or one begun elsewhere."""
+    """A fit: of effects at their starting sizes from some parents' parameters, or one begun elsewhere."""
 
     effects: tuple[Candidate, ...]
-    parent: dict[str, float]
+    parents: tuple[dict[str, float], ...]
     begun: dict[str, Any] | None = None
-    iterations: int = 0
 
 
 class DaskFitter(CandidateFitter):
@@ -69,13 +68,13 @@ class DaskFitter(CandidateFitter):
         """The same with other recordings."""
         return DaskFitter(self.scenario, recordings, self.spread, self.seed, self.store)
 
-    def compute_partial_fit(self, effects: tuple[Candidate, ...], parent: dict[str, float]) -> PartialFit:
+    def compute_partial_fit(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> PartialFit:
         """As of `CandidateFitter`, on a worker."""
-        return self._done(Task(effects, parent))
+        return self._done(Task(effects, tuple(parents)))
 
-    def compute_finish(self, partial: PartialFit, iterations: int) -> PartialFit:
+    def compute_finish(self, partial: PartialFit) -> PartialFit:
         """As of `CandidateFitter`, on a worker."""
-        return self._done(Task(partial.effects, {}, partial.row(), iterations))
+        return self._done(Task(partial.effects, (), partial.row()))
 
     def _done(self, task: Task) -> PartialFit:
         return self.restored(task.effects, self.spread.call(perform, (self.order, task)))
@@ -91,9 +90,9 @@ def perform(given: tuple[Order, Task]) -> dict[str, Any]:
     with threadpool_limits(1):
         fitter = _shop(order)
         if task.begun is None:
-            made = fitter.compute_partial_fit(task.effects, task.parent)
+            made = fitter.compute_partial_fit(task.effects, task.parents)
         else:
-            made = fitter.compute_finish(fitter.restored(task.effects, task.begun), task.iterations)
+            made = fitter.compute_finish(fitter.restored(task.effects, task.begun))
     return made.row()
 
 

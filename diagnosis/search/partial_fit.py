@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from diagnosis.effects.effect import Candidate, Sizes
-from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.least_squares import Fit
+from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.search.scored_model import ScoredModel
 
@@ -26,13 +27,13 @@ class StartingPoint:
     built: tuple[Sizes, ...]
 
 
-class PointSource(Protocol):
-    """Builds models with effects in them, and says where their fits may start."""
+class Builder(Protocol):
+    """Builds models with effects in them."""
 
-    def points(
-        self, effects: tuple[Candidate, ...], groups: Sequence[Sequence[Sizes]], parent: dict[str, float]
-    ) -> list[StartingPoint]:
-        """Starting sizes that share one model, each with its cost."""
+    def placed(
+        self, effects: tuple[Candidate, ...], group: Sequence[tuple[Sizes, ...]], parent: dict[str, float]
+    ) -> Iterator[tuple[Problem, Array, tuple[Sizes, ...]]]:
+        """Models with effects at sizes that share one model, and search vectors that keep the parent's values."""
         ...
 
 
@@ -64,4 +65,14 @@ def ended(trial: ScoredModel, effect: Candidate) -> Candidate:
 def ended_at(effect: Candidate, values: dict[str, float], sizes: Sizes) -> Candidate:
     """An effect, to start only from where a fit that began at some sizes has it."""
     there = {key: values.get(f"{effect.name}.{key}", value) for key, value in sizes.items()}
-    return replace(effect, starts=(there,), bold=())
+    return replace(effect, starts=(there,))
+
+
+def standing(made: Fit) -> dict[str, float]:
+    """Where a fit ended: every parameter, and every starting value by its recording and name."""
+    return {place_of(f): f.value(x) for f, x in zip(made.problem.free, made.x, strict=True)}
+
+
+def place_of(free: FreeParameter) -> str:
+    """What `standing` calls a parameter or a starting value."""
+    return f"{free.recording}: {free.name}" if free.recording else free.name

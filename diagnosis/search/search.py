@@ -1,9 +1,9 @@
-"""Choosing what is missing: each candidate put in, refitted with equal care, and judged on data it has not seen."""
+"""The search for what is missing: from the user's model, effects are added, exchanged and removed while it pays."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,44 +11,34 @@ import numpy as np
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
-from diagnosis.estimation.least_squares import Fit
 from diagnosis.recordings.types import Recorded
-from diagnosis.search.equivalent_effects import lookalike, same_laws
+from diagnosis.search.equivalent_effects import lookalikes
+from diagnosis.search.evidence import leftover
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
-from diagnosis.search.partial_fit import PartialFit, ended
-from diagnosis.search.preference import (
-    accounts_for_mismatch,
-    better,
-    choose,
-    equally_good,
-    missing,
-    noise_floor,
-    reaches_floor,
-    unexplained,
-    with_parameter_freed,
-    worth_adding,
-)
-from diagnosis.search.promising_pairs import promising
-from diagnosis.search.scored_model import ScoredModel, at_end
+from diagnosis.search.partial_fit import PartialFit, ended, standing
+from diagnosis.search.posterior import believed, complete, energy, misses, probabilities, value
+from diagnosis.search.scored_model import ScoredModel
+from diagnosis.search.screening import Origin, courses, together
 from diagnosis.search.study import Study
-from diagnosis.search.wrong_parameters import pairs, suspects
-from diagnosis.thresholds import EXCHANGE, INSERTION, PAIRS, PREFERENCE
+from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
 from engine.spread import Spread
 
 Progress = Callable[[str, int, int], None]
+Values = dict[str, float]
+LOG: list[tuple[str, float]] = []
 
 
 def study(
     fitter: CandidateFitter,
     *,
-    most: int = 2,
+    most: int = SEARCH.most,
     without: Sequence[str] = (),
     progress: Progress | None = None,
     told: Sequence[str] = (),
 ) -> Study:
-    """Refit, try every candidate, then pairs with the best, and keep what pays on held-out data.
+    """Refit the model, search for the effects that it lacks, and say how probable each is.
 
     Args:
         fitter: the user's model and the recordings, training and held-out, and where they are fitted.
@@ -59,263 +49,268 @@ def study(
     """
     if progress:
         progress("fitting the model's own parameters", 0, 1)
-    refit, notes = fitter.refit(), list(told)
-    swapped = None if notes else exchanged(fitter, refit)
-    if swapped:
-        fitter = fitter.again(swapped[0])
-        refit, notes = fitter.refit(), [swapped[1]]
+    refit = fitter.refit()
     base = fitter.base
     zero = np.zeros(len(base.free))
     before = (base.chi2(zero, base.training), base.chi2(zero, base.held_out))
     scales = operating_scales(base)
     scales.lines = lines(refit)
-    listed = candidates(scales, without)
-    trials, failures = _try_all(fitter, [(c,) for c in listed], refit.fit, progress)
-    trials.sort(key=lambda t: (t.merit, t.size))
-    chosen = choose(refit, trials)
-    if most > 1 and unexplained(chosen, noise_floor(chosen)):
-        suspected, found = suspects(fitter, listed, refit), list[ScoredModel]()
-        for start, beside in pairs(fitter, suspected, trials):
-            found += _try_all(fitter, beside, replace(start, cost=refit.fit.cost), progress)[0]
-        found.sort(key=lambda t: (t.merit, t.size))
-        chosen = with_parameter_freed(choose(chosen, found), found)
-        notes += [s.told() for s in suspected if s.candidate.key in {c.key for c in chosen.effects}]
-        trials += found
-    lead = min(trials, key=lambda t: t.fit.chi2, default=refit)
-    floor = noise_floor(lead)
-    blind = lead.hold_out - floor > EXCHANGE.blind * floor
-    if blind and not (notes or fitter.tables or reaches_floor(refit, chosen)):
-        left = min(PREFERENCE.left_over * (refit.fit.chi2 - floor) / floor, PREFERENCE.left_at_most)
-        swapped = exchanged(fitter, lead, max(PREFERENCE.fitted, left))
-        if swapped:
-            return study(fitter.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
-    if most > 1 and len(chosen.effects) <= 1 and unexplained(chosen, noise_floor(chosen)):
-        chosen, tried = _second(fitter, refit, chosen, [t for t in trials if len(t.effects) == 1], progress)
-        trials += tried
-    chosen = fitter.polish(chosen)
-    pair = lookalike(chosen, trials)
-    for made in (fitter.polish(t) for t in _try_all(fitter, [pair] if pair else [], refit.fit, progress)[0]):
-        trials.append(made)
-        simpler = made.size <= chosen.size and made.hold_out < chosen.hold_out and better(made, chosen)
-        if simpler or (at_end(chosen) and made in equally_good(chosen, [made], refit)):
-            chosen = made
-    twins = same_laws(chosen, listed)
-    alike = [{c.key for c in twin} for twin in twins]
-    trials = [t for t in trials if {c.key for c in t.effects} not in alike]
-    trials += [fitter.polish(t) for t in _try_all(fitter, twins, chosen.fit, progress)[0]]
-    whole = Study(
-        fitter.scenario, fitter.recordings, before, refit, tuple(trials), chosen, scales, tuple(failures), tuple(notes)
+    search = _Search(fitter, refit, candidates(scales, without), progress)
+    search.run(most)
+    best = search.best
+    swapped = None if told or fitter.tables else exchanged(fitter, best, search.price)
+    if swapped:
+        return study(fitter.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
+    models = believed(search.models, refit)
+    odds = probabilities(models, search.tried)
+    chosen = max(models, key=lambda m: odds[m.keys])
+    trials = sorted((m for m in search.models if m.effects), key=lambda m: (-odds.get(m.keys, 0.0), -search.worth(m)))
+    found = Study(
+        fitter.scenario,
+        fitter.recordings,
+        before,
+        refit,
+        tuple(trials),
+        chosen,
+        odds,
+        search.tried,
+        scales,
+        tuple(search.failures),
+        tuple(told),
     )
-    return whole if accounts_for_mismatch(whole.recordings, refit, chosen) else _unnamed(fitter, whole, progress)
+    return _beside_curves(search, found)
 
 
-def _unnamed(fitter: CandidateFitter, done: Study, progress: Progress | None) -> Study:
-    """The study with a nonparametric law where no effect of the catalogue accounts for the mismatch.
+class _Search:
+    """The models that were fitted so far, and the moves from one to the next.
 
-    Where the mismatch is small, nothing is missing, and the refit is chosen.
+    Args:
+        fitter: fits them.
+        refit: the user's model, fitted.
+        listed: effects at places.
+        progress: told what is done.
+    """
+
+    def __init__(
+        self, fitter: CandidateFitter, refit: ScoredModel, listed: Sequence[Candidate], progress: Progress | None
+    ) -> None:
+        self.fitter, self.refit, self.listed, self.progress = fitter, refit, list(listed), progress
+        self.tried = len(self.listed)
+        self.price = math.log(max(self.tried, 2))
+        self.failures: list[tuple[str, str]] = []
+        self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
+        self._done: set[tuple[str, ...]] = set()
+
+    @property
+    def models(self) -> list[ScoredModel]:
+        """All that were fitted to the end."""
+        return list(self._models.values())
+
+    @property
+    def best(self) -> ScoredModel:
+        """The believed model of greatest worth."""
+        return max(believed(self.models, self.refit), key=self.worth)
+
+    def worth(self, model: ScoredModel) -> float:
+        """Evidence less price."""
+        return value(model, self.tried)
+
+    def run(self, most: int) -> None:
+        """Add effects one by one, from the best few models, while even a perfect further effect would pay."""
+        for count in range(1, most + 1):
+            before = self._settled(self.best)
+            if before.room < self.price + SEARCH.effort or complete(before, self.refit):
+                return
+            if count > 1 and not before.effects and not misses(self.refit):
+                return
+            if count == 1:
+                # Where the refit hardly moved, it stands where the model was given.
+                given: list[Values] = [{}] if self.refit.strain > 1 else []
+                self.add((), [standing(self.refit.fit), *given], SEARCH.fitted, SEARCH.finished)
+            else:
+                self._deepen(count)
+            self._vary(self.best)
+            if count > 1 and self.worth(self.best) <= self.worth(before):
+                return
+
+    def _settled(self, model: ScoredModel) -> ScoredModel:
+        """A model whose fit has not converged, tried again from around where it ended."""
+        if model.fit.converged or not model.effects:
+            return model
+        self._keep(self.fitter.retried(model))
+        return self._models[model.keys]
+
+    def _deepen(self, count: int) -> None:
+        """Add an effect to each of the best models that have one less, and try two at once."""
+        if count == 2:
+            self._pairs()
+        for parent in self._parents(count - 1):
+            kept = tuple(ended(parent, c) for c in parent.effects)
+            self.add(kept, [standing(parent.fit)], SEARCH.fitted_beside, SEARCH.finished_beside)
+
+    def _parents(self, count: int) -> list[ScoredModel]:
+        """The models of a number of effects that are worth most and those that leave least, each with its own effects.
+
+        Beside another effect that is still missing, evidence alone prefers what acts at many frequencies.
+        """
+        able = [m for m in believed(self.models, self.refit) if len(m.effects) == count]
+        ranked = zip(sorted(able, key=self.worth, reverse=True), sorted(able, key=energy), strict=True)
+        found: dict[frozenset[str], ScoredModel] = {}
+        for pair in ranked:
+            for model in pair:
+                found.setdefault(frozenset(c.effect for c in model.effects), model)
+        return list(found.values())[: SEARCH.beam]
+
+    def _vary(self, model: ScoredModel) -> None:
+        """Take each effect of a model away, put others in its place, and put a known pair in the place of one."""
+        singles = sorted((m for m in self.models if len(m.effects) == 1), key=self.worth, reverse=True)
+        pairs = [c for c in lookalikes(model, singles) if len(c) <= SEARCH.most]
+        self._fit([(c, [standing(model.fit)]) for c in pairs], len(pairs))
+        if len(model.effects) < 2:
+            return
+        for effect in model.effects:
+            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            self._fit([(kept, [standing(model.fit)])], 1)
+            self.add(kept, [standing(model.fit)], SEARCH.fitted_beside, SEARCH.finished_beside)
+
+    def add(self, kept: tuple[Candidate, ...], parents: Sequence[Values], begin: int, finish: int) -> None:
+        """Put every other effect in beside some, and fit those that promise most.
+
+        Args:
+            kept: effects that stay, each at the one size that it starts from.
+            parents: parameters to begin from.
+            begin: number of models that are fitted.
+            finish: number of those that are fitted to the end.
+        """
+        origins = [o for values in parents if (o := self.fitter.origin(kept, values)) is not None]
+        names = {c.key for c in kept}
+        blocks = {c.name for c in kept}
+        able = [c for c in self.listed if c.key not in names and c.name not in blocks]
+        promised = self._screened(origins, able)
+        self._fit([((*kept, c), parents) for c in promised[:begin]], finish)
+
+    def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
+        """Effects, those that promise the lowest cost first."""
+
+        def one(effect: Candidate) -> float:
+            left = math.inf
+            for origin in origins:
+                found = courses(self.fitter, origin, effect)
+                left = min([left, *(origin.cost - course.gain for course in found)])
+            return left
+
+        with Spread(self.fitter.workers, threads=True) as pool:
+            promise = []
+            for done, left in enumerate(pool.map(one, able), 1):
+                promise.append(left)
+                if self.progress:
+                    self.progress("looking at effects", done, len(able))
+        order = sorted(range(len(able)), key=lambda k: promise[k])
+        if not LOG:
+            LOG.extend((able[k].key, promise[k]) for k in order)
+        found: dict[str, Candidate] = {}
+        for k in order:  # of several ways to put an effect in at a place, the one that promises most
+            if promise[k] < math.inf:
+                found.setdefault(able[k].key, able[k])
+        return list(found.values())
+
+    def _pairs(self) -> None:
+        """Two effects at once, where they promise most together."""
+        origin = self.fitter.origin((), standing(self.refit.fit))
+        if origin is None or self.fitter.tables:
+            return
+        found = [
+            course for c in self.listed if not c.freed for course in courses(self.fitter, origin, c)[: SEARCH.sizes]
+        ]
+        pairs = together(found, origin, SEARCH.fitted)
+        self._fit([(pair, [standing(self.refit.fit), {}]) for pair in pairs], SEARCH.finished_beside)
+
+    def _fit(self, wanted: Iterable[tuple[tuple[Candidate, ...], Sequence[Values]]], finish: int) -> None:
+        """Fit models a few steps, and those of the lowest cost to the end."""
+        tasks = []
+        for effects, parents in wanted:
+            mark = tuple(sorted(f"{c.key} {c.option} {c.starts}" for c in effects))
+            if mark not in self._done:
+                self._done.add(mark)
+                tasks.append((effects, parents))
+
+        def begin(task: tuple[tuple[Candidate, ...], Sequence[Values]]) -> PartialFit | tuple[str, str]:
+            try:
+                return self.fitter.partial_fit(*task)
+            except FlexarmError as error:
+                return task[0][-1].key, error.message
+
+        with Spread(self.fitter.workers, threads=True) as pool:
+            partials = []
+            for done, found in enumerate(pool.map(begin, tasks), 1):
+                if isinstance(found, PartialFit):
+                    partials.append(found)
+                else:
+                    self.failures.append(found)
+                if self.progress:
+                    self.progress("trying effects", done, len(tasks))
+            partials.sort(key=lambda partial: partial.point.cost)
+            gains = [self.refit.fit.cost - partial.point.cost for partial in partials]
+            able = [p for p, gain in zip(partials, gains, strict=True) if gain > SEARCH.promising * gains[0]]
+            for made in pool.map(self.fitter.finish, able[:finish]):
+                self._keep(made)
+
+    def _keep(self, made: ScoredModel) -> None:
+        known = self._models.get(made.keys)
+        if known is None or self.worth(made) > self.worth(known):
+            self._models[made.keys] = made
+
+
+def _beside_curves(search: _Search, done: Study) -> Study:
+    """The study with a nonparametric law chosen where one does better than every effect with a name.
+
+    It is looked for where the best model leaves so much that the curve's own heights could pay.
     """
     refit = done.refit
-    if not unexplained(refit, noise_floor(refit)):
+    if search.fitter.tables or complete(done.chosen, refit) or not misses(done.chosen):
         return done
-    if not missing(refit):
-        return replace(done, chosen=refit)
     curves = [(c,) for c in laws(replace(done, chosen=refit))]
-    found, _ = _try_all(fitter, curves, refit.fit, progress)
-    found = [t for t in sorted(found, key=lambda t: t.merit) if worth_adding(t, done.chosen)]
-    if not found:
-        return done
-    return replace(done, chosen=min(fitter.polish(found[0]), found[0], key=lambda t: t.hold_out))
+    search._fit([(c, [standing(refit.fit)]) for c in curves], len(curves))
+    models = believed(search.models, refit)
+    odds = probabilities(models, search.tried)
+    chosen = max(models, key=lambda m: odds[m.keys])
+    if any(c.effect == "unknown" for c in chosen.effects):
+        return replace(done, chosen=chosen, odds=odds)
+    return done
 
 
-def exchanged(
-    fitter: CandidateFitter, refit: ScoredModel, slack: float = PREFERENCE.fitted
-) -> tuple[list[Recorded], str] | None:
-    """The recordings with the worst held-out one moved to training, where only held-out data show a mismatch.
+def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tuple[list[Recorded], str] | None:
+    """The recordings with a held-out one moved to training, where only held-out data show a mismatch.
 
     An effect that no training recording excites cannot be fitted, such as an amplifier that saturates in the held-out
-    recordings alone. Where one recording alone shows it, it is fitted in part and judged in part.
+    recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it.
 
     Args:
         fitter: of the study.
-        refit: a model that explains the training recordings.
-        slack: share above the floor within which they count as explained.
+        model: the best one.
+        price: what a further effect costs.
     """
-    base, floor = fitter.base, noise_floor(refit)
-    held = base.held_out
-    if len(held) < 2 or refit.fit.chi2 - floor > slack * floor or refit.hold_out - floor < EXCHANGE.unseen * floor:
+    base, x, problem = fitter.base, model.fit.x, model.fit.problem
+    if len(base.held_out) < 2 or leftover(problem, x, problem.training).unexplained > price:
         return None
-    model = refit.fit.problem
-    errors = {e.name: model.chi2(refit.fit.x, [e]) for e in held}
-    worst = max(held, key=lambda e: errors[e.name])
-    told = f"'{worst.name}' shows a mismatch that the training recordings do not show: "
-    if any(error - floor > EXCHANGE.unseen * floor for name, error in errors.items() if name != worst.name):
-        moved = [replace(r, role="train") if r.name == worst.name else r for r in fitter.recordings]
+    shown = {e.name: leftover(problem, x, [e]).unexplained for e in problem.held_out}
+    worst = max(shown, key=lambda name: shown[name])
+    if shown[worst] < price + SEARCH.effort:
+        return None
+    told = f"'{worst}' shows a mismatch that the training recordings do not show: "
+    if any(left > price for name, left in shown.items() if name != worst):
+        moved = [replace(r, role="train") if r.name == worst else r for r in fitter.recordings]
         return moved, told + "it was fitted too, and the rest is held out"
-    rows = [r for r in fitter.recordings if r.name != worst.name]
-    parts = next(r for r in fitter.recordings if r.name == worst.name).split(EXCHANGE.part)
+    parts = next(r for r in fitter.recordings if r.name == worst).split(SEARCH.part)
     if parts is None:
         return None
-    return [*rows, *parts], told + f"of it, every other {EXCHANGE.part:g} s was fitted and the rest held out"
+    rows = [r for r in fitter.recordings if r.name != worst]
+    return [*rows, *parts], told + f"of it, every other {SEARCH.part:g} s was fitted and the rest held out"
 
 
 def lines(refit: ScoredModel) -> list[float]:
     """Frequencies (rad/s) that stand out in what the refitted model leaves over of the training recordings."""
     problem, found = refit.fit.problem, dict[float, float]()
     for e in problem.training:
-        found |= e.lines(problem.residual(refit.fit.x, e), INSERTION.lines)
-    return sorted(found, key=lambda w: -found[w])[: INSERTION.lines]
-
-
-def _second(
-    fitter: CandidateFitter,
-    refit: ScoredModel,
-    chosen: ScoredModel,
-    singles: Sequence[ScoredModel],
-    progress: Progress | None,
-) -> tuple[ScoredModel, list[ScoredModel]]:
-    """The best pair if it pays, and all pairs tried: what looks best together, what leads, then each half exchanged.
-
-    Two effects that are missing may hide each other, so that neither pays alone: all pairs are looked at together
-    first. Where none of them reaches the floor, a second effect is sought beside the best, and beside the one that the
-    fitted recordings ask for most.
-    """
-    tried: list[ScoredModel] = []
-    if not fitter.tables:
-        together = promising(fitter, refit, [t.effects[0] for t in singles], PAIRS.together)
-        tried = _try_all(fitter, together, refit.fit, progress)[0]
-        tried.sort(key=lambda t: (t.merit, t.size))
-    if not (tried and _settled(refit, tried[0])):
-        for k, leader in enumerate(_leaders(fitter, chosen, singles)):
-            others = singles if k == 0 else singles[: PAIRS.seconds]
-            tried += _beside(fitter, leader, leader.effects[0], others, tried, progress)
-    tried.sort(key=lambda t: (t.merit, t.size))
-    left = chosen.hold_out - noise_floor(chosen)
-    if not tried or not (worth_adding(tried[0], chosen) or chosen.hold_out - tried[0].hold_out > PAIRS.swaps * left):
-        return chosen, tried
-    for _ in range(PAIRS.rounds):
-        best, nearest = tried[0], min(tried, key=lambda t: t.fit.cost)
-        for pair in [best] if best is nearest or _settled(refit, best) else [best, nearest]:
-            tried += _around(fitter, refit, pair, singles, tried, progress)
-        tried.sort(key=lambda t: (t.merit, t.size))
-        if not worth_adding(tried[0], chosen):
-            return chosen, tried
-        if tried[0] is best:
-            break
-    best = choose(chosen, tried)
-    # One of the two may only have helped the other out of a local optimum.
-    alone: list[ScoredModel] = []
-    for effect in best.effects if len(best.effects) > 1 else ():
-        with contextlib.suppress(FlexarmError):
-            alone.append(fitter.reduced(best, effect))
-    alone.sort(key=lambda t: t.merit)
-    if not alone or worth_adding(best, alone[0]):
-        return best, [*alone, *tried]
-    # Then it is the model's own parameters that were helped, and the other effects are fitted from there as well.
-    known = alone[0].effects[0].key
-    again = [(t.effects[0],) for t in singles[: PAIRS.seconds] if t.effects[0].key != known]
-    alone += _try_all(fitter, again, alone[0].fit, progress)[0]
-    alone.sort(key=lambda t: (t.merit, t.size))
-    return choose(refit, alone), [*alone, *tried]
-
-
-def _settled(refit: ScoredModel, pair: ScoredModel) -> bool:
-    """Whether a pair leaves nothing to look for."""
-    return reaches_floor(refit, pair) and not unexplained(pair, noise_floor(pair))
-
-
-def _leaders(fitter: CandidateFitter, chosen: ScoredModel, singles: Sequence[ScoredModel]) -> list[ScoredModel]:
-    """The single effects beside which a second one is sought."""
-    leaders: list[ScoredModel] = []
-    wished = [*([chosen] if chosen.effects else []), *sorted(singles, key=lambda t: t.fit.cost)[:1], *singles]
-    for t in wished:
-        known = {c.effect for leader in leaders for c in leader.effects}
-        if (
-            len(leaders) < (PAIRS.leaders_at_tables if fitter.tables else PAIRS.leaders)
-            and t.effects[0].effect not in known
-        ):
-            leaders.append(t)
-    return leaders
-
-
-def _beside(
-    fitter: CandidateFitter,
-    start: ScoredModel,
-    kept: Candidate,
-    singles: Sequence[ScoredModel],
-    done: Sequence[ScoredModel],
-    progress: Progress | None,
-    finish_at_most: int = INSERTION.finished,
-) -> list[ScoredModel]:
-    """One effect kept, every other one beside it."""
-    known = {frozenset(c.key for c in t.effects) for t in done}
-    others = [t for t in singles if t.effects[0].effect != kept.effect and len(t.effects) == 1]
-    others = [t for t in others if frozenset((kept.key, t.effects[0].key)) not in known]
-    # It goes on from where it ended, so that no pair ends worse than what it began with.
-    begun = ended(start, kept) if kept in start.effects else kept
-    wanted = [(begun, t.effects[0]) for t in others]
-    if fitter.tables:
-        wanted = [(begun, ended(t, t.effects[0])) for t in others[: PAIRS.seconds_at_tables]]
-    return _try_all(fitter, wanted, start.fit, progress, finish_at_most)[0]
-
-
-def _around(
-    fitter: CandidateFitter,
-    refit: ScoredModel,
-    pair: ScoredModel,
-    singles: Sequence[ScoredModel],
-    done: Sequence[ScoredModel],
-    progress: Progress | None,
-) -> list[ScoredModel]:
-    """A pair with each half exchanged: for what acts at its place, for what does best alone, for itself elsewhere.
-
-    Beside another effect a wide law may be a narrow one, and alone other places may have looked poor.
-    """
-    found: list[ScoredModel] = []
-    # Pairs with a higher cost may sit in a local optimum, and are tried again from here.
-    known = [t for t in done if t.fit.cost <= pair.fit.cost]
-    begun = replace(pair, fit=replace(pair.fit, cost=refit.fit.cost))  # what they gain is counted from there
-    for kept, moved in (pair.effects, pair.effects[::-1]):
-        alike = [t for t in singles if moved.place == t.effects[0].place or moved.effect == t.effects[0].effect]
-        others = [*([] if fitter.tables else alike), *singles[: PAIRS.seconds]]
-        unlike = list({id(t): t for t in others}.values())
-        found += _beside(fitter, begun, kept, unlike, [*known, *found], progress, PAIRS.exchanged)
-    return found
-
-
-def _try_all(
-    fitter: CandidateFitter,
-    combinations: Sequence[tuple[Candidate, ...]],
-    start: Fit,
-    progress: Progress | None,
-    finish_at_most: int = INSERTION.finished,
-) -> tuple[list[ScoredModel], list[tuple[str, str]]]:
-    partials: list[PartialFit] = []
-    failures: list[tuple[str, str]] = []
-
-    def one(effects: tuple[Candidate, ...]) -> PartialFit | tuple[str, str]:
-        try:
-            return fitter.partial_fit(effects, start)
-        except FlexarmError as error:
-            return effects[-1].key, error.message
-
-    with Spread(fitter.workers, threads=True) as pool:
-        for done, found in enumerate(pool.map(one, combinations), 1):
-            if isinstance(found, PartialFit):
-                partials.append(found)
-            else:
-                failures.append(found)
-            if progress:
-                progress("trying effects", done, len(combinations))
-        partials.sort(key=lambda partial: partial.point.cost)
-        best = start.cost - partials[0].point.cost if partials else 0.0
-        worth_finishing = [
-            d for d in partials[:finish_at_most] if start.cost - d.point.cost > INSERTION.promising * best
-        ]
-        left = [INSERTION.most_steps if k < len(worth_finishing) else 0 for k in range(len(partials))]
-        trials = []
-        tasks = zip(partials, left, strict=True)
-        for done, trial in enumerate(pool.map(lambda task: fitter.finish(*task), tasks), 1):
-            trials.append(trial)
-            if progress:
-                progress("fitting the promising ones", done, len(partials))
-    return trials, failures
+        found |= e.lines(problem.residual(refit.fit.x, e), SEARCH.lines)
+    return sorted(found, key=lambda w: -found[w])[: SEARCH.lines]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from diagnosis.effects.scales import OperatingScales
 from diagnosis.recordings.types import Recorded
+from diagnosis.search.posterior import place_odds
 from diagnosis.search.scored_model import ScoredModel
 from scenarios.load import Scenario
 
@@ -19,9 +21,11 @@ class Study:
         recordings: of all roles.
         nominal: mean squared residual of the model as given, (train, hold-out).
         refit: the user's model with its parameters fitted.
-        trials: single effects, best first, and pairs that may be taken for the chosen one.
-        chosen: the best model found, of one or more effects, or the refit.
-        around: sizes at the places.
+        trials: models with effects that were fitted to the end, the most probable first.
+        chosen: the most probable model, of one or more effects, or the refit.
+        odds: how probable each believed model is, by its effects.
+        tried: number of effects at places.
+        scales: sizes at the places.
         failures: candidates that could not be built, with the reason.
         notes: what was done differently from what was asked, in sentences.
     """
@@ -32,6 +36,13 @@ class Study:
     refit: ScoredModel
     trials: tuple[ScoredModel, ...]
     chosen: ScoredModel
+    odds: Mapping[frozenset[str], float]
+    tried: int
     scales: OperatingScales
     failures: tuple[tuple[str, str], ...]
     notes: tuple[str, ...] = ()
+
+    @property
+    def place_odds(self) -> dict[str, float]:
+        """How probable it is that something acts at each place, the most probable first."""
+        return place_odds(self.trials, self.odds)

@@ -7,7 +7,6 @@ the wrong order. So both are solved for at once, by the tangents from a wave tha
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,30 +16,29 @@ import numpy as np
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
-from diagnosis.search.partial_fit import PointSource, StartingPoint
-from diagnosis.thresholds import INSERTION
+from diagnosis.search.partial_fit import Builder, StartingPoint
+from diagnosis.thresholds import SEARCH
 from engine.errors import SimulationError
 
 
-def solved(fitter: PointSource, effects: Sequence[Candidate], k: int, parent: dict[str, float]) -> list[StartingPoint]:
-    """A start at each order of a wave, the best first; costs are those of all training recordings.
+def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[str, float]) -> list[StartingPoint]:
+    """A start at each order of a wave, the best first.
 
     Args:
-        fitter: builds models.
+        builder: builds models.
         effects: what is put in, the others at the first of their sizes.
         k: which of them is the wave.
         parent: parameters to begin from.
     """
     wave = effects[k].wave
     assert wave is not None
-    groups = [[list(c.starts[:1])] for c in effects]
-    groups[k] = replace(effects[k], starts=wave.starts).structures()
     rows: list[StartingPoint] = []
-    for chosen in itertools.product(*groups):
-        for point in fitter.points(tuple(effects), chosen, parent):
-            x = _solution(point.problem, point.x, effects[k])
+    for group in replace(effects[k], starts=wave.starts).structures():
+        together = [tuple(sizes if i == k else c.starts[0] for i, c in enumerate(effects)) for sizes in group]
+        for made, there, sizes in builder.placed(tuple(effects), together, parent):
+            x = _solution(made, there, effects[k])
             if x is not None:
-                rows.append(replace(point, x=x, cost=_cost(point.problem, x)))
+                rows.append(StartingPoint(_cost(made, x), made, x, sizes, together[0]))
     return sorted(rows, key=lambda point: point.cost)
 
 
@@ -68,7 +66,7 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     J[:, mine] = 0.0  # a frequency has no slope where the amplitude is nothing
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     step = -np.linalg.lstsq(J / size, r, rcond=1e-9)[0] / size
-    there = x + np.clip(step, -INSERTION.farthest, INSERTION.farthest)
+    there = x + np.clip(step, -SEARCH.farthest, SEARCH.farthest)
     there[a] = amplitude.position(amplitude.value(x[a]) * math.hypot(1 + step[a], step[p]))
     there[p] = phase.position(phase.value(x[p]) + math.atan2(step[p], 1 + step[a]))
     return np.asarray(there)

@@ -15,7 +15,7 @@ from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment, over_time
 from diagnosis.frequency_response.table_experiment import tables
-from diagnosis.search.preference import NESTED
+from diagnosis.search.equivalent_effects import NESTED
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import NEXT_EXPERIMENT
 from diagnosis.verdict.table_report import choose_rows

@@ -14,9 +14,10 @@ import numpy as np
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.frequency_response.table_experiment import tables
-from diagnosis.search.scored_model import ScoredModel, log_evidence
+from diagnosis.search.posterior import value
+from diagnosis.search.scored_model import ScoredModel
 from diagnosis.verdict.table_report import draw
-from diagnosis.verdict.verdict import Diagnosis, fit_table, place_odds
+from diagnosis.verdict.verdict import Diagnosis, fit_table
 from engine.figures import save
 from engine.files import writing
 
@@ -152,7 +153,7 @@ def odds(diagnosis: Diagnosis, path: Path) -> Path:
     The odds alone would show one bar: beside the right place all others are soon beyond any scale.
     """
     study = diagnosis.study
-    shares = dict(list(place_odds(study).items())[:PLACES])
+    shares = dict(list(study.place_odds.items())[:PLACES])
     names = list(shares) or ["nowhere"]
     errors = [_best(diagnosis, place).hold_out for place in shares] or [study.refit.hold_out]
     reach = [max(e, 1e-3) for e in (*errors, study.refit.hold_out, 1.0) if math.isfinite(e)]
@@ -183,9 +184,9 @@ def odds(diagnosis: Diagnosis, path: Path) -> Path:
 
 def _best(diagnosis: Diagnosis, place: str) -> ScoredModel:
     """The trial from which the odds of a place come."""
-    trials = diagnosis.study.trials
-    there = [t for t in trials if t.effects[0].place == place and t.effects[0].effect != "wrong_parameter"]
-    return max(there, key=lambda trial: log_evidence(trial, trials[0]))
+    study = diagnosis.study
+    there = [t for t in study.trials if t.keys in study.odds and place in {c.place for c in t.effects}]
+    return max(there, key=lambda trial: value(trial, study.tried))
 
 
 def _judged(diagnosis: Diagnosis) -> str:

@@ -45,15 +45,16 @@ class Remark:
     refutable: bool = False
 
 
-def screen(problem: Problem) -> list[Remark]:
-    """Hold the nominal model against every recording over time, and remark on what no physics explains.
+def screen(problem: Problem, x: Array | None = None) -> list[Remark]:
+    """Hold a model against every recording over time, and remark on what no physics explains.
 
     Args:
-        problem: with the parameters as the user gave them.
+        problem: of the model.
+        x: search vector; absent: the parameters as the user gave them.
     """
     found: list[Remark] = []
     alike: dict[str, list[float]] = {}
-    zero = np.zeros(len(problem.free))
+    zero = np.zeros(len(problem.free)) if x is None else x
     for table in tables(problem.experiments):
         with contextlib.suppress(SimulationError):
             found += _level(table, problem.simulate(zero, table))

@@ -12,10 +12,10 @@ import numpy as np
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit, with_covariance
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.preference import accounts_for_mismatch, explained, missing, noise_floor, reaches_floor, rivals
-from diagnosis.search.scored_model import ScoredModel, log_evidence
+from diagnosis.search.posterior import credible, explained, floor, misses, probability, value
+from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
-from diagnosis.thresholds import INTERVALS
+from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH
 from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
 from diagnosis.verdict.wording import finding_sentence, nothing_sentence, traits, warnings_of
@@ -57,15 +57,14 @@ class Diagnosis:
         """The verdict as it stands in ``diagnosis.json``."""
         study = self.study
         best = study.chosen
-        evidence = {t.label: log_evidence(t, best) for t in (study.refit, *study.trials)}
         return {
             "verdict": self.verdict,
             "findings": list(self.findings),
-            "place_odds": place_odds(study),
+            "place_odds": study.place_odds,
             "rivals": [
                 {
                     "effects": [c.key for c in t.effects],
-                    "log_evidence": evidence.get(t.label, log_evidence(t, best)),
+                    "log_evidence": value(t, study.tried) - value(best, study.tried),
                     "hold_out_chi2": t.hold_out,
                     "parameters": t.added(),
                 }
@@ -80,22 +79,6 @@ class Diagnosis:
                 for t in study.trials
             ],
         }
-
-
-def place_odds(study: Study) -> dict[str, float]:
-    """Odds of each place: the evidence of its best candidate, shared out."""
-    best: dict[str, float] = {}
-    reference = study.trials[0] if study.trials else study.refit
-    for trial in study.trials:
-        effect = trial.effects[0]
-        if effect.effect != "wrong_parameter":
-            best[effect.place] = max(best.get(effect.place, -math.inf), log_evidence(trial, reference))
-    if not best:
-        return {}
-    top = max(best.values())
-    weights = {place: math.exp(max(value - top, -700.0)) for place, value in best.items()}
-    total = sum(weights.values())
-    return {place: weight / total for place, weight in sorted(weights.items(), key=lambda item: -item[1])}
 
 
 def fit_table(study: Study) -> dict[str, Any]:
@@ -116,46 +99,62 @@ def fit_table(study: Study) -> dict[str, Any]:
 
 def judge(study: Study, seed: int = 0) -> Diagnosis:
     """Turn a study into a verdict."""
+    if study.chosen.effects and explained(study.refit, study.chosen) < EVIDENCE.most and not misses(study.refit):
+        study = replace(study, chosen=study.refit)  # little is left over, and no effect is most of it
     chosen, refit = study.chosen, study.refit
-    made = with_covariance(chosen.fit, chosen.hold_out - noise_floor(chosen))
+    made = with_covariance(chosen.fit, chosen.hold_out - floor(chosen))
     found = screen(refit.fit.problem)
     warnings = (*study.notes, *(remark.text for remark in found), *warnings_of(study))
     if not chosen.effects:
-        status = "unknown" if missing(refit) else "none"
+        status = "unknown" if _missing(study) else "none"
         near = study.trials[0].effects[0] if status == "unknown" and study.trials else None
         force = recover(study, *place_of(near, study)) if near else None
         return Diagnosis(study, status, (_nothing(study, status, near),), (), None, warnings, made, force)
-    others = rivals(chosen, refit, study.trials)
+    models = [m for m in (refit, *study.trials) if m.keys in study.odds]
+    others = tuple(m for m in credible(models, study.odds) if m is not chosen)
     share = explained(refit, chosen)
     intervals = {i.name: i for i in made.intervals()}
     findings = []
     for k, effect in enumerate(chosen.effects):
-        against = [t for t in others if effect.key not in {c.key for c in t.effects}]
-        if (
-            effect.effect == "unknown"
-            or not accounts_for_mismatch(study.recordings, refit, chosen)
-            or _spoilt(study, found)
-        ):
+        odds = probability(effect.key, study.odds)
+        against = [t for t in others if effect.key not in t.keys]
+        if effect.effect == "unknown" or share < EVIDENCE.most or _spoilt(study, found):
             status = "unknown"
-        elif against:
+        elif odds < EVIDENCE.probability and against:
             status = "tie"
         else:
             status = "wrong_parameter" if effect.effect == "wrong_parameter" else "named"
-        findings.append(_finding(study, k, status, share, intervals, against))
+        findings.append(_finding(study, k, status, share, odds, intervals, against))
     weakest = min((f["status"] for f in findings), key=WEAKEST.index)
     proposal = propose([chosen, *others]) if others else None
     force = recover(study, *place_of(chosen.effects[0], study))
     return Diagnosis(study, weakest, tuple(findings), others, proposal, warnings, made, force)
 
 
+def _missing(study: Study) -> bool:
+    """Whether more than a further effect costs is unexplained, and held out more than the noise itself."""
+    refit = study.refit
+    worthwhile = refit.left.unexplained > math.log(max(study.tried, 2)) + SEARCH.effort
+    return worthwhile and misses(refit)
+
+
 def _spoilt(study: Study, found: Sequence[Remark]) -> bool:
-    """Whether a recording looks so wrong that no name is to be trusted, and the amended model does not refute that."""
-    refuted = reaches_floor(study.refit, study.chosen)
-    return any(r.grave and not (r.refutable and refuted) for r in found)
+    """Whether a recording looks so wrong that no name is to be trusted.
+
+    A shift in time, or the end of a sensor's range, that the amended model does not show is refuted by it.
+    """
+    again = screen(study.chosen.fit.problem, study.chosen.fit.x)
+    return any(r.grave and not r.refutable for r in found) or any(r.grave and r.refutable for r in again)
 
 
 def _finding(
-    study: Study, k: int, status: str, share: float, intervals: dict[str, Any], others: Sequence[ScoredModel]
+    study: Study,
+    k: int,
+    status: str,
+    share: float,
+    odds: float,
+    intervals: dict[str, Any],
+    others: Sequence[ScoredModel],
 ) -> dict[str, Any]:
     chosen = study.chosen
     effect = chosen.effects[k]
@@ -184,6 +183,7 @@ def _finding(
         "when": when,
         "frequency": frequency,
         "sentence": finding_sentence(effect.effect, effect.place, status, share, study, others),
+        "probability": odds,
         "explained": share,
         "remaining": 1 - share,
         "parameters": parameters,
@@ -215,6 +215,7 @@ def _nothing(study: Study, status: str, near: Candidate | None) -> dict[str, Any
         "when": when if status == "unknown" else "",
         "frequency": frequency if status == "unknown" else "",
         "sentence": nothing_sentence(study, status, near),
+        "probability": sum(share for keys, share in study.odds.items() if not keys),
         "explained": 0.0,
         "remaining": 1.0 if status == "unknown" else 0.0,
         "parameters": {},

@@ -9,10 +9,9 @@ import numpy as np
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.time_experiment import over_time
-from diagnosis.search.preference import accounts_for_mismatch, implausible
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
-from diagnosis.thresholds import PREFERENCE, WORDING
+from diagnosis.thresholds import EVIDENCE, WORDING
 from diagnosis.verdict.table_report import absorbed, remarks
 
 WORDS = {
@@ -74,14 +73,11 @@ def finding_sentence(
         return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}.{left}"
     if effect == "unknown":
         return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
-    if status == "unknown" and explained >= PREFERENCE.explains:
-        what = f"{what.capitalize()} at {place} would explain {explained:.0%}"
-        if accounts_for_mismatch(study.recordings, study.refit, study.chosen):
-            return f"{what}, but a recording looks wrong: see the warnings."
-        far = implausible(study.refit, study.chosen)
-        if far:
-            return f"{what}, but only with an implausible {', '.join(far)}: a similar effect is missing."
-        return f"{what}, but leaves more than noise ({after:.3g} times the floor): a similar effect is missing."
+    if status == "unknown" and explained >= EVIDENCE.most:
+        return (
+            f"{what.capitalize()} at {place} would explain {explained:.0%}, but a recording looks wrong: "
+            f"see the warnings."
+        )
     if status == "unknown":
         return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."
     return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."

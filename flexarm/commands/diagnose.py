@@ -105,7 +105,6 @@ def diagnose(
 def page(found: Diagnosis) -> str:
     """The verdict in plain sentences."""
     from diagnosis.estimation.least_squares import interval_in_words
-    from diagnosis.verdict.verdict import place_odds
     from flexarm.console.text import columns, number, plural
 
     study = found.study
@@ -133,7 +132,7 @@ def page(found: Diagnosis) -> str:
         rows.append([f"with {study.chosen.label}", number(study.chosen.fit.chi2), number(study.chosen.hold_out)])
     parts.append(columns(["model", "error, fitted data", "error, held out"], rows))
     parts.append("  (mean squared error over noise variance; 1 is the noise floor)")
-    odds = list(place_odds(study).items())[:3]
+    odds = list(study.place_odds.items())[:3]
     if study.chosen.effects and odds:
         parts.append("  places: " + ", ".join(f"{place} {value:.2g}" for place, value in odds))
     if found.proposal:

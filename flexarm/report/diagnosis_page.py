@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diagnosis.search.scored_model import log_evidence
-from diagnosis.verdict.verdict import fit_table, place_odds
+from diagnosis.search.posterior import value
+from diagnosis.verdict.verdict import fit_table
 from diagnosis.verdict.write import amended_text
 from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report.evidence import evidence_charts
@@ -45,7 +45,7 @@ def write_diagnosis(found: Diagnosis, path: Path, *, seed: int | None = None, co
 def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: str = "") -> str:
     """The report as HTML, for a folder from which it names files; other arguments as of `write_diagnosis`."""
     study = found.study
-    odds = place_odds(study)
+    odds = study.place_odds
     lit = _lit(found, odds)
     picture = diagram(study.scenario, lit)
     evidence = evidence_charts(found.evidence)
@@ -125,7 +125,7 @@ def _trials(found: Diagnosis, trials: Any) -> list[dict[str, Any]]:
             "label": t.label,
             "hold_out": t.hold_out,
             "chi2": t.fit.chi2,
-            "evidence": log_evidence(t, best) - log_evidence(best, best),
+            "evidence": value(t, found.study.tried) - value(best, found.study.tried),
             "size": t.size,
             "chosen": t.effects == best.effects,
         }

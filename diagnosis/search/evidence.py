@@ -1,0 +1,140 @@
+"""How much recordings speak for a model: one number, in which all models of a study are compared.
+
+What a model leaves over is taken for coloured noise of unknown strength. Each signal's residual is split by the cosine
+transform into bands of a third of an octave; in each, the noise is as strong as the model leaves it, and never weaker
+than the sensor's. So a model is credited for every independent piece of the mismatch that it explains, at the noise
+floor and far above it alike, and a mismatch that no model explains is no evidence against any of them. The logarithm of
+the likelihood of all recordings, those held out as well, less what the parameters cost (prior, and the share of the
+prior's volume that is left to them [Laplace]) is the evidence.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.thresholds import EVIDENCE
+from engine.errors import SimulationError
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What a model leaves over, by signal and band of frequency.
+
+    Attributes:
+        energy: sum of squared residuals, in variances of the sensors' noise, shape (bands,).
+        count: independent values in it, shape (bands,).
+        noise: strength of the noise that the sensors alone leave, shape (bands,).
+    """
+
+    energy: Array
+    count: Array
+    noise: Array
+
+    @property
+    def strength(self) -> Array:
+        """Mean square in each band, never below what the sensors' noise was stated to be."""
+        return np.maximum(self.energy / self.count, 1.0)
+
+    @property
+    def log_likelihood(self) -> float:
+        """Of the residual, with noise of this strength in each band."""
+        return float(-0.5 * np.sum(self.count * np.log(self.strength) + self.energy / self.strength))
+
+    @property
+    def unexplained(self) -> float:
+        """By how much the logarithm of the likelihood could still rise if only the sensors' noise were left."""
+        ratio = np.maximum(self.energy / self.count / self.noise, 1.0)
+        chance = 1 + EVIDENCE.chance * np.sqrt(2 / self.count)
+        return float(0.5 * np.sum(np.where(ratio > chance, self.count * np.log(ratio), 0.0)))
+
+
+def leftover(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> Leftover:
+    """What a model leaves over of experiments."""
+    signals = len(problem.model.outputs)
+    total: list[dict[int, tuple[float, float]]] = [{} for _ in range(signals)]
+    for e in experiments:
+        squares = e.components(problem.residual(x, e)) ** 2
+        recorded = np.isfinite(e.measured).mean(axis=0)
+        for band, rows in e.bands(EVIDENCE.fewest):
+            power = squares[rows].sum(axis=0)
+            for k in np.flatnonzero(recorded):
+                energy, count = total[k].get(band, (0.0, 0.0))
+                total[k][band] = (energy + float(power[k]), count + float(recorded[k]) * len(squares[rows]))
+    energies, counts, noises = [], [], []
+    for there in total:
+        sums, sizes = np.array([there[band] for band in sorted(there)]).reshape(-1, 2).T
+        energies.append(sums)
+        counts.append(sizes)
+        noises.append(np.full(len(sums), _noise(sums, sizes)))
+    return Leftover(*(np.concatenate(rows) for rows in (energies, counts, noises)))
+
+
+def _noise(energy: Array, count: Array) -> float:
+    """Strength of a sensor's noise: as stated, or a little more where the highest frequencies show more."""
+    upper = np.cumsum(count[::-1])[::-1] <= 0.6 * count.sum()
+    if not upper.any():
+        return 1.0
+    return min(max(1.0, float(np.median(energy[upper] / count[upper]))), EVIDENCE.stated)
+
+
+def information(problem: Problem, x: Array, left: Leftover) -> tuple[Array, Array]:
+    """What the training recordings and the prior know of the search vector: two matrices, shape (n, n) each.
+
+    Args:
+        problem: of a model.
+        x: search vector where its fit ended.
+        left: what the model leaves over of all recordings: each band weighs as its noise is strong.
+
+    Raises:
+        SimulationError: the run cannot be differentiated.
+    """
+    weights = problem.prior(x)[1]
+    own = weights.T @ weights
+    data = np.zeros_like(own)
+    strengths = _by_band(problem, left)
+    for e in problem.training:
+        _, J = problem.linearised(x, e)
+        slopes = J.reshape(len(e.measured), -1, len(x))
+        for k in range(slopes.shape[1]):
+            rows = e.components(slopes[:, k])
+            for band, part in e.bands(EVIDENCE.fewest):
+                strength = strengths.get((k, band))
+                if strength:
+                    data += rows[part].T @ rows[part] / strength
+    return data, own
+
+
+def _by_band(problem: Problem, left: Leftover) -> dict[tuple[int, int], float]:
+    found, place = dict[tuple[int, int], float](), 0
+    for k in range(len(problem.model.outputs)):
+        seen = sorted(
+            {b for e in problem.experiments if np.isfinite(e.measured[:, k]).any() for b, _ in e.bands(EVIDENCE.fewest)}
+        )
+        for band in seen:
+            found[k, band] = float(left.strength[place])
+            place += 1
+    return found
+
+
+def evidence(problem: Problem, x: Array, left: Leftover) -> float:
+    """Logarithm of the evidence of a fitted model, but for a constant that all models of a study share.
+
+    Args:
+        problem: of the model.
+        x: where its fit ended.
+        left: what it leaves over of all recordings.
+    """
+    try:
+        data, own = information(problem, x, left)
+    except SimulationError:
+        return -math.inf
+    prior = float(np.sum(problem.prior(x)[0] ** 2))
+    volume = float(np.linalg.slogdet(data + own)[1] - np.linalg.slogdet(own)[1])
+    return left.log_likelihood - 0.5 * prior - 0.5 * volume
