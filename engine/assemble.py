@@ -249,6 +249,7 @@ class _Assembly:
             start=self._stack([ca.SX.zeros(2 * n, 1), *[s.start for s in net.states], *[ca.SX(0) for _ in accounts]]),
             memory_start=self._stack([entry.start for entry in net.memories]),
             transform=ca.densify(mechanics.T[:, mechanics.free]),
+            twists=mechanics.twists(),
             imposed=mechanics.imposed_motion(),
             external=self._stack([mechanics.in_coordinates(given) for _, given in calls]),
             entering=self._stack([mechanics.in_coordinates(value) for value in entering]),

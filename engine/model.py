@@ -151,6 +151,8 @@ class Equations:
         start: states at the start, from parameters.
         memory_start: memories at the start, from parameters.
         transform: motions = transform @ coordinates + imposed, from parameters.
+        twists: combinations of coordinates by which motions act on one another, such as the twist of a spring between
+            two shafts, shape (twists, coordinates), from parameters; see `Net.twist`.
         imposed: what imposed motions add to all angles, then to all speeds.
         external: what the external functions are given at an instant, in the order of their calls.
         entering: what enters each delay line at an instant of its clock.
@@ -172,6 +174,7 @@ class Equations:
     start: Expression
     memory_start: Expression
     transform: Expression
+    twists: Expression
     imposed: Expression
     external: Expression
     entering: Expression

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from fmu.plan import Plan
-from fmu.variables import INDICATOR, INPUT, MODE, OUTPUT, PARAMETER, STATE, FmuVariable
+from fmu.variables import COORDINATE, INDICATOR, INPUT, MODE, OUTPUT, PARAMETER, STATE, FmuVariable
 
 _STYLE = (
     "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;line-height:1.4}"
@@ -84,12 +84,19 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
             ],
         ),
         "<h2>States</h2>",
-        "<p>A state with a start can be set before the run; stuck joints, gaps and contacts follow.</p>",
+        "<p>A state with a start can be set before the run; stuck joints, gaps and contacts follow. Where a twist is "
+        "the state in place of an angle, or its rate in place of a speed, the start is that of the angle or speed.</p>",
         _table(
             ("name", "start", "nominal", "unit", "meaning"),
             [
-                (v.name, "" if v.start is None else f"{v.start:.9g}", f"{v.nominal or 1:.3g}", v.unit, v.doc)
-                for v in of(STATE)
+                (
+                    v.name,
+                    "" if v.start is None else f"{v.start:.9g}",
+                    "" if v.kind == COORDINATE else f"{v.nominal or 1:.3g}",
+                    v.unit,
+                    v.doc,
+                )
+                for v in of(STATE) + of(COORDINATE)
             ],
         ),
         "<h2>Modes</h2>",

@@ -288,14 +288,14 @@ static int fa_get_directional_derivative(fa_instance *i, const char *f, const un
   if (adjoint) {
     for (size_t k = 0; k < knowns; k++) {
       seed[fa_known_index(known[k])] = 1;
-      fa_directional_derivative(&i->core, seed, rate);
+      fa_shown_derivative(&i->core, seed, rate);
       seed[fa_known_index(known[k])] = result[k] = 0;
       for (size_t j = 0; j < unknowns; j++) result[k] += along[j] * rate[fa_unknown_index(unknown[j])];
     }
     return FA_STATUS_OK;
   }
   for (size_t k = 0; k < knowns; k++) seed[fa_known_index(known[k])] += along[k];
-  fa_directional_derivative(&i->core, seed, rate);
+  fa_shown_derivative(&i->core, seed, rate);
   for (size_t k = 0; k < unknowns; k++) result[k] = rate[fa_unknown_index(unknown[k])];
   return FA_STATUS_OK;
 }
@@ -450,6 +450,7 @@ static int fa_get_or_set_array(fa_instance *i, const char *f, int what, double *
     for (size_t k = 0; k < n; k++)
       if (!(in[k] - in[k] == 0)) return fa_log_status(i, FA_STATUS_DISCARD, f, "a state is not finite");
     memcpy(s->x, in, sizeof(double) * n);
+    fa_undo_twists(s->x);
     i->core.now.stale = 1;
     return FA_STATUS_OK;
   }
@@ -457,5 +458,6 @@ static int fa_get_or_set_array(fa_instance *i, const char *f, int what, double *
   for (size_t k = 0; k < n; k++)
     out[k] = what == FA_GET_STATES ? s->x[k] : what == FA_GET_DERIVATIVES ? s->full[k]
            : what == FA_GET_EVENT_INDICATORS ? FA_HYSTERESIS - s->full[FA_NX + k] : fa_x_nominal[k];
+  if (what == FA_GET_STATES || what == FA_GET_DERIVATIVES) fa_show_twists(out);
   return FA_STATUS_OK;
 }
