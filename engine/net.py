@@ -14,6 +14,7 @@ import casadi as ca
 
 from engine.errors import StructureError
 from engine.ports import ROTATIONAL, Expression, Port
+from engine.relations import Relation
 from engine.stamps import (
     Clock,
     External,
@@ -57,6 +58,7 @@ class Net:
         self.outputs: dict[str, Output] = {}
         self.inputs: dict[str, Input] = {}
         self.parameters: dict[str, ModelParameter] = {}
+        self.relations: list[Relation] = []
         self.stored: Expression = ca.SX(0)
         self.dissipated: Expression = ca.SX(0)
         self.supplied: Expression = ca.SX(0)

@@ -56,6 +56,21 @@ def _bounds(variable: FmuVariable) -> str:
     return f"{low:g} to {high:g}"
 
 
+def _relations(plan: Plan) -> str:
+    names = {v.source: v.name for v in plan.variables if v.kind == PARAMETER}
+    parameters = plan.model.parameters
+    said = [
+        f"{names[parameters[first].name]} {relation.words} {names[parameters[second].name]}"
+        for first, relation, second in plan.model.relations
+    ]
+    if not said:
+        return ""
+    return (
+        "<p>Set against one another, parameters are refused when they begin to count: at the end of initialization, or "
+        f"at the next step, event or value asked for, if {html.escape('; or '.join(said))}.</p>"
+    )
+
+
 def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = False) -> str:
     """The page for an export; ``python`` for one that runs in Python."""
 
@@ -83,6 +98,7 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
                 for v in of(PARAMETER)
             ],
         ),
+        _relations(plan),
         "<h2>States</h2>",
         "<p>A state with a start can be set before the run; stuck joints, gaps and contacts follow. Where a twist is "
         "the state in place of an angle, or its rate in place of a speed, the start is that of the angle or speed.</p>",

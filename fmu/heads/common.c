@@ -392,6 +392,21 @@ static const char *fa_value_error(fa_core *c, unsigned vr, double value) {
   return c->message;
 }
 
+/* What a block refuses of the parameters that wait to be taken, two against one another, or NULL. Each alone is in
+ * range, and an importer sets them one by one, so they are compared when they begin to count. */
+static const char *fa_parameter_conflict(fa_core *c) {
+  const double *p = c->now.p;
+  if (!(c->now.pending & (FA_PENDING_START | FA_PENDING_PARAMETERS))) return 0;
+  for (int r = 0; r < FA_RELATIONS; r++) {
+    const int a = fa_relation_first[r], b = fa_relation_second[r], meaning = fa_relation_meaning[r];
+    if (!(meaning == 0 ? p[a] < p[b] : meaning == 1 ? p[a] <= p[b] : p[a] >= p[b])) continue;
+    snprintf(c->message, sizeof c->message, "%.120s = %.9g %s %.120s = %.9g", fa_name[FA_VR_P + a], p[a],
+             fa_relation_words[r], fa_name[FA_VR_P + b], p[b]);
+    return c->message;
+  }
+  return 0;
+}
+
 static void fa_set_value(fa_core *c, unsigned vr, double value) {
   fa_state *s = &c->now;
   if (fa_is_start(vr)) {
