@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from engine.block import Block
 from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
 from engine.mechanics import Mechanics
 from engine.model import (
@@ -28,6 +30,7 @@ from engine.model import (
 from engine.names import check_text
 from engine.net import Net
 from engine.ports import MOTION, Expression
+from engine.relations import Relation
 from engine.stamps import Input, ModelParameter, Motion
 from engine.system import System, bypass
 from engine.wiring import Wiring, hash_symbol
@@ -162,12 +165,20 @@ class _Assembly:
             try:
                 self.net.begin(name, physical=block.is_physical())
                 block.bind(bound).stamp(self.net)
+                self._relate(block, bound)
             except FlexarmError as error:
                 place = self.system.place(name)
                 raise (error.at(place) if place else error) from None
             except ArithmeticError as error:
                 said = f"the values of '{name}' are too large or too small to compute with: {error.args[-1]}"
                 raise StructureError(said, self.system.place(name), "check their units") from error
+
+    def _relate(self, block: Block, bound: Mapping[str, Any]) -> None:
+        """Note the block's relations between parameters of the model."""
+        for relation in block.relations():
+            first, second = bound[relation.first], bound[relation.second]
+            if isinstance(first, ca.SX) and isinstance(second, ca.SX) and first is not second:
+                self.net.relations.append(replace(relation, first=first.name(), second=second.name()))
 
     def _parameter(self, block_name: str, name: str) -> Any:
         block = self.system.blocks[block_name]
@@ -249,6 +260,7 @@ class _Assembly:
             start=self._stack([ca.SX.zeros(2 * n, 1), *[s.start for s in net.states], *[ca.SX(0) for _ in accounts]]),
             memory_start=self._stack([entry.start for entry in net.memories]),
             transform=ca.densify(mechanics.T[:, mechanics.free]),
+            twists=mechanics.twists(),
             imposed=mechanics.imposed_motion(),
             external=self._stack([mechanics.in_coordinates(given) for _, given in calls]),
             entering=self._stack([mechanics.in_coordinates(value) for value in entering]),
@@ -274,8 +286,17 @@ class _Assembly:
             equations=equations,
             motions=MappingProxyType({f"{b}.{port}": motion.index for (b, port), motion in self.flanges.items()}),
             initial=MappingProxyType(dict(self.system.initial)),
+            relations=self._relations(parameters),
             externals=self._externals([(entry.name, given.numel()) for entry, given in calls]),
             lines=self._lines(),
+        )
+
+    def _relations(self, parameters: list[ModelParameter]) -> tuple[tuple[int, Relation, int], ...]:
+        place = {entry.name: k for k, entry in enumerate(parameters)}
+        return tuple(
+            (place[entry.first], entry, place[entry.second])
+            for entry in self.net.relations
+            if entry.first in place and entry.second in place
         )
 
     def _lines(self) -> tuple[DelayLine, ...]:

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from engine.errors import ParameterError, nearest
 from engine.ports import ROTATIONAL, Port
 from engine.quantity import Option, Parameter, SameAs, coherent, split
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -197,6 +198,8 @@ class Block:
         for name, other in self._aliases.items():
             self.values[name] = self.values[other]
         try:
+            for relation in self.relations():
+                relation.check(self.values, {name: self._shown_unit(name) for name in cls.parameters})
             self.check()
         except ArithmeticError as error:
             raise ParameterError(
@@ -252,8 +255,16 @@ class Block:
         """The parameter whose value ``name`` takes by its default `SameAs`, if ``name`` was not given; else None."""
         return self._aliases.get(name)
 
+    def _shown_unit(self, name: str) -> str:
+        unit = self.unit_of(name)
+        return "" if unit in ("", "1", "*") else f" {unit}"
+
+    def relations(self) -> Iterable[Relation]:
+        """What must not be said of two parameters; FMUs refuse values that an importer sets against one."""
+        return ()
+
     def check(self) -> None:
-        """Check relations between parameters, and raise `ParameterError` where one does not hold."""
+        """Check what `relations` cannot say, and raise `ParameterError` where it does not hold."""
 
     def stamp(self, net: Net) -> None:
         """Write the block's law into the net.

@@ -70,6 +70,13 @@ class Mechanics:
         self.wiring.accelerations()
         return self.acceleration
 
+    def twists(self) -> Expression:
+        """What the net says of twists as combinations of the free coordinates, shape (twists, n)."""
+        entries = [(k, index, c) for k, entry in enumerate(self.net.twists) for index, c in entry.items()]
+        rows, columns, values = ([entry[i] for entry in entries] for i in range(3))
+        shape = len(self.net.twists), len(self.net.motions)
+        return ca.mtimes(ca.SX.triplet(rows, columns, ca.vertcat(ca.SX(0, 1), *values), shape), self.T[:, self.free])
+
     def in_coordinates(self, expression: Expression) -> Expression:
         """Replace the motions' angles and speeds by combinations of the coordinates."""
         if not self.net.motions:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from engine.errors import ParameterError, Where, nearest
 from engine.ports import Expression
 from engine.quantity import Parameter
+from engine.relations import Relation
 
 Vector = NDArray[np.float64]
 
@@ -151,6 +152,8 @@ class Equations:
         start: states at the start, from parameters.
         memory_start: memories at the start, from parameters.
         transform: motions = transform @ coordinates + imposed, from parameters.
+        twists: combinations of coordinates by which motions act on one another, such as the twist of a spring between
+            two shafts, shape (twists, coordinates), from parameters; see `Net.twist`.
         imposed: what imposed motions add to all angles, then to all speeds.
         external: what the external functions are given at an instant, in the order of their calls.
         entering: what enters each delay line at an instant of its clock.
@@ -172,6 +175,7 @@ class Equations:
     start: Expression
     memory_start: Expression
     transform: Expression
+    twists: Expression
     imposed: Expression
     external: Expression
     entering: Expression
@@ -201,6 +205,7 @@ class Model:
         equations: the SX expressions.
         motions: flange name -> row of the transform.
         initial: starting values by name, SI units; see `engine.start.start_values`.
+        relations: what must not be said of two parameters: index of the first, the relation, index of the second.
     """
 
     name: str
@@ -218,6 +223,7 @@ class Model:
     equations: Equations
     motions: Mapping[str, int]
     initial: Mapping[str, float]
+    relations: tuple[tuple[int, Relation, int], ...] = ()
     externals: tuple[External, ...] = ()
     lines: tuple[DelayLine, ...] = ()
 
@@ -244,6 +250,14 @@ class Model:
             except ParameterError as error:
                 raise error.at(Where(path=name)) from None
         return values
+
+    def parameter_conflict(self, values: Vector) -> str:
+        """What a block refuses of a parameter vector, such as ``f.static_friction = 1 is less than ...``; or ""."""
+        for first, relation, second in self.relations:
+            if relation.broken(values[first], values[second]):
+                a, b = (f"{self.parameters[k].name} = {values[k]:.9g}" for k in (first, second))
+                return f"{a} {relation.words} {b}"
+        return ""
 
     def parameter_index(self, name: str) -> int:
         """Position of a parameter.

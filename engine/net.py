@@ -14,6 +14,7 @@ import casadi as ca
 
 from engine.errors import StructureError
 from engine.ports import ROTATIONAL, Expression, Port
+from engine.relations import Relation
 from engine.stamps import (
     Clock,
     External,
@@ -45,6 +46,7 @@ class Net:
         self.ties: list[Tie] = []
         self.frictions: list[Friction] = []
         self.prescriptions: list[Prescription] = []
+        self.twists: list[dict[int, Expression]] = []
         self.switches: list[Switch] = []
         self.time_events: list[TimeEvent] = []
         self.states: list[State] = []
@@ -56,6 +58,7 @@ class Net:
         self.outputs: dict[str, Output] = {}
         self.inputs: dict[str, Input] = {}
         self.parameters: dict[str, ModelParameter] = {}
+        self.relations: list[Relation] = []
         self.stored: Expression = ca.SX(0)
         self.dissipated: Expression = ca.SX(0)
         self.supplied: Expression = ca.SX(0)
@@ -155,6 +158,15 @@ class Net:
         self.force(a, value)
         if b is not None:
             self.force(b, -value)
+            self.twist({a: ca.SX(1), b: ca.SX(-1)})
+
+    def twist(self, terms: Mapping[Motion, Expression]) -> None:
+        """Say that motions act on one another by ``sum coefficient * angle``, such as the twist of a spring.
+
+        `pair` says so itself. Integrators that hold every state to a share of itself are given such differences
+        in place of angles, which may grow without bound while the difference stays small.
+        """
+        self.twists.append({m.index: ca.SX(c) for m, c in terms.items()})
 
     def tie(
         self, terms: Mapping[Motion, Expression], efficiency: tuple[Motion, Motion, Expression] | None = None

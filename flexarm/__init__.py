@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from engine.net import Net
     from engine.ports import ROTATIONAL, TRANSLATIONAL, Port
     from engine.quantity import SameAs
+    from engine.relations import Relation
     from engine.simulate import Drive, Result, SimulationOptions
     from engine.stamps import Clock, Motion, Velocity
     from engine.system import Connection, System
@@ -62,6 +63,7 @@ _PLACES = {
     "Port": "engine.ports",
     "ROTATIONAL": "engine.ports",
     "Recording": "diagnosis.recordings.types",
+    "Relation": "engine.relations",
     "Result": "engine.simulate",
     "SameAs": "engine.quantity",
     "Scenario": "scenarios.load",
@@ -111,6 +113,7 @@ __all__ = [
     "ParameterError",
     "Port",
     "Recording",
+    "Relation",
     "Result",
     "SameAs",
     "Scenario",

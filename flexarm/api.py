@@ -253,6 +253,7 @@ def export(
 def magnitudes(made: Cut) -> dict[str, float]:
     """How large the states get in the scenario's own run, by its own sources; SI units."""
     from fmu.nominal import magnitudes as largest
+    from fmu.twists import twists
 
     found = made.simulation
     stop, step = (found.stop, found.step) if found is not None else (10.0, 1e-3)
@@ -260,7 +261,8 @@ def magnitudes(made: Cut) -> dict[str, float]:
         own = largest(made.scenario.build(), stop, step)
     except FlexarmError:  # inputs that are free in the scenario itself
         own = {}
-    return own if all(own.get(state.name) for state in made.model.states) else largest(made.model, stop, step) | own
+    names = [state.name for state in made.model.states] + [twist.name for twist in twists(made.model)]
+    return own if all(own.get(name) for name in names) else largest(made.model, stop, step) | own
 
 
 def _linear_settings(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:

@@ -8,7 +8,19 @@ from collections.abc import Iterator
 
 from fmu.plan import Plan
 from fmu.units import definition
-from fmu.variables import DERIVATIVE, INDICATOR, INPUT, MEMORY, MODE, OUTPUT, PARAMETER, STATE, TIME_KIND, FmuVariable
+from fmu.variables import (
+    COORDINATE,
+    DERIVATIVE,
+    INDICATOR,
+    INPUT,
+    MEMORY,
+    MODE,
+    OUTPUT,
+    PARAMETER,
+    STATE,
+    TIME_KIND,
+    FmuVariable,
+)
 
 TOLERANCE = 1e-6
 """Relative tolerance that is suggested to integrators of Model Exchange."""
@@ -171,7 +183,7 @@ def _role(variable: FmuVariable) -> dict[str, str]:
     role = {"causality": _CAUSALITY.get(kind, "local"), "variability": variability}
     if variable.doc:
         role["description"] = variable.doc
-    if kind == PARAMETER or (kind == STATE and variable.start is not None):
+    if kind == PARAMETER or (kind in (STATE, COORDINATE) and variable.start is not None):
         role["initial"] = "exact"
     elif kind not in (TIME_KIND, INPUT):
         role["initial"] = "calculated"
@@ -227,10 +239,10 @@ def _initial_unknowns(plan: Plan) -> Iterator[tuple[int, list[tuple[int, str]]]]
     starts = ((OUTPUT, found.initial_outputs), (STATE, found.initial_states), (DERIVATIVE, found.initial_rates))
     for kind, initial in starts:
         for k, (inputs, parameters, states) in enumerate(initial):
-            if kind == STATE and found.exact[k]:
+            if kind == STATE and plan.variables[plan.first(STATE) + k].start is not None:
                 continue
             known = [plan.first(PARAMETER) + j for j in parameters] + [plan.first(INPUT) + j for j in inputs]
-            known += [plan.first(STATE) + j for j in states if found.exact[j]]
+            known += [plan.start_reference(j) for j in states if found.exact[j]]
             yield plan.first(kind) + k, [(reference, "dependent") for reference in known]
 
 

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from fmu.plan import Plan
-from fmu.variables import INDICATOR, INPUT, MODE, OUTPUT, PARAMETER, STATE, FmuVariable
+from fmu.variables import COORDINATE, INDICATOR, INPUT, MODE, OUTPUT, PARAMETER, STATE, FmuVariable
 
 _STYLE = (
     "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;line-height:1.4}"
@@ -56,6 +56,21 @@ def _bounds(variable: FmuVariable) -> str:
     return f"{low:g} to {high:g}"
 
 
+def _relations(plan: Plan) -> str:
+    names = {v.source: v.name for v in plan.variables if v.kind == PARAMETER}
+    parameters = plan.model.parameters
+    said = [
+        f"{names[parameters[first].name]} {relation.words} {names[parameters[second].name]}"
+        for first, relation, second in plan.model.relations
+    ]
+    if not said:
+        return ""
+    return (
+        "<p>Set against one another, parameters are refused when they begin to count: at the end of initialization, or "
+        f"at the next step, event or value asked for, if {html.escape('; or '.join(said))}.</p>"
+    )
+
+
 def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = False) -> str:
     """The page for an export; ``python`` for one that runs in Python."""
 
@@ -83,13 +98,21 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
                 for v in of(PARAMETER)
             ],
         ),
+        _relations(plan),
         "<h2>States</h2>",
-        "<p>A state with a start can be set before the run; stuck joints, gaps and contacts follow.</p>",
+        "<p>A state with a start can be set before the run; stuck joints, gaps and contacts follow. Where a twist is "
+        "the state in place of an angle, or its rate in place of a speed, the start is that of the angle or speed.</p>",
         _table(
             ("name", "start", "nominal", "unit", "meaning"),
             [
-                (v.name, "" if v.start is None else f"{v.start:.9g}", f"{v.nominal or 1:.3g}", v.unit, v.doc)
-                for v in of(STATE)
+                (
+                    v.name,
+                    "" if v.start is None else f"{v.start:.9g}",
+                    "" if v.kind == COORDINATE else f"{v.nominal or 1:.3g}",
+                    v.unit,
+                    v.doc,
+                )
+                for v in of(STATE) + of(COORDINATE)
             ],
         ),
         "<h2>Modes</h2>",

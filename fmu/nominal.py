@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from engine.errors import FlexarmError
 from engine.model import Model
 from engine.simulate import Drive, simulate
+from fmu.twists import Twist, twists
 
 log = logging.getLogger("flexarm.export")
 
@@ -31,8 +32,13 @@ LONGEST = 20.0
 """Seconds of a run that are looked at."""
 
 
-def nominals(model: Model, magnitudes: Mapping[str, float]) -> dict[str, float]:
-    """Nominal of each state: a share of its magnitude, and at least the floor of its unit.
+TWIST_SHARE, TWIST_FLOOR = 1e-3, 1e-7
+"""Both for twists and their rates. Stiff springs turn small ones into torques that matter, and when a contact opens or
+closes hangs on rates far below their peak."""
+
+
+def nominals(model: Model, magnitudes: Mapping[str, float], twists: Sequence[Twist] = ()) -> dict[str, float]:
+    """Nominal of each state and twist: a share of its magnitude, and at least the floor of its unit.
 
     A linear twin's states take the nominals of the states that they follow.
     """
@@ -40,11 +46,13 @@ def nominals(model: Model, magnitudes: Mapping[str, float]) -> dict[str, float]:
     for state in model.states:
         followed = state.name.removeprefix("linear.") if state.name not in magnitudes else state.name
         found[state.name] = max(SHARE * magnitudes.get(followed, 0.0), FLOORS.get(state.unit, FLOOR))
+    for twist in twists:
+        found[twist.name] = max(TWIST_SHARE * magnitudes.get(twist.name, 0.0), TWIST_FLOOR)
     return found
 
 
 def magnitudes(model: Model, stop: float, step: float) -> dict[str, float]:
-    """Largest magnitude of each state in runs with inputs of 0 and of 1 in their SI units; of what ran, if a run fails.
+    """Largest magnitude of each state and twist in runs with inputs of 0 and of 1 in SI units; of those that succeed.
 
     Args:
         model: the model; a scenario's own, with its sources, has no inputs and is run once.
@@ -66,7 +74,8 @@ def magnitudes(model: Model, stop: float, step: float) -> dict[str, float]:
             log.warning("a run for the nominal values of the states fails: %s", error.message)
             continue
         assert run.states is not None
-        largest = np.abs(run.states).max(axis=0)
-        for state, value in zip(model.states, largest, strict=True):
-            found[state.name] = max(found.get(state.name, 0.0), float(value))
+        columns = {state.name: run.states[:, k] for k, state in enumerate(model.states)}
+        columns |= {twist.name: twist.of(run.states) for twist in twists(model)}
+        for name, values in columns.items():
+            found[name] = max(found.get(name, 0.0), float(np.abs(values).max()))
     return found

@@ -20,7 +20,8 @@ from engine.step import fastest, following_step, internal_step
 from fmu.coupling import Coupling
 from fmu.nominal import nominals
 from fmu.structure import Structure, structure
-from fmu.variables import FmuVariable, variables
+from fmu.twists import Twist, twists
+from fmu.variables import COORDINATE, STATE, FmuVariable, variables
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Plan:
         rate: of the fastest mode (1/s), at the default parameters.
         following: longest step (s) that follows every lightly damped mode to ``stop``, at the default parameters.
         coupling: what is known of inputs at cuts.
+        twists: shown as states in place of coordinates.
         typical: inputs and tables for which hmax is chosen.
         start: states at the start at the default parameters.
         memory: memories at the start at the default parameters.
@@ -55,6 +57,7 @@ class Plan:
     rate: float
     following: float
     coupling: Coupling
+    twists: tuple[Twist, ...]
     typical: Vector
     start: Vector
     memory: Vector
@@ -79,6 +82,13 @@ class Plan:
         """1-based position in ModelVariables of the k-th variable of a kind."""
         return self.first(kind) + k + 1
 
+    def start_reference(self, k: int) -> int:
+        """Reference of the variable that holds the start of the model's k-th state, also where a twist is shown."""
+        for i, twist in enumerate(self.twists):
+            if twist.coordinate == k:
+                return self.first(COORDINATE) + i
+        return self.first(STATE) + k
+
     def ticks(self, seconds: float) -> int:
         """Whole ticks in a period or offset."""
         return int(rational(seconds) / self.tick)
@@ -98,9 +108,9 @@ def plan(
         model: the model.
         step: cell of the internal grid (s).
         stop: end of the default experiment (s).
-        magnitudes: state name -> its largest magnitude in use; see `fmu.nominal`.
+        magnitudes: state or twist name -> its largest magnitude in use; see `fmu.nominal`.
         coupling: what is known of inputs at cuts.
-        settable: whether an importer may set the states' starts.
+        settable: whether an importer may set the states' starts, and sees states at all as an integrator does.
 
     Raises:
         FlexarmError: the step is not a positive number, it has no common tick with a clock, or two names are equal.
@@ -120,7 +130,8 @@ def plan(
     typical = np.zeros(model.equations.u.numel())
     for k, entry in enumerate(model.inputs):
         typical[k] = coupling.typical.get(entry.name, 0.0)
-    found = structure(model)
+    shown = twists(model) if settable else ()
+    found = structure(model, shown)
     if not settable:
         found = replace(found, exact=[False] * len(model.states))
     starts = {s.name: float(x) for s, x, exact in zip(model.states, start, found.exact, strict=True) if exact}
@@ -129,13 +140,14 @@ def plan(
         step=step,
         stop=stop,
         identifier=identifier(model.name),
-        variables=variables(model, starts, nominals(model, magnitudes or {}), coupling.starts()),
+        variables=variables(model, starts, nominals(model, magnitudes or {}, shown), coupling.starts(), shown),
         structure=found,
         tick=tick,
         hmax=internal_step(model, p, start, step, stop, typical),
         rate=fastest(model, p, start, typical).rate,
         following=following_step(model, p, start, stop, typical),
         coupling=coupling,
+        twists=shown,
         typical=typical,
         start=start,
         memory=model.functions["memory_start"](p).full().ravel(),

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from engine.errors import FlexarmError, SimulationError
+from engine.errors import FlexarmError, ParameterError, SimulationError
 from engine.interpret import Simulation, Stop
 from engine.model import TIME, Vector
 from engine.simulate import explain, prepare
@@ -106,6 +106,9 @@ class Core:
 
     def _arrive(self) -> None:
         s = self._standing
+        conflict = self.plan.model.parameter_conflict(s.p) if s.pending & {"starting", "tuned"} else ""
+        if conflict:
+            raise ParameterError(conflict)
         what, s.pending = s.pending, set()
         if not what:
             return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -92,13 +93,33 @@ def _tables(plan: Plan) -> str:
         _array("unsigned char", "fa_p_kind", [str(kind) for kind in kinds]),
         _array("double", "fa_x_default", [_literal(v) for v in plan.start]),
         _array("double", "fa_d_default", [_literal(v) for v in plan.memory]),
-        _array("unsigned char", "fa_x_exact", [str(int(v.start is not None)) for v in states]),
+        _array("unsigned char", "fa_x_exact", [str(int(exact)) for exact in plan.structure.exact]),
+        *_twist_tables(plan),
+        f"#define FA_RELATIONS {len(model.relations)}",
+        _array("int", "fa_relation_first", [str(first) for first, _, _ in model.relations]),
+        _array("int", "fa_relation_second", [str(second) for _, _, second in model.relations]),
+        _array("int", "fa_relation_meaning", [str(relation.meaning) for _, relation, _ in model.relations]),
+        _array("char *const", "fa_relation_words", [_string(relation.words) for _, relation, _ in model.relations]),
         _array("double", "fa_x_nominal", [_literal(v.nominal or 1.0) for v in states]),
         _array("char *const", "fa_name", [_string(variable.name) for variable in plan.variables]),
         _array("char *const", "fa_mode_name", [_string(mode.name) for mode in model.modes]),
         _array("char *const", "fa_mode_label", [_string(label) for mode in model.modes for label in mode.labels]),
     ]
     return "\n".join(lines) + "\n\n"
+
+
+def _twist_tables(plan: Plan) -> list[str]:
+    twists = plan.twists
+    place = {twist.coordinate: r for r, twist in enumerate(twists)}
+    firsts = itertools.accumulate((len(twist.terms) for twist in twists), initial=0)
+    return [
+        f"#define FA_NR {len(twists)}",
+        _array("int", "fa_state_twist", [str(place.get(k, -1)) for k in range(len(plan.model.states))]),
+        _array("int", "fa_twist_coordinate", [str(twist.coordinate) for twist in twists]),
+        _array("int", "fa_twist_first", [str(first) for first in firsts]),
+        _array("int", "fa_twist_other", [str(k) for twist in twists for k in twist.terms]),
+        _array("double", "fa_twist_share", [_literal(c) for twist in twists for c in twist.terms.values()]),
+    ]
 
 
 def model_source(model: Model) -> str:

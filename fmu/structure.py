@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -11,21 +12,23 @@ from numpy.typing import NDArray
 from engine.model import TIME, Model
 from engine.ports import Expression
 from fmu.start import start_expression
+from fmu.twists import Twist
 
 Pattern = NDArray[np.bool_]
 Known = tuple[list[int], list[int], list[int]]
+_KINDS = ("constant", "tunable", "discrete", "dependent")
 
 
 @dataclass(frozen=True)
 class Structure:
-    """Dependencies, by position in the model.
+    """Dependencies, by position in the model, of states as they are shown: twists in the place of coordinates.
 
     Attributes:
         rates: for each state derivative, what it depends on: (kind of known, its position, kind of dependence). Knowns
             are ``state`` and ``input``; kinds are ``constant``, ``tunable``, ``discrete`` and ``dependent``.
         outputs: the same for each output.
         initial_states, initial_rates, initial_outputs: for each, positions of the (inputs, parameters, states) that
-            its value at the start depends on; of states, those with an exact start.
+            its value at the start depends on; of states, those of the model with an exact start.
         exact: for each state whether its start is a number of its own, which no parameter changes.
     """
 
@@ -51,12 +54,43 @@ def _along(a: Pattern, b: Pattern) -> Pattern:
     return np.asarray((a.astype(int) @ b.astype(int)) > 0)
 
 
-def structure(model: Model) -> Structure:
-    """The dependencies of a model."""
+def structure(model: Model, twists: Sequence[Twist] = ()) -> Structure:
+    """The dependencies of a model with twists shown as states."""
     rates, outputs = _running(model)
     states, first_rates, first_outputs = _initial(model)
     exact = [not parameters for _, parameters, _ in states]
+    made: dict[int, set[int]] = {k: {k} for k in range(len(model.states))}
+    for twist in twists:  # the states that a coordinate is found from
+        made[twist.coordinate] |= {j for k in twist.terms for j in made[k]}
+    rates, outputs = ([_shown(row, made) for row in table] for table in (rates, outputs))
+    for twist in reversed(twists):
+        k, others = twist.coordinate, list(twist.terms)
+        rates[k] = _merged([entry for j in (k, *others) for entry in rates[j]])
+        for table in (states, first_rates):
+            table[k] = _joined([table[j] for j in (k, *others)])
     return Structure(rates, outputs, states, first_rates, first_outputs, exact)
+
+
+def _shown(row: list[tuple[str, int, str]], made: Mapping[int, set[int]]) -> list[tuple[str, int, str]]:
+    """What a row depends on, with every coordinate replaced by the states that it is found from."""
+    places = [(what, {j} if what == "input" else made[j], kind) for what, j, kind in row]
+    return _merged([(what, k, kind) for what, found, kind in places for k in found])
+
+
+def _merged(entries: Iterable[tuple[str, int, str]]) -> list[tuple[str, int, str]]:
+    """One entry for each known, of the least constant kind."""
+    found: dict[tuple[str, int], str] = {}
+    for what, k, kind in entries:
+        found[what, k] = max(found.get((what, k), kind), kind, key=_KINDS.index)
+    return [
+        (what, k, kind)
+        for (what, k), kind in sorted(found.items(), key=lambda entry: (entry[0][0] == "input", entry[0][1]))
+    ]
+
+
+def _joined(rows: Sequence[Known]) -> Known:
+    inputs, parameters, states = (sorted({k for row in rows for k in row[part]}) for part in range(3))
+    return inputs, parameters, states
 
 
 def _running(model: Model) -> tuple[list[list[tuple[str, int, str]]], list[list[tuple[str, int, str]]]]:

@@ -2,7 +2,8 @@
 
 Inputs and outputs have flat names (``link.hub.angle`` is ``link_hub_angle``), because importers turn dots into buses.
 Parameters, states, memories and modes keep their path. References count in the order of the C enumeration in
-``heads/common.c``: time, parameters, inputs, outputs, states, derivatives, memories, modes, event indicators.
+``heads/common.c``: time, parameters, inputs, outputs, states, derivatives, memories, modes, event indicators, and the
+coordinates in whose place states are twists.
 """
 
 from __future__ import annotations
@@ -10,16 +11,17 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from engine.errors import FlexarmError
 from engine.model import TIME, Model
 from engine.quantity import Parameter
+from fmu.twists import Twist
 
-TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR = (
+TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR, COORDINATE = (
     "time",
     "parameter",
     "input",
@@ -29,6 +31,7 @@ TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR 
     "memory",
     "mode",
     "indicator",
+    "coordinate",
 )
 _PART = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\[\d+(,\d+)*\])?")
 
@@ -40,12 +43,12 @@ class FmuVariable:
     Attributes:
         name: unique in the FMU.
         source: the model's name for it.
-        kind: ``time``, ``parameter``, ``input``, ``output``, ``state``, ``derivative``, ``memory``, ``mode`` or
-            ``indicator``.
+        kind: ``time``, ``parameter``, ``input``, ``output``, ``state``, ``derivative``, ``memory``, ``mode``,
+            ``indicator`` or ``coordinate``, which is a coordinate of the model that a twist stands for.
         reference: value reference; also the position in the list.
         unit: coherent SI unit, empty if unknown.
         doc: one sentence.
-        start: starting value, for parameters, inputs and states whose start an importer may set.
+        start: starting value, for parameters, inputs, and states and coordinates whose start an importer may set.
         nominal: typical magnitude, for parameters and states.
         minimum, maximum: closed bounds, infinite where none is declared; a bound that is itself excluded is moved
             inwards by one number.
@@ -107,22 +110,27 @@ def closed(declared: Parameter) -> tuple[float, float]:
 
 
 def variables(
-    model: Model, starts: Mapping[str, float], nominals: Mapping[str, float], inputs: Mapping[str, float]
+    model: Model,
+    starts: Mapping[str, float],
+    nominals: Mapping[str, float],
+    inputs: Mapping[str, float],
+    twists: Sequence[Twist] = (),
 ) -> list[FmuVariable]:
     """All variables of the FMU in the order of their references.
 
     Args:
         model: the model.
         starts: state name -> value at the start, of the states whose start an importer may set.
-        nominals: state name -> typical magnitude.
+        nominals: state name -> typical magnitude; of twists by their name.
         inputs: input name -> start value, of inputs that do not start at zero.
+        twists: shown in place of states.
 
     Raises:
         FlexarmError: two of them would have one name.
     """
     made = [
         FmuVariable(reference=reference, **fields)  # type: ignore[arg-type]
-        for reference, fields in enumerate(_fields(model, starts, nominals, inputs))
+        for reference, fields in enumerate(_fields(model, starts, nominals, inputs, twists))
     ]
     taken: dict[str, FmuVariable] = {}
     for variable in made:
@@ -137,7 +145,11 @@ def variables(
 
 
 def _fields(
-    model: Model, starts: Mapping[str, float], nominals: Mapping[str, float], inputs: Mapping[str, float]
+    model: Model,
+    starts: Mapping[str, float],
+    nominals: Mapping[str, float],
+    inputs: Mapping[str, float],
+    twists: Sequence[Twist],
 ) -> Iterator[dict[str, object]]:
     yield {"name": "time", "source": "time", "kind": TIME_KIND, "unit": "s", "doc": "simulation time"}
     used = _used_parameters(model)
@@ -162,13 +174,16 @@ def _fields(
         }
     for entry in model.outputs:
         yield {"name": flat(entry.name), "source": entry.name, "kind": OUTPUT, "unit": entry.unit, "doc": entry.doc}
-    for entry in model.states:
+    shown = list(model.states)
+    for twist in twists:
+        shown[twist.coordinate] = replace(shown[twist.coordinate], name=twist.name, doc=twist.doc)
+    for entry in shown:
         name = structured(entry.name)
         yield {"name": name, "source": entry.name, "kind": STATE, "unit": entry.unit, "doc": entry.doc} | {
             "start": starts.get(entry.name),
             "nominal": nominals.get(entry.name),
         }
-    for entry in model.states:
+    for entry in shown:
         name = f"der({structured(entry.name)})"
         yield {"name": name, "source": entry.name, "kind": DERIVATIVE, "unit": per_second(entry.unit)}
     for entry in model.memories:
@@ -185,6 +200,12 @@ def _fields(
                 name = structured(f"{mode.name}.indicator_{side}")
                 doc = "event indicator: positive while the mode holds"
                 yield {"name": name, "source": mode.name, "kind": INDICATOR, "doc": doc}
+    for twist in twists:
+        entry = model.states[twist.coordinate]
+        name, doc = structured(entry.name), entry.doc or f"follows from the state {twist.name}"
+        yield {"name": name, "source": entry.name, "kind": COORDINATE, "unit": entry.unit, "doc": doc} | {
+            "start": starts.get(entry.name)
+        }
 
 
 def per_second(unit: str) -> str:

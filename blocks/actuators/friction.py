@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from blocks.symbolic import exp, greatest
 from engine.block import Block, flange, parameter
-from engine.errors import ParameterError
 from engine.ports import TRANSLATIONAL, Expression
 from engine.quantity import SameAs
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -24,18 +25,18 @@ _VISCOUS = "friction per velocity B"
 _AS_FORWARD = SameAs("static_friction", instead=("static_friction", "coulomb_friction_backward"))
 
 
+def static_not_below_sliding(direction: str = "") -> Relation:
+    """The relation between the levels of one direction."""
+    remedy = "leave the static friction out where it equals the sliding friction"
+    return Relation(f"static_friction{direction}", "is less than", f"coulomb_friction{direction}", remedy)
+
+
 class _Friction(Block):
     """The law; subclasses declare parameters in their units, and flanges."""
 
-    def check(self) -> None:
+    def relations(self) -> Iterable[Relation]:
         """The static level must not be below the sliding level."""
-        for direction in ("", "_backward"):
-            static, sliding = self.values[f"static_friction{direction}"], self.values[f"coulomb_friction{direction}"]
-            if static < sliding:
-                raise ParameterError(
-                    f"static_friction{direction} = {static:g} is less than coulomb_friction{direction} = {sliding:g}",
-                    remedy="leave the static friction out where it equals the sliding friction",
-                )
+        return [static_not_below_sliding(direction) for direction in ("", "_backward")]
 
     def _between(self, net: Net, a: Motion, b: Motion | None) -> None:
         """Stamp the friction of ``a`` against ``b`` (None is the ground)."""

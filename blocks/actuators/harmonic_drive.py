@@ -47,6 +47,7 @@ class HarmonicDrive(Block):
         twist, rate = a.angle / n - b.angle, a.speed / n - b.speed
         torque = self.stiffness * twist + self.damping * rate
         net.force(b, torque)
+        net.twist({a: 1 / n, b: -1})
         net.store(self.stiffness * twist**2 / 2)
         net.dissipate(self.damping * rate**2)
         net.output(self.twist, twist)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from blocks.actuators.friction import static_not_below_sliding
 from blocks.symbolic import exp, greatest
 from engine.block import Block, parameter
-from engine.errors import ParameterError
 from engine.ports import Expression
 from engine.quantity import SameAs
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -22,16 +24,6 @@ def stribeck(block: Any, velocity: Expression) -> Expression:
         return coulomb
     static = greatest(static, coulomb)
     return coulomb + (static - coulomb) * exp(-((velocity / width) ** 2))
-
-
-def check_levels(block: Block) -> None:
-    """The static level must not be below the sliding level."""
-    static, sliding = block.values["static_friction"], block.values["coulomb_friction"]
-    if static < sliding:
-        raise ParameterError(
-            f"static_friction = {static:g} is less than coulomb_friction = {sliding:g}",
-            remedy="leave the static friction out where it equals the sliding friction",
-        )
 
 
 class _Bristle(Block):
@@ -48,9 +40,9 @@ class _Bristle(Block):
     bristle_stiffness = parameter("N.m/rad", ..., "presliding stiffness sigma0", gt=0, tolerance=0.5)
     bristle_damping = parameter("N.m.s/rad", 0.0, "presliding damping sigma1", ge=0, tolerance=0.5)
 
-    def check(self) -> None:
-        """Compare the levels."""
-        check_levels(self)
+    def relations(self) -> Iterable[Relation]:
+        """The static level must not be below the sliding level."""
+        return [static_not_below_sliding()]
 
     def _bend_rate(self, bend: Expression, velocity: Expression) -> Expression:
         """Rate z' of the bend."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from blocks.actuators.presliding import check_levels, stribeck
+from blocks.actuators.friction import static_not_below_sliding
+from blocks.actuators.presliding import stribeck
 from blocks.symbolic import greatest
 from engine.block import Block, flange, parameter, signal_out
 from engine.quantity import SameAs
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -36,9 +39,9 @@ class RegularisedFriction(Block):
     shaft = flange("the shaft that turns in the bearing")
     friction = signal_out("N.m", "friction c(v) v")
 
-    def check(self) -> None:
-        """Compare the levels."""
-        check_levels(self)
+    def relations(self) -> Iterable[Relation]:
+        """The static level must not be below the sliding level."""
+        return [static_not_below_sliding()]
 
     def stamp(self, net: Net) -> None:
         velocity = self.shaft.speed

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.symbolic import log
 from engine.block import Block, flange, option, parameter, signal_out
 from engine.errors import ParameterError
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -39,11 +41,13 @@ class StructuralSpring(Block):
     twist = signal_out("rad", "twist of the spring e")
     torque = signal_out("N.m", "torque on b, tau")
 
+    def relations(self) -> Iterable[Relation]:
+        """The band must not be empty."""
+        return [Relation("highest_frequency", "is not above", "lowest_frequency")]
+
     def check(self) -> None:
-        """The band must not be empty, and the stiffness at rest must be positive."""
+        """The stiffness at rest must be positive."""
         low, high = self.values["lowest_frequency"], self.values["highest_frequency"]
-        if high <= low:
-            raise ParameterError(f"highest_frequency = {high:g} rad/s is not above lowest_frequency = {low:g} rad/s")
         share = self.elements / (self.elements - 1) * math.log(high / low) / math.pi
         loss = self.values["loss_factor"]
         if loss * share >= 1:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.symbolic import polyline
 from engine.block import Block, flange, option, parameter, signal_out
-from engine.errors import ParameterError
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -29,10 +30,9 @@ class TorqueCurve(Block):
     shaft = flange("the shaft that feels the torque")
     torque = signal_out("N.m", "torque on the shaft")
 
-    def check(self) -> None:
+    def relations(self) -> Iterable[Relation]:
         """The abscissas must rise."""
-        if self.lower >= self.upper:
-            raise ParameterError(f"lower = {self.lower:g} is not below upper = {self.upper:g}")
+        return [Relation("lower", "is not below", "upper")]
 
     def stamp(self, net: Net) -> None:
         x = self.shaft.speed if self.of == "speed" else self.shaft.angle

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.controllers.base import SignalBlock
 from blocks.symbolic import polyline
 from engine.block import option, parameter, signal_in, signal_out
 from engine.errors import ParameterError
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -27,15 +29,17 @@ class Curve(SignalBlock):
     input = signal_in("*", "signal", name="in")
     out = signal_out("*", "the signal and what the characteristic adds")
 
+    def relations(self) -> Iterable[Relation]:
+        """The abscissas must rise."""
+        return [Relation("lower", "is not below", "upper")]
+
     def check(self) -> None:
-        """The abscissas must rise, and all be in the unit of the signal."""
+        """All must be in the unit of the signal."""
         super().check()
         given = {name: self.unit_of(name) for name in ("lower", "upper", "heights")}
         if len({unit for unit in given.values() if unit != "*"}) > 1:
             stated = ", ".join(f"{name} in {unit}" for name, unit in given.items() if unit != "*")
             raise ParameterError(f"{stated}: all are values of one signal", remedy="give them in its unit")
-        if self.lower >= self.upper:
-            raise ParameterError(f"lower = {self.lower:g} is not below upper = {self.upper:g}")
 
     def stamp(self, net: Net) -> None:
         added = polyline(self.input, self.lower, self.upper, [self.heights[k] for k in range(self.points)])

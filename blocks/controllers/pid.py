@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.controllers.base import SignalBlock, clock, period, sample_offset
@@ -10,6 +11,7 @@ from engine.block import option, parameter, signal_in, signal_out
 from engine.errors import ParameterError
 from engine.ports import Expression
 from engine.quantity import compatible
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -54,11 +56,13 @@ class PID(SignalBlock):
     out = signal_out("*", "the command")
     unlimited = signal_out("*", "the command before the limits v")
 
+    def relations(self) -> Iterable[Relation]:
+        """The limits must leave room."""
+        return [Relation("lower", "is not below", "upper")]
+
     def check(self) -> None:
-        """The gains must lead to one unit, and the limits must leave room."""
+        """The gains must lead to one unit."""
         super().check()
-        if self.lower >= self.upper:
-            raise ParameterError(f"lower = {self.lower:g} is not below upper = {self.upper:g}")
         kp = self.unit_of("proportional_gain")
         for name, power in (("integral_gain", "{}.s"), ("derivative_gain", "{}/s")):
             unit = self.unit_of(name)

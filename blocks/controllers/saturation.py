@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.controllers.base import SignalBlock
 from blocks.symbolic import by_mode
 from engine.block import parameter, signal_in, signal_out
-from engine.errors import ParameterError
 from engine.ports import Expression
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -26,11 +27,9 @@ class Saturation(SignalBlock):
     input = signal_in("*", "signal to be limited", name="in")
     out = signal_out("*", "the limited signal")
 
-    def check(self) -> None:
+    def relations(self) -> Iterable[Relation]:
         """The limits must leave room."""
-        super().check()
-        if self.lower >= self.upper:
-            raise ParameterError(f"lower = {self.lower:g} is not below upper = {self.upper:g}")
+        return [Relation("lower", "is not below", "upper")]
 
     def stamp(self, net: Net) -> None:
         u, lower, upper = self.input, self.lower, self.upper

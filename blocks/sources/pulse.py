@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.sources.base import Source
 from blocks.symbolic import choose, floor, least
 from engine.block import option, parameter
-from engine.errors import ParameterError
 from engine.ports import Expression
 from engine.quantity import SameAs
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -30,14 +31,10 @@ class Pulse(Source):
     period = parameter("s", SameAs("width"), "time from one pulse to the next, needed when there are several", gt=0)
     count = option(int, 1, "number of pulses; 0 means without end", ge=0)
 
-    def check(self) -> None:
+    def relations(self) -> Iterable[Relation]:
         """Pulses must not overlap."""
-        super().check()
-        if self.count != 1 and self.period <= self.width:
-            raise ParameterError(
-                f"period = {self.period:g} s does not exceed width = {self.width:g} s",
-                remedy="give a period longer than the width, or count: 1",
-            )
+        remedy = "give a period longer than the width, or count: 1"
+        return [Relation("period", "does not exceed", "width", remedy)] if self.values["count"] != 1 else []
 
     def stamp(self, net: Net) -> None:
         edges = 2 * self.count if self.count else float("inf")

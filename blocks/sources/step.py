@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.sources.base import NEVER, Source
 from blocks.symbolic import choose
 from engine.block import parameter
-from engine.errors import ParameterError
 from engine.ports import Expression
+from engine.relations import Relation
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -27,11 +28,9 @@ class Step(Source):
     start = parameter("s", 0.0, "instant at which it comes")
     stop = parameter("s", NEVER, "instant at which it goes; 1e9 s means never")
 
-    def check(self) -> None:
+    def relations(self) -> Iterable[Relation]:
         """The end of the step must come after its start."""
-        super().check()
-        if self.stop <= self.start:
-            raise ParameterError(f"stop = {self.stop:g} s is not after start = {self.start:g} s")
+        return [Relation("stop", "is not after", "start")]
 
     def stamp(self, net: Net) -> None:
         past = (self.start <= 0) + (self.stop <= 0)

@@ -59,6 +59,18 @@ static int fa_simulation_error(fa_instance *i, const char *function) {
   return fa_error(i, function, fa_simulation_message(&i->core));
 }
 
+/* Parameters that contradict one another are an error of this call; the instance stays as it is, and usable. */
+static int fa_refuse_conflict(fa_instance *i, const char *function) {
+  const char *why = fa_parameter_conflict(&i->core);
+  return why ? fa_error(i, function, why) : FA_STATUS_OK;
+}
+
+/* See that the present instant has values. */
+static int fa_evaluated(fa_instance *i, const char *function) {
+  if (fa_refuse_conflict(i, function)) return FA_STATUS_ERROR;
+  return fa_ensure_evaluated(&i->core) ? fa_simulation_error(i, function) : FA_STATUS_OK;
+}
+
 static int fa_invalid_reference(fa_instance *i, const char *function, const char *what, unsigned vr) {
   char text[300];
   snprintf(text, sizeof text, "%s: value reference %u%s%s", what, vr, vr < FA_VR_END ? ", " : "",
@@ -174,6 +186,7 @@ static int fa_setup_experiment(fa_instance *i, const char *f, double start, int 
 /* Enter an FMI state in which the present instant must have values. */
 static int fa_enter_state(fa_instance *i, const char *f, int fmi_state) {
   fa_core *c = &i->core;
+  if (fa_refuse_conflict(i, f)) return FA_STATUS_ERROR;
   if (fa_ensure_evaluated(c)) {
     c->now.fmi_state = FA_ERROR_STATE;
     return fa_simulation_error(i, f);
@@ -205,7 +218,7 @@ static int fa_get_values(fa_instance *i, const char *f, const unsigned *vr, size
   if (!given) {
     if (!(FA_BIT(c->now.fmi_state) & FA_READABLE))
       return fa_error(i, f, "outputs and states have no value before initialization or after an error");
-    if (fa_ensure_evaluated(c)) return fa_simulation_error(i, f);
+    if (fa_evaluated(i, f)) return FA_STATUS_ERROR;
   }
   for (size_t k = 0; k < n; k++) {
     if (real) real[k] = fa_get_value(c, vr[k]);
@@ -264,7 +277,7 @@ static int fa_get_output_derivatives(fa_instance *i, const char *f, const unsign
     if (order[k] != 1) return fa_error(i, f, "only derivatives of order 1 are known");
   }
   if (!n) return FA_STATUS_OK;
-  if (fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
+  if (fa_evaluated(i, f)) return FA_STATUS_ERROR;
   fa_output_derivatives(&i->core, rate);
   for (size_t k = 0; k < n; k++) value[k] = rate[vr[k] - FA_VR_Y];
   return FA_STATUS_OK;
@@ -284,18 +297,18 @@ static int fa_get_directional_derivative(fa_instance *i, const char *f, const un
     if (fa_known_index(known[k]) < 0) return fa_invalid_reference(i, f, "only inputs and states are knowns", known[k]);
   for (size_t k = 0; k < (adjoint ? unknowns : knowns); k++)
     if (!(along[k] - along[k] == 0)) return fa_log_status(i, FA_STATUS_DISCARD, f, "a seed is not finite");
-  if (fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
+  if (fa_evaluated(i, f)) return FA_STATUS_ERROR;
   if (adjoint) {
     for (size_t k = 0; k < knowns; k++) {
       seed[fa_known_index(known[k])] = 1;
-      fa_directional_derivative(&i->core, seed, rate);
+      fa_shown_derivative(&i->core, seed, rate);
       seed[fa_known_index(known[k])] = result[k] = 0;
       for (size_t j = 0; j < unknowns; j++) result[k] += along[j] * rate[fa_unknown_index(unknown[j])];
     }
     return FA_STATUS_OK;
   }
   for (size_t k = 0; k < knowns; k++) seed[fa_known_index(known[k])] += along[k];
-  fa_directional_derivative(&i->core, seed, rate);
+  fa_shown_derivative(&i->core, seed, rate);
   for (size_t k = 0; k < unknowns; k++) result[k] = rate[fa_unknown_index(unknown[k])];
   return FA_STATUS_OK;
 }
@@ -383,6 +396,7 @@ static int fa_do_step(fa_instance *i, const char *f, double from, double length)
     snprintf(text, sizeof text, "the step to %.9g s passes stopTime %.9g s", from + length, s->stop);
     return fa_error(i, f, text);
   }
+  if (fa_refuse_conflict(i, f)) return i->last = FA_STATUS_ERROR;
   fa_warn_of_step(i, f);
   fa_listen(i, row);
   const int failed = fa_advance(&i->core, from, length);
@@ -404,6 +418,7 @@ static int fa_update_discrete_states(fa_instance *i, const char *f, int *moved, 
   fa_sim *sim = &s->sim;
   double x[FA_SIZE(FA_NX)], d[FA_SIZE(FA_ND)], m[FA_SIZE(FA_NM)], row[3 * FA_LOGGED];
   int cursor[FA_SIZE(FA_NW)];
+  if (fa_refuse_conflict(i, f)) return FA_STATUS_ERROR;
   const int starting = s->pending & FA_PENDING_START;
   memcpy(x, sim->x, sizeof x);
   memcpy(d, sim->d, sizeof d);
@@ -424,7 +439,7 @@ static int fa_update_discrete_states(fa_instance *i, const char *f, int *moved, 
 }
 
 static int fa_enter_continuous_time_mode(fa_instance *i, const char *f) {
-  if (fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
+  if (fa_evaluated(i, f)) return FA_STATUS_ERROR;
   i->core.kept = 0;
   i->core.now.fmi_state = FA_CONTINUOUS_TIME_MODE;
   return FA_STATUS_OK;
@@ -450,12 +465,14 @@ static int fa_get_or_set_array(fa_instance *i, const char *f, int what, double *
     for (size_t k = 0; k < n; k++)
       if (!(in[k] - in[k] == 0)) return fa_log_status(i, FA_STATUS_DISCARD, f, "a state is not finite");
     memcpy(s->x, in, sizeof(double) * n);
+    fa_undo_twists(s->x);
     i->core.now.stale = 1;
     return FA_STATUS_OK;
   }
-  if (what != FA_GET_NOMINALS && fa_ensure_evaluated(&i->core)) return fa_simulation_error(i, f);
+  if (what != FA_GET_NOMINALS && fa_evaluated(i, f)) return FA_STATUS_ERROR;
   for (size_t k = 0; k < n; k++)
     out[k] = what == FA_GET_STATES ? s->x[k] : what == FA_GET_DERIVATIVES ? s->full[k]
            : what == FA_GET_EVENT_INDICATORS ? FA_HYSTERESIS - s->full[FA_NX + k] : fa_x_nominal[k];
+  if (what == FA_GET_STATES || what == FA_GET_DERIVATIVES) fa_show_twists(out);
   return FA_STATUS_OK;
 }

@@ -15,7 +15,7 @@ enum { FA_INSTANTIATED, FA_INITIALIZATION_MODE, FA_STEP_MODE, FA_TERMINATED, FA_
 enum { FA_OPEN_MIN = 1, FA_OPEN_MAX = 2, FA_TUNABLE = 4 };
 
 /* Value references: time, parameters, inputs, outputs, states, derivatives, memories; then the modes, whole numbers; then
- * the event indicators, two for each mode. */
+ * the event indicators, two for each mode; then the coordinates in whose place a twist is shown as a state. */
 enum {
   FA_VR_P = 1,
   FA_VR_U = FA_VR_P + FA_NP,
@@ -25,7 +25,8 @@ enum {
   FA_VR_D = FA_VR_DX + FA_NX,
   FA_VR_M = FA_VR_D + FA_ND,
   FA_VR_G = FA_VR_M + FA_NF + FA_NS,
-  FA_VR_END = FA_VR_G + FA_NG
+  FA_VR_Q = FA_VR_G + FA_NG,
+  FA_VR_END = FA_VR_Q + FA_NR
 };
 
 typedef struct {
@@ -314,7 +315,34 @@ static double fa_next_event_time(const fa_state *s) {
 
 static int fa_is_parameter(unsigned vr) { return vr >= FA_VR_P && vr < FA_VR_U; }
 static int fa_is_input(unsigned vr) { return vr >= FA_VR_U && vr < FA_VR_Y; }
-static int fa_is_start(unsigned vr) { return vr >= FA_VR_X && vr < FA_VR_DX && fa_x_exact[vr - FA_VR_X]; }
+
+/* The state of the model whose start a reference holds, or -1. */
+static int fa_start_index(unsigned vr) {
+  int k = -1;
+  if (vr >= FA_VR_X && vr < FA_VR_DX && fa_state_twist[vr - FA_VR_X] < 0) k = (int)vr - FA_VR_X;
+  if (vr >= FA_VR_Q && vr < FA_VR_END) k = fa_twist_coordinate[vr - FA_VR_Q];
+  return k >= 0 && fa_x_exact[k] ? k : -1;
+}
+
+static int fa_is_start(unsigned vr) { return fa_start_index(vr) >= 0; }
+
+/* What is shown of the states, or of their rates: twists in place of coordinates; and back. A twist stands after those
+ * that its terms are made of. */
+static double fa_twist_value(const double *x, int r) {
+  double value = x[fa_twist_coordinate[r]];
+  for (int j = fa_twist_first[r]; j < fa_twist_first[r + 1]; j++) value += fa_twist_share[j] * x[fa_twist_other[j]];
+  return value;
+}
+
+static void fa_show_twists(double *x) {
+  for (int r = FA_NR - 1; r >= 0; r--) x[fa_twist_coordinate[r]] = fa_twist_value(x, r);
+}
+
+static void fa_undo_twists(double *x) {
+  for (int r = 0; r < FA_NR; r++)
+    for (int j = fa_twist_first[r]; j < fa_twist_first[r + 1]; j++)
+      x[fa_twist_coordinate[r]] -= fa_twist_share[j] * x[fa_twist_other[j]];
+}
 
 /* Readable without evaluating the model. */
 static int fa_is_given(const fa_state *s, unsigned vr) {
@@ -332,11 +360,16 @@ static double fa_get_value(fa_core *c, unsigned vr) {
     c->read = 1;
     return c->y[vr - FA_VR_Y];
   }
-  if (vr < FA_VR_DX) {
-    const int k = (int)vr - FA_VR_X;
+  if (vr < FA_VR_DX || vr >= FA_VR_Q) {
+    const int r = vr < FA_VR_DX ? fa_state_twist[vr - FA_VR_X] : -1;
+    if (r >= 0) return fa_twist_value(s->sim.x, r);
+    const int k = vr < FA_VR_DX ? (int)vr - FA_VR_X : fa_twist_coordinate[vr - FA_VR_Q];
     return s->fmi_state > FA_INSTANTIATED ? s->sim.x[k] : s->placed[k] ? s->x0[k] : fa_x_default[k];
   }
-  if (vr < FA_VR_D) return s->sim.full[vr - FA_VR_DX];
+  if (vr < FA_VR_D) {
+    const int r = fa_state_twist[vr - FA_VR_DX];
+    return r >= 0 ? fa_twist_value(s->sim.full, r) : s->sim.full[vr - FA_VR_DX];
+  }
   if (vr < FA_VR_M) return s->sim.d[vr - FA_VR_D];
   if (vr < FA_VR_G) return s->sim.m[vr - FA_VR_M];
   return FA_HYSTERESIS - s->sim.full[FA_NX + vr - FA_VR_G];
@@ -359,10 +392,25 @@ static const char *fa_value_error(fa_core *c, unsigned vr, double value) {
   return c->message;
 }
 
+/* What a block refuses of the parameters that wait to be taken, two against one another, or NULL. Each alone is in
+ * range, and an importer sets them one by one, so they are compared when they begin to count. */
+static const char *fa_parameter_conflict(fa_core *c) {
+  const double *p = c->now.p;
+  if (!(c->now.pending & (FA_PENDING_START | FA_PENDING_PARAMETERS))) return 0;
+  for (int r = 0; r < FA_RELATIONS; r++) {
+    const int a = fa_relation_first[r], b = fa_relation_second[r], meaning = fa_relation_meaning[r];
+    if (!(meaning == 0 ? p[a] < p[b] : meaning == 1 ? p[a] <= p[b] : p[a] >= p[b])) continue;
+    snprintf(c->message, sizeof c->message, "%.120s = %.9g %s %.120s = %.9g", fa_name[FA_VR_P + a], p[a],
+             fa_relation_words[r], fa_name[FA_VR_P + b], p[b]);
+    return c->message;
+  }
+  return 0;
+}
+
 static void fa_set_value(fa_core *c, unsigned vr, double value) {
   fa_state *s = &c->now;
   if (fa_is_start(vr)) {
-    const int k = (int)vr - FA_VR_X;
+    const int k = fa_start_index(vr);
     fa_undo_evaluation(c);
     s->x0[k] = value;
     s->placed[k] = memcmp(&value, &fa_x_default[k], sizeof value) != 0;
@@ -411,6 +459,15 @@ static void fa_directional_derivative(const fa_core *c, const double *seed, doub
   for (int k = 0; k < FA_NG; k++) result[FA_NX + FA_NY + k] *= -1;    /* an indicator falls as its guard rises */
 }
 
+/* The same of the states as they are shown, for a seed of them. */
+static void fa_shown_derivative(const fa_core *c, const double *seed, double *result) {
+  double own[FA_SIZE(1 + FA_NX + FA_NI)];
+  memcpy(own, seed, sizeof own);
+  fa_undo_twists(own + 1);
+  fa_directional_derivative(c, own, result);
+  fa_show_twists(result);
+}
+
 /* Where a reference stands in the seed, or in the result; -1 if it has no place there. */
 static int fa_known_index(unsigned vr) {
   if (vr >= FA_VR_X && vr < FA_VR_DX) return 1 + (int)vr - FA_VR_X;
@@ -419,7 +476,7 @@ static int fa_known_index(unsigned vr) {
 
 static int fa_unknown_index(unsigned vr) {
   if (vr >= FA_VR_DX && vr < FA_VR_D) return (int)vr - FA_VR_DX;
-  if (vr >= FA_VR_G && vr < FA_VR_END) return FA_NX + FA_NY + (int)vr - FA_VR_G;
+  if (vr >= FA_VR_G && vr < FA_VR_Q) return FA_NX + FA_NY + (int)vr - FA_VR_G;
   return vr >= FA_VR_Y && vr < FA_VR_X ? FA_NX + (int)vr - FA_VR_Y : -1;
 }
 

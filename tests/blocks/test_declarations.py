@@ -154,7 +154,7 @@ LINK = {"length": 0.4, "mass": 0.065, "flexural_rigidity": 0.13}
         ),
         (
             lambda: BearingFriction(coulomb_friction=0.2, static_friction=0.1),
-            "static_friction = 0.1 is less than coulomb_friction = 0.2",
+            "static_friction = 0.1 N.m is less than coulomb_friction = 0.2 N.m",
         ),
         (lambda: AssumedModesLink(**LINK, modes=0), "0 is out of range: modes"),
         (lambda: AssumedModesLink(**LINK, foreshortening=True), "foreshortening needs nonlinear: true"),

@@ -172,7 +172,9 @@ def test_joint_friction_acts_between_two_shafts(shaft: Block, joint: Block) -> N
 
 def test_static_friction_below_sliding_friction_is_refused() -> None:
     for law in (LuGreFriction, ElastoPlasticFriction):
-        with pytest.raises(ParameterError, match=r"static_friction = 0.01 is less than coulomb_friction = 0.03"):
+        with pytest.raises(
+            ParameterError, match=r"static_friction = 0.01 N.m is less than coulomb_friction = 0.03 N.m"
+        ):
             law(coulomb_friction=0.03, static_friction=0.01, bristle_stiffness=10)
-    with pytest.raises(ParameterError, match=r"static_friction = 0\.01 is less"):
+    with pytest.raises(ParameterError, match=r"static_friction = 0\.01 N\.m is less"):
         RegularisedFriction(coulomb_friction=0.03, static_friction=0.01, creep_velocity=1e-3)

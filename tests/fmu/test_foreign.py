@@ -25,6 +25,7 @@ from fmu.block import FMU
 from fmu.host import host
 from fmu.verify import cosim
 from scenarios.load import load
+from tests.fmu.makers import foreign_binary
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the binary is one of linux64")
 
@@ -46,8 +47,7 @@ Make = Callable[..., Path]
 
 @pytest.fixture(scope="module")
 def binary(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    text = (Path(__file__).parent / "foreign.c").read_text()
-    return compiling.binary({"foreign.c": text}, ["-s"], ".so")
+    return foreign_binary("foreign.c")
 
 
 @pytest.fixture

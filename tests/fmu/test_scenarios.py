@@ -28,14 +28,6 @@ from scenarios.load import load
 
 TOLERANCE, STOP, EVERY = 1e-4, 2.0, 5e-3
 
-ABSOLUTE = {
-    "flexible-arm-sweep": "shaft angles of 10 mrad carry a twist of 10 urad, of which 1 % is below 1e-4 of the angles",
-    "reference-b": "the shaft turns by 2 rad against a play of 5 mrad: 1e-4 of the angle is 4 % of the play",
-    "srv02-3mass-b4": "the shafts turn by 176 rad in 2 s, and 1e-4 of that is as large as the play between them",
-}
-"""Scenarios whose states are angles of shafts that turn far beyond the twist between them. An integrator holds each
-state to the tolerance times the state, so the difference needs a finer tolerance: these are compared at 1e-6."""
-
 SHIPPED = sorted(file.stem for file in Path(scenarios.__file__).parent.glob("*.yaml"))
 
 
@@ -68,10 +60,6 @@ def _worst(name: str, expected: Any, given: Any) -> tuple[float, str]:
     return max(found)
 
 
-def _limits(name: str) -> float:
-    return 1e-6 if name in ABSOLUTE else TOLERANCE
-
-
 @pytest.mark.parametrize("name", SHIPPED)
 def test_cvode_at_the_usual_tolerance_agrees_with_co_simulation(
     name: str, made: Callable[[str], Path], record_property: Callable[[str, object], None]
@@ -82,7 +70,7 @@ def test_cvode_at_the_usual_tolerance_agrees_with_co_simulation(
         fmi_type="ModelExchange",
         stop_time=STOP,
         output_interval=EVERY,
-        relative_tolerance=_limits(name),
+        relative_tolerance=TOLERANCE,
         record_events=False,
     )
     worst, signal = _worst(name, _slave(path), rows)
@@ -98,7 +86,7 @@ def test_fmusim_agrees_with_co_simulation(
     if not tool:
         pytest.skip("fmusim is not installed: build it from the sources of the Reference FMUs")
     path, result = made(name), tmp_path / "rows.csv"
-    command = [tool, "--interface-type", "me", "--solver", "cvode", "--tolerance", str(_limits(name)), "--stop-time"]
+    command = [tool, "--interface-type", "me", "--solver", "cvode", "--tolerance", str(TOLERANCE), "--stop-time"]
     command += [str(STOP), "--output-interval", str(EVERY), "--output-file", str(result), str(path)]
     run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stdout + run.stderr
@@ -147,7 +135,7 @@ def test_pyfmi_agrees_with_co_simulation(
         pytest.skip("PyFMI is not installed: FLEXARM_PYFMI names no Python that has it")
     path, result = made(name), tmp_path / "rows.csv"
     names = list(dict.fromkeys(flat(output.name) for output in _model(name).outputs))
-    command = [python, "-c", _PYFMI, str(path), str(result), str(STOP), str(EVERY), str(_limits(name)), *names]
+    command = [python, "-c", _PYFMI, str(path), str(result), str(STOP), str(EVERY), str(TOLERANCE), *names]
     run = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False, cwd=tmp_path)
     assert run.returncode == 0, run.stdout + run.stderr
     expected = _slave(path)

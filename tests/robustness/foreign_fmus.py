@@ -12,17 +12,16 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from hypothesis import strategies as st
 
-from engine import compile as compiling
 from engine.errors import FlexarmError
 from fmu.verify import cosim
+from tests.fmu.makers import foreign_binary
 from tests.fmu.test_foreign import DESCRIPTION, NAMES, WAYS
 from tests.robustness.guard import RESULT, bounded, explained
 
 
 @functools.cache
 def _binary() -> bytes:
-    text = (Path(__file__).parents[1] / "fmu" / "foreign.c").read_text(encoding="utf-8")
-    return compiling.binary({"foreign.c": text}, ["-s"], ".so")
+    return foreign_binary("foreign.c")
 
 
 def foreign() -> st.SearchStrategy[Any]:
