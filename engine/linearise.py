@@ -42,6 +42,8 @@ class LinearModel:
             state on whose value nothing depends may move: a shaft that turns steadily is an equilibrium of its speed.
         ambiguous: mode name -> labels of the modes that meet at the point, where it lies exactly on the edge between
             them and none was asked for.
+        assumed: what was chosen and not asked for, in words: such as a mode other than that of the point, in which some
+            input would move no output; see `engine.linear_modes.audible`.
     """
 
     A: Matrix
@@ -57,6 +59,7 @@ class LinearModel:
     rate: float
     moving: dict[str, float] = field(default_factory=dict)
     ambiguous: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
 
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A (1/s), by magnitude."""
@@ -258,10 +261,14 @@ def operating_point(
 
 
 def _moving(names: tuple[str, ...], rates: Vector, A: Matrix, x: Vector) -> dict[str, float]:
-    """States that change at the point beyond rounding, without those that nothing depends on."""
-    allowed = 1e-9 + 1e-6 * np.abs(A) @ np.abs(x)
-    free = np.atleast_1d(~A.any(axis=0))
-    return {n: float(r) for n, r, a, f in zip(names, rates, allowed, free, strict=True) if abs(r) > a and not f}
+    """States that change at the point beyond rounding, but for changes on which nothing depends, as of a shaft."""
+    if not len(x):
+        return {}
+    allowed = 1e-9 + 1e-6 * (np.abs(A) @ np.abs(x) + np.abs(rates).max(initial=0.0) * 1e-6)
+    free = scipy.linalg.null_space(A, rcond=1e-12)
+    left = rates - free @ (free.T @ rates)
+    changes = np.abs(left) > allowed
+    return {n: float(r) for n, r, c in zip(names, rates, changes, strict=True) if c}
 
 
 def _ambiguous(model: Model, point: Point, wanted: dict[str, str]) -> dict[str, tuple[str, ...]]:

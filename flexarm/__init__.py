@@ -36,8 +36,9 @@ if TYPE_CHECKING:
     from engine.stamps import Clock, Motion, Velocity
     from engine.system import Connection, System
     from engine.tangent import tangents
+    from engine.trim import Equilibrium
     from flexarm._version import version
-    from flexarm.api import ExportOptions, compare, export, linearise, simulate
+    from flexarm.api import ExportOptions, compare, export, linearise, simulate, trim
     from flexarm.plotting.results import plot
     from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
@@ -51,6 +52,7 @@ _PLACES = {
     "Connection": "engine.system",
     "DiagnosisOptions": "diagnosis.api",
     "Drive": "engine.simulate",
+    "Equilibrium": "engine.trim",
     "ExportOptions": "flexarm.api",
     "FlexarmError": "engine.errors",
     "FrequencyTable": "diagnosis.recordings.types",
@@ -89,6 +91,7 @@ _PLACES = {
     "simulate": "flexarm.api",
     "sweep": "flexarm.sweeps.sweep",
     "tangents": "engine.tangent",
+    "trim": "flexarm.api",
     "version": "flexarm._version",
 }
 
@@ -101,6 +104,7 @@ __all__ = [
     "Connection",
     "DiagnosisOptions",
     "Drive",
+    "Equilibrium",
     "ExportOptions",
     "FlexarmError",
     "FrequencyTable",
@@ -137,6 +141,7 @@ __all__ = [
     "simulate",
     "sweep",
     "tangents",
+    "trim",
     "version",
 ]
 

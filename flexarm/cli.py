@@ -29,9 +29,10 @@ from flexarm.commands.linearise import linearise
 from flexarm.commands.run import run
 from flexarm.commands.schema import schema
 from flexarm.commands.sweep import sweep
+from flexarm.commands.trim import trim
 from flexarm.console.options import AUTOMATIC
 
-COMMANDS = (run, check, blocks, schema, compare, fit, diagnose, linearise, diagram, export, cosim, damping, sweep)
+COMMANDS = (run, check, blocks, schema, compare, fit, diagnose, trim, linearise, diagram, export, cosim, damping, sweep)
 """In the order in which ``flexarm --help`` lists them."""
 
 app = typer.Typer(

@@ -16,6 +16,7 @@ from flexarm.console.options import (
     OutputsOption,
     ScenarioArgument,
     SetOption,
+    TrimOption,
     file_name,
     load,
     names,
@@ -32,6 +33,7 @@ def linearise(
     outputs: OutputsOption = None,
     mode: ModeOption = None,
     at: AtOption = None,
+    trim: TrimOption = None,
     output: Annotated[
         list[Path] | None,
         typer.Option("--output", "-o", metavar="FILE", help="Write .json, .npz, .mat or .m; repeatable."),
@@ -47,7 +49,7 @@ def linearise(
     from engine.files import check_suffix
     from flexarm.api import discretise
     from flexarm.api import linearise as linear_model
-    from flexarm.console.text import discrete_page, linear_page
+    from flexarm.console.text import discrete_page, linear_head, linear_page
     from flexarm.cut import cut
     from flexarm.output import LINEAR, write_linear
     from flexarm.plotting.results import FIGURES
@@ -59,10 +61,10 @@ def linearise(
         plot = Path(f"{file_name(loaded)}-linear.png") if str(plot) == AUTOMATIC else plot
         check_suffix(plot, FIGURES)
     made = cut(loaded, "linearise", analysis, inputs=names(inputs), outputs=names(outputs))
-    settings = {"modes": pairs(mode, "--mode"), "at": pairs(at, "--at")}
+    settings = {"modes": pairs(mode, "--mode"), "at": pairs(at, "--at"), "trim": trim}
     linear = linear_model(made, **settings)  # type: ignore[arg-type]
     discrete = discretise(made, **settings) if made.model.clocks else None  # type: ignore[arg-type]
-    typer.echo(f"{loaded.name}, linearised")
+    typer.echo(linear_head(linear, loaded.name))
     say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
     typer.echo(linear_page(linear))
     if discrete is not None:

@@ -88,6 +88,13 @@ def complex_number(value: complex) -> str:
     return f"{value.real:.6g} {'+' if value.imag > 0 else '-'} {abs(value.imag):.6g}i"
 
 
+def linear_head(linear: LinearModel, name: str) -> str:
+    """The first line: what was linearised, in which modes, and what was assumed."""
+    modes = ", ".join(f"{mode} {label}" for mode, label in linear.modes.items())
+    assumed = "; ".join(linear.assumed)
+    return f"{name}, linearised{f' with {modes}' if modes else ''}{f'; assumed: {assumed}' if assumed else ''}"
+
+
 def linear_page(linear: LinearModel) -> str:
     """Modes, states, poles and zeros of a linear model."""
     parts = []
