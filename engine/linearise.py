@@ -154,6 +154,15 @@ def linearise(
         ParameterError: a name or label that does not exist, or something has no derivative at the point.
     """
     point = operating_point(model, at=at, inputs=inputs, modes=modes, parameters=parameters, time=time)
+    return linearise_at(model, point, dict(modes or {}))
+
+
+def matrices(model: Model, point: Point) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """A, B, C and D of all states, those of stuck joints included.
+
+    Raises:
+        ParameterError: something has no finite derivative at the point.
+    """
     linear = model.derived(
         "linear",
         lambda e: [
@@ -162,6 +171,16 @@ def linearise(
     )
     A, B, C, D = (np.array(b.full()) for b in linear(*point.arguments))
     _check_finite(model, A, B, C, D)
+    return A, B, C, D
+
+
+def linearise_at(model: Model, point: Point, asked: dict[str, str] | None = None) -> LinearModel:
+    """Linearise at a point that `operating_point` or `engine.trim.trim` gave; ``asked``: modes that were chosen.
+
+    Raises:
+        ParameterError: something has no derivative at the point.
+    """
+    A, B, C, D = matrices(model, point)
     keep = point.kept(model)
     unbounded = ~np.isfinite(np.vstack([np.hstack([A, B]), np.hstack([C, D])])).all(axis=1)
     if unbounded.any():
@@ -193,8 +212,8 @@ def linearise(
             zip((v.name for v in (*model.states, *model.inputs)), [*point.x.tolist(), *point.u.tolist()], strict=False)
         ),
         float(np.abs(rates).max(initial=0.0)),
-        _moving(names, rates, kept, point.x[keep]),
-        _ambiguous(model, point, dict(modes or {})),
+        moving_states(names, rates, kept, point.x[keep]),
+        _ambiguous(model, point, dict(asked or {})),
     )
 
 
@@ -260,7 +279,7 @@ def operating_point(
     return Point(time, x, u, d, _modes_at(model, time, x, u, d, p, dict(modes or {})), p)
 
 
-def _moving(names: tuple[str, ...], rates: Vector, A: Matrix, x: Vector) -> dict[str, float]:
+def moving_states(names: tuple[str, ...], rates: Vector, A: Matrix, x: Vector) -> dict[str, float]:
     """States that change at the point beyond rounding, but for changes on which nothing depends, as of a shaft."""
     if not len(x):
         return {}

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from engine.batch import batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
     from engine.errors import FlexarmError, ParameterError
+    from engine.family import LinearFamily
     from engine.linearise import LinearModel
     from engine.model import Model
     from engine.net import Net
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from engine.tangent import tangents
     from engine.trim import Equilibrium
     from flexarm._version import version
-    from flexarm.api import ExportOptions, compare, export, linearise, simulate, trim
+    from flexarm.api import ExportOptions, compare, export, linear_family, linearise, simulate, trim
     from flexarm.plotting.results import plot
     from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
@@ -56,6 +57,7 @@ _PLACES = {
     "ExportOptions": "flexarm.api",
     "FlexarmError": "engine.errors",
     "FrequencyTable": "diagnosis.recordings.types",
+    "LinearFamily": "engine.family",
     "LinearModel": "engine.linearise",
     "Model": "engine.model",
     "Motion": "engine.stamps",
@@ -80,6 +82,7 @@ _PLACES = {
     "fit": "diagnosis.api",
     "flange": "engine.block",
     "json_schema": "scenarios.jsonschema",
+    "linear_family": "flexarm.api",
     "linearise": "flexarm.api",
     "load": "scenarios.load",
     "option": "engine.block",
@@ -108,6 +111,7 @@ __all__ = [
     "ExportOptions",
     "FlexarmError",
     "FrequencyTable",
+    "LinearFamily",
     "LinearModel",
     "Model",
     "Motion",
@@ -130,6 +134,7 @@ __all__ = [
     "fit",
     "flange",
     "json_schema",
+    "linear_family",
     "linearise",
     "load",
     "option",

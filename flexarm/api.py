@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
@@ -13,12 +13,14 @@ from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
 from flexarm.cut import Cut, Source, as_scenario, cut
 from flexarm.design.point import point
+from scenarios.load import si
 from scenarios.validate import ScenarioError
 
 if TYPE_CHECKING:
     from diagnosis.compare import Comparison
     from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.discretise import DiscreteModel
+    from engine.family import LinearFamily
     from engine.linearise import LinearModel
     from engine.trim import Equilibrium
 
@@ -161,6 +163,58 @@ def linearise(
     if not made.settings.name:
         assumed = ("inputs are what the sources feed, outputs what the run records", *assumed)
     return replace(heard, assumed=(*heard.assumed, *assumed))
+
+
+def linear_family(
+    source: Source | Cut,
+    analysis: str | None = None,
+    *,
+    grid: Mapping[str, str | Sequence[float]] | None = None,
+    snapshots: float | None = None,
+    every_mode: bool = False,
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    modes: Mapping[str, int | str] | None = None,
+    at: Mapping[str, Any] | None = None,
+    trim: str | None = None,
+) -> LinearFamily:
+    """A family of linear models: over a grid, along the scenario's run, or in every combination of modes.
+
+    Args:
+        source: a scenario, its file or shipped name, or the result of `cut`.
+        analysis: name of an analysis in the file; the first of kind ``linearise`` if None. What follows stands over what
+            it says.
+        grid: parameter, state, motion or input -> ``START:STOP:N`` or ``A,B,C`` with units, or SI numbers.
+        snapshots: interval (s) at which the scenario's own run is linearised; mode changes are added.
+        every_mode: all combinations of modes that can occur.
+        inputs: as of `linearise`, and the next three.
+        outputs: signals.
+        modes: that are held.
+        at: the point otherwise.
+        trim: an analysis of kind ``trim``: each member is at the equilibrium that has the values of the grid.
+
+    Raises:
+        FlexarmError: nothing or more than one of ``grid``, ``snapshots`` and ``every_mode`` is asked for, or as of
+            `flexarm.design.families`.
+    """
+    from flexarm.design import families
+
+    made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
+    options = made.settings.options
+    if not (grid or snapshots or every_mode):
+        grid, every_mode = options.get("grid"), bool(options.get("every_mode"))
+        snapshots = (
+            None if options.get("snapshots") is None else si(options["snapshots"], {"snapshots": "s"}, "snapshots")
+        )
+    asked = [name for name, given in (("grid", grid), ("snapshots", snapshots), ("modes", every_mode)) if given]
+    if len(asked) != 1:
+        what = f"{' and '.join(asked)} are asked for at once" if asked else "no family is asked for"
+        raise FlexarmError(what, remedy="give one of --grid, --snapshots and --modes")
+    if grid:
+        return families.grid(made, grid, modes=modes, at=at, trim=trim)
+    if snapshots:
+        return families.snapshots(made, snapshots)
+    return families.every_mode(made, modes=modes, at=at, trim=trim)
 
 
 def discretise(
@@ -313,4 +367,4 @@ def compare(
     return run(as_scenario(source), recording, progress=progress)
 
 
-__all__ = ["compare", "discretise", "export", "linearise", "simulate", "trim"]
+__all__ = ["compare", "discretise", "export", "linear_family", "linearise", "simulate", "trim"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from engine.errors import ParameterError, nearest
 from engine.model import TIME, Model
 from flexarm.cut import Cut, cut, find_mode
-from scenarios.load import si
+from scenarios.load import AnalysisSettings, si
 
 if TYPE_CHECKING:
     from engine.trim import Equilibrium
@@ -61,26 +61,45 @@ def equilibrium(
     fix: Mapping[str, Any] | None = None,
     free: tuple[str, ...] | None = None,
     bounds: Mapping[str, tuple[Any, Any]] | None = None,
-    parameters: dict[str, float] | None = None,
-    tries: int | None = None,
 ) -> Equilibrium:
     """The equilibrium that a trim analysis asks for, with what is given over it; see `engine.trim.trim`."""
-    from engine.trim import TRIES, trim
+    from engine.trim import trim
 
-    model, options = made.model, made.settings.options
+    return trim(made.model, **point(made, modes, at), **wanted(made, fix, free, bounds))
+
+
+def wanted(
+    made: Cut,
+    fix: Mapping[str, Any] | None = None,
+    free: tuple[str, ...] | None = None,
+    bounds: Mapping[str, tuple[Any, Any]] | None = None,
+) -> dict[str, Any]:
+    """``fix``, ``free`` and ``bounds`` of a trim analysis, with what is given over it, as `engine.trim.trim` takes it."""
+    model, options, names = made.model, made.settings.options, made.scenario.resolve
     units = motion_units(model) | {v.name: v.unit for v in (*model.inputs, *model.outputs)}
-    names = made.scenario.resolve
-    wanted = {name: si(value, units, name) for name, value in (options.get("fix", {}) | dict(fix or {})).items()}
     limits = {**options.get("bounds", {}), **(bounds or {})}
-    return trim(
-        model,
-        **point(made, modes, at),
-        fix=wanted,
-        free=[names(name) for name in (options.get("free", ()) if free is None else free)],
-        bounds={name: (si(low, units, name), si(high, units, name)) for name, (low, high) in limits.items()},
-        parameters=parameters,
-        tries=TRIES if tries is None else tries,
-    )
+    return {
+        "fix": {
+            name: si(value, units, name)
+            for name, value in ((names(k), v) for k, v in {**options.get("fix", {}), **(fix or {})}.items())
+        },
+        "free": [names(name) for name in (options.get("free", ()) if free is None else free)],
+        "bounds": {
+            names(k): (si(low, units, names(k)), si(high, units, names(k))) for k, (low, high) in limits.items()
+        },
+    }
+
+
+def trim_arguments(made: Cut, name: str, modes: Mapping[str, int | str] | None = None) -> dict[str, Any]:
+    """What an analysis of kind ``trim`` fixes, frees and bounds, and the modes it or ``modes`` holds, for a model."""
+    settings = _trim_settings(made, name)
+    there = replace(made, settings=settings)
+    return wanted(there) | {"modes": point(there, modes, None)["modes"]}
+
+
+def _trim_settings(made: Cut, name: str | None) -> AnalysisSettings:
+    chosen = None if name in (None, "auto") else name
+    return cut(made.scenario, "trim", chosen, inputs=made.settings.inputs, outputs=made.settings.outputs).settings
 
 
 def trimmed(made: Cut, name: str | None = None, at: Mapping[str, Any] | None = None) -> Equilibrium:
@@ -94,8 +113,7 @@ def trimmed(made: Cut, name: str | None = None, at: Mapping[str, Any] | None = N
     Raises:
         FlexarmError: no such analysis, or no equilibrium.
     """
-    wanted = None if name in (None, "auto") else name
-    settings = cut(made.scenario, "trim", wanted, inputs=made.settings.inputs, outputs=made.settings.outputs).settings
+    settings = _trim_settings(made, name)
     given = {v.name for v in made.model.inputs}
     begin = {
         k: v for k, v in {**made.settings.at, **settings.at}.items() if k in motion_units(made.model) or k in given
