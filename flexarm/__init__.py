@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from engine.tangent import tangents
     from engine.trim import Equilibrium
     from flexarm._version import version
-    from flexarm.api import ExportOptions, compare, export, linear_family, linearise, simulate, trim
+    from flexarm.api import ExportOptions, compare, describe, export, linear_family, linearise, simulate, trim
     from flexarm.plotting.results import plot
     from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
@@ -77,6 +77,7 @@ _PLACES = {
     "batch": "engine.batch",
     "build": "engine.assemble",
     "compare": "flexarm.api",
+    "describe": "flexarm.api",
     "diagnose": "diagnosis.api",
     "export": "flexarm.api",
     "fit": "diagnosis.api",
@@ -129,6 +130,7 @@ __all__ = [
     "batch",
     "build",
     "compare",
+    "describe",
     "diagnose",
     "export",
     "fit",

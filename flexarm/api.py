@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from engine.family import LinearFamily
     from engine.linearise import LinearModel
     from engine.trim import Equilibrium
+    from flexarm.design.describing import Description
 
 
 def simulate(
@@ -182,8 +183,7 @@ def linear_family(
 
     Args:
         source: a scenario, its file or shipped name, or the result of `cut`.
-        analysis: name of an analysis in the file; the first of kind ``linearise`` if None. What follows stands over what
-            it says.
+        analysis: name of an analysis in the file; the first of kind ``linearise`` if None. What follows stands over it.
         grid: parameter, state, motion or input -> ``START:STOP:N`` or ``A,B,C`` with units, or SI numbers.
         snapshots: interval (s) at which the scenario's own run is linearised; mode changes are added.
         every_mode: all combinations of modes that can occur.
@@ -215,6 +215,54 @@ def linear_family(
     if snapshots:
         return families.snapshots(made, snapshots)
     return families.every_mode(made, modes=modes, at=at, trim=trim)
+
+
+def describe(
+    source: Source | Cut,
+    analysis: str | None = None,
+    *,
+    amplitudes: Sequence[float | str] | None = None,
+    frequencies: Sequence[float] | str | None = None,
+    harmonics: int | None = None,
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Description:
+    """What the nonlinear model answers to sines of several amplitudes: describing functions with their harmonics.
+
+    Args:
+        source: a scenario, its file or shipped name, or the result of `cut`.
+        analysis: name of an analysis in the file; the first of kind ``describe`` if None.
+        amplitudes: of the sines, SI numbers or texts with a unit, in place of those of the analysis.
+        frequencies: rad/s, or ``START:STOP:N:log`` with a unit, in place of those of the analysis.
+        harmonics: highest that is given; that of the analysis, or 5, if None.
+        inputs: the one input, in place of that of the analysis.
+        outputs: signals in place of those of the analysis.
+        progress: told the fraction done.
+
+    Raises:
+        FlexarmError: as of `flexarm.design.describing.describe`; neither the file nor the call says which sines.
+    """
+    from flexarm.design.describing import describe as run
+    from flexarm.design.describing import frequencies_of
+
+    made = source if isinstance(source, Cut) else cut(source, "describe", analysis, inputs=inputs, outputs=outputs)
+    options = made.settings.options
+    sizes = amplitudes if amplitudes is not None else options.get("amplitudes")
+    over = frequencies if frequencies is not None else options.get("frequencies")
+    if not sizes or over is None or len(over) == 0:
+        raise FlexarmError(
+            "nothing says which sines", remedy="give --amplitudes '0.5 V,2 V' and --frequencies '0.1 Hz:10 Hz:20:log'"
+        )
+    units = {v.name: v.unit for v in made.model.inputs}
+    first = next(iter(units), "")
+    return run(
+        made,
+        [si(size, units, first) for size in sizes],
+        frequencies_of(over) if isinstance(over, str) else over,
+        harmonics=harmonics or int(options.get("harmonics", 5)),
+        progress=progress,
+    )
 
 
 def discretise(
@@ -367,4 +415,4 @@ def compare(
     return run(as_scenario(source), recording, progress=progress)
 
 
-__all__ = ["compare", "discretise", "export", "linear_family", "linearise", "simulate", "trim"]
+__all__ = ["compare", "describe", "discretise", "export", "linear_family", "linearise", "simulate", "trim"]

@@ -96,7 +96,7 @@ def _mat(path: Path, result: Result, scenario: Scenario) -> None:
 
 
 def write_family(path: Path, family: LinearFamily, name: str) -> list[Path]:
-    """Write a family as .json, .npz or .mat, or as a MATLAB script with its MAT-file beside it; returns what was written.
+    """Write a family as .json, .npz, .mat, or as a MATLAB script with its MAT-file; returns what was written.
 
     Raises:
         FlexarmError: an unknown kind of file, or it cannot be written.

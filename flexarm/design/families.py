@@ -36,7 +36,8 @@ def grid(
     Args:
         made: the model.
         axes: parameter, state, motion or input -> ``START:STOP:N`` or ``A,B,C`` with units, or SI numbers.
-        modes, at: as of `flexarm.api.linearise`; a mode that is not given is that of each point.
+        modes: that are held; another is that of each point.
+        at: the point otherwise; see `flexarm.api.linearise`.
         trim: an analysis of kind ``trim``: each member is at the equilibrium that has the axes' values.
 
     Raises:
@@ -80,7 +81,7 @@ def grid(
 
 
 def _heard(made: Cut, family: LinearFamily, axes: list[Axis], asked: dict[str, Any], find: Any) -> LinearFamily:
-    """The family itself, or that of modes in which the inputs move something, where they move nothing in some member."""
+    """The family itself, or, where an input moves nothing in some member, that of modes in which it does."""
     from engine.linear_modes import audible
     from engine.linearise import linearise_at
 
@@ -147,7 +148,7 @@ def every_mode(
     at: Mapping[str, Any] | None = None,
     trim: str | None = None,
 ) -> LinearFamily:
-    """A family over all combinations of modes that can occur; those of ``modes`` are held, those of the file are not."""
+    """A family over all combinations of modes that can occur; those of ``modes`` are held, not those of the file."""
     asked = point(made, modes, at)
     there = start_of(made, asked, trim, at)
     held = point(replace(made, settings=replace(made.settings, modes={})), modes, at)["modes"]

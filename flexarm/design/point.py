@@ -74,7 +74,7 @@ def wanted(
     free: tuple[str, ...] | None = None,
     bounds: Mapping[str, tuple[Any, Any]] | None = None,
 ) -> dict[str, Any]:
-    """``fix``, ``free`` and ``bounds`` of a trim analysis, with what is given over it, as `engine.trim.trim` takes it."""
+    """What a trim analysis fixes, frees and bounds, with what is given over it, as `engine.trim.trim` takes it."""
     model, options, names = made.model, made.settings.options, made.scenario.resolve
     units = motion_units(model) | {v.name: v.unit for v in (*model.inputs, *model.outputs)}
     limits = {**options.get("bounds", {}), **(bounds or {})}

@@ -21,8 +21,7 @@ MOST_DRAWN = 121
 
 
 def span(members: list[LinearModel], points: int = 400) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Frequencies (rad/s) from a decade below the slowest pole of some members to a decade above the fastest, dense
-    about every resonance."""
+    """Frequencies (rad/s) from a decade below the slowest pole to a decade above the fastest, dense at resonances."""
     poles = np.concatenate([member.poles() for member in members] or [np.zeros(0, dtype=complex)])
     sizes = np.abs(poles)
     sizes = sizes[(sizes > 1e-6 * sizes.max(initial=0.0)) & (sizes > 1e-9)]

@@ -65,7 +65,7 @@ def test_between_the_points_entries_are_linear(over_angles: LinearFamily) -> Non
     a, b = over_angles.axes[1].values[4:6]
     middle = over_angles.at(arm_joint1_angle=0.0, arm_joint2_angle=(a + b) / 2)
     np.testing.assert_allclose(middle.A, (over_angles.A[5, 4] + over_angles.A[5, 5]) / 2, rtol=1e-12)
-    with pytest.raises(ParameterError, match="outside of the axis 'arm.joint2.angle'"):
+    with pytest.raises(ParameterError, match=r"outside of the axis 'arm.joint2.angle'"):
         over_angles.at(arm_joint1_angle=0.0, arm_joint2_angle=2.0)
     with pytest.raises(ParameterError, match="'arm_joint3_angle' is no axis"):
         over_angles.at(arm_joint3_angle=0.0)
