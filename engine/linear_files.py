@@ -24,7 +24,7 @@ def content(linear: LinearModel) -> dict[str, Any]:
     if isinstance(linear, DiscreteModel):
         made["dt"] = linear.dt
     made |= {key: list(getattr(linear, key)) for key in _KINDS}
-    made |= {"units": linear.units, "modes": linear.modes, "point": linear.point}
+    made |= {"units": linear.units, "modes": linear.modes, "assumed": list(linear.assumed), "point": linear.point}
     made |= {"equilibrium": not linear.moving, "moving": linear.moving}
     zeros: Iterable[complex] = linear.zeros() if linear.inputs and linear.outputs else []
     return made | {"poles": _pairs(linear.poles()), "zeros": _pairs(zeros)}
@@ -104,6 +104,7 @@ def script(linear: LinearModel, name: str, discrete: DiscreteModel | None = None
         f"% {name}: linear model by flexarm, for deviations from the operating point; x' = A x + B u, y = C x + D u"
     ]
     lines += [f"% mode {mode}: {label}" for mode, label in linear.modes.items()]
+    lines += [f"% assumed: {text}" for text in linear.assumed]
     lines += [f"% {state} = {value!r} {linear.units.get(state, '')}".rstrip() for state, value in linear.point.items()]
     lines += [f"% not an equilibrium: {state} changes at {rate!r} per second" for state, rate in linear.moving.items()]
     lines += _system(linear, f"{identifier(name)}_linear", "")

@@ -42,6 +42,8 @@ class LinearModel:
             state on whose value nothing depends may move: a shaft that turns steadily is an equilibrium of its speed.
         ambiguous: mode name -> labels of the modes that meet at the point, where it lies exactly on the edge between
             them and none was asked for.
+        assumed: what was chosen and not asked for, in words: such as a mode other than that of the point, in which some
+            input would move no output; see `engine.linear_modes.audible`.
     """
 
     A: Matrix
@@ -57,6 +59,7 @@ class LinearModel:
     rate: float
     moving: dict[str, float] = field(default_factory=dict)
     ambiguous: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
 
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A (1/s), by magnitude."""
@@ -151,6 +154,15 @@ def linearise(
         ParameterError: a name or label that does not exist, or something has no derivative at the point.
     """
     point = operating_point(model, at=at, inputs=inputs, modes=modes, parameters=parameters, time=time)
+    return linearise_at(model, point, dict(modes or {}))
+
+
+def matrices(model: Model, point: Point) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """A, B, C and D of all states, those of stuck joints included.
+
+    Raises:
+        ParameterError: something has no finite derivative at the point.
+    """
     linear = model.derived(
         "linear",
         lambda e: [
@@ -159,6 +171,16 @@ def linearise(
     )
     A, B, C, D = (np.array(b.full()) for b in linear(*point.arguments))
     _check_finite(model, A, B, C, D)
+    return A, B, C, D
+
+
+def linearise_at(model: Model, point: Point, asked: dict[str, str] | None = None) -> LinearModel:
+    """Linearise at a point that `operating_point` or `engine.trim.trim` gave; ``asked``: modes that were chosen.
+
+    Raises:
+        ParameterError: something has no derivative at the point.
+    """
+    A, B, C, D = matrices(model, point)
     keep = point.kept(model)
     unbounded = ~np.isfinite(np.vstack([np.hstack([A, B]), np.hstack([C, D])])).all(axis=1)
     if unbounded.any():
@@ -190,8 +212,8 @@ def linearise(
             zip((v.name for v in (*model.states, *model.inputs)), [*point.x.tolist(), *point.u.tolist()], strict=False)
         ),
         float(np.abs(rates).max(initial=0.0)),
-        _moving(names, rates, kept, point.x[keep]),
-        _ambiguous(model, point, dict(modes or {})),
+        moving_states(names, rates, kept, point.x[keep]),
+        _ambiguous(model, point, dict(asked or {})),
     )
 
 
@@ -257,11 +279,15 @@ def operating_point(
     return Point(time, x, u, d, _modes_at(model, time, x, u, d, p, dict(modes or {})), p)
 
 
-def _moving(names: tuple[str, ...], rates: Vector, A: Matrix, x: Vector) -> dict[str, float]:
-    """States that change at the point beyond rounding, without those that nothing depends on."""
-    allowed = 1e-9 + 1e-6 * np.abs(A) @ np.abs(x)
-    free = np.atleast_1d(~A.any(axis=0))
-    return {n: float(r) for n, r, a, f in zip(names, rates, allowed, free, strict=True) if abs(r) > a and not f}
+def moving_states(names: tuple[str, ...], rates: Vector, A: Matrix, x: Vector) -> dict[str, float]:
+    """States that change at the point beyond rounding, but for changes on which nothing depends, as of a shaft."""
+    if not len(x):
+        return {}
+    allowed = 1e-9 + 1e-6 * (np.abs(A) @ np.abs(x) + np.abs(rates).max(initial=0.0) * 1e-6)
+    free = scipy.linalg.null_space(A, rcond=1e-12)
+    left = rates - free @ (free.T @ rates)
+    changes = np.abs(left) > allowed
+    return {n: float(r) for n, r, c in zip(names, rates, changes, strict=True) if c}
 
 
 def _ambiguous(model: Model, point: Point, wanted: dict[str, str]) -> dict[str, tuple[str, ...]]:

@@ -23,7 +23,8 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
     Args:
         model: the model.
         p: parameter vector.
-        initial: values by name, over the model's own: a motion such as ``link.hub.angle``, or a state.
+        initial: values by name, over the model's own: a motion such as ``link.hub.angle``, or a state. Where all states
+            are given, the model's own do not count.
 
     Returns:
         x, shape (states,). Coordinates that no name fixes start at rest at zero, in the least-squares sense.
@@ -31,7 +32,8 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
     Raises:
         ParameterError: unknown name, or values that contradict each other.
     """
-    given = {**model.initial, **(initial or {})}
+    whole = bool(initial) and all(state.name in (initial or {}) for state in model.states)
+    given = {**({} if whole else model.initial), **(initial or {})}
     x = np.array(model.functions["start"](p).full()).ravel()
     if not given:
         return x

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from engine.batch import batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
     from engine.errors import FlexarmError, ParameterError
+    from engine.family import LinearFamily
     from engine.linearise import LinearModel
     from engine.model import Model
     from engine.net import Net
@@ -37,8 +38,9 @@ if TYPE_CHECKING:
     from engine.stamps import Clock, Motion, Velocity
     from engine.system import Connection, System
     from engine.tangent import tangents
+    from engine.trim import Equilibrium
     from flexarm._version import version
-    from flexarm.api import ExportOptions, compare, export, linearise, simulate
+    from flexarm.api import ExportOptions, compare, describe, export, linear_family, linearise, simulate, trim
     from flexarm.plotting.results import plot
     from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
@@ -52,9 +54,11 @@ _PLACES = {
     "Connection": "engine.system",
     "DiagnosisOptions": "diagnosis.api",
     "Drive": "engine.simulate",
+    "Equilibrium": "engine.trim",
     "ExportOptions": "flexarm.api",
     "FlexarmError": "engine.errors",
     "FrequencyTable": "diagnosis.recordings.types",
+    "LinearFamily": "engine.family",
     "LinearModel": "engine.linearise",
     "Model": "engine.model",
     "Motion": "engine.stamps",
@@ -75,11 +79,13 @@ _PLACES = {
     "batch": "engine.batch",
     "build": "engine.assemble",
     "compare": "flexarm.api",
+    "describe": "flexarm.api",
     "diagnose": "diagnosis.api",
     "export": "flexarm.api",
     "fit": "diagnosis.api",
     "flange": "engine.block",
     "json_schema": "scenarios.jsonschema",
+    "linear_family": "flexarm.api",
     "linearise": "flexarm.api",
     "load": "scenarios.load",
     "option": "engine.block",
@@ -91,6 +97,7 @@ _PLACES = {
     "simulate": "flexarm.api",
     "sweep": "flexarm.sweeps.sweep",
     "tangents": "engine.tangent",
+    "trim": "flexarm.api",
     "version": "flexarm._version",
 }
 
@@ -103,9 +110,11 @@ __all__ = [
     "Connection",
     "DiagnosisOptions",
     "Drive",
+    "Equilibrium",
     "ExportOptions",
     "FlexarmError",
     "FrequencyTable",
+    "LinearFamily",
     "LinearModel",
     "Model",
     "Motion",
@@ -124,11 +133,13 @@ __all__ = [
     "batch",
     "build",
     "compare",
+    "describe",
     "diagnose",
     "export",
     "fit",
     "flange",
     "json_schema",
+    "linear_family",
     "linearise",
     "load",
     "option",
@@ -140,6 +151,7 @@ __all__ = [
     "simulate",
     "sweep",
     "tangents",
+    "trim",
     "version",
 ]
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from engine.errors import FlexarmError, ParameterError, Where, nearest
-from engine.model import TIME, Model
+from engine.errors import FlexarmError, ParameterError, Where
+from engine.model import Model
 from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
-from flexarm.cut import Cut, Source, as_scenario, cut, find_mode
+from flexarm.cut import Cut, Source, as_scenario, cut
+from flexarm.design.point import point
 from scenarios.load import si
 from scenarios.validate import ScenarioError
 
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
     from diagnosis.compare import Comparison
     from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.discretise import DiscreteModel
+    from engine.family import LinearFamily
     from engine.linearise import LinearModel
+    from engine.trim import Equilibrium
+    from flexarm.design.describing import Description
 
 
 def simulate(
@@ -67,6 +71,41 @@ def simulate(
     return run_model(model, stop, 1e-3 if step is None else step, chosen)
 
 
+def trim(
+    source: Source | Cut,
+    analysis: str | None = None,
+    *,
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    modes: Mapping[str, int | str] | None = None,
+    at: Mapping[str, Any] | None = None,
+    fix: Mapping[str, Any] | None = None,
+    free: Iterable[str] | None = None,
+    bounds: Mapping[str, tuple[Any, Any]] | None = None,
+) -> Equilibrium:
+    """An equilibrium of a scenario; see `engine.trim.trim`.
+
+    Args:
+        source: a scenario, its file or shipped name, or the result of `cut`.
+        analysis: name of an analysis in the file; the first of kind ``trim`` if None.
+        inputs: signal inputs in place of those of the analysis.
+        outputs: signals in place of those of the analysis.
+        modes: mode name -> label, over those of the analysis: held whatever follows; the others are found.
+        at: where the search begins, and the values of inputs that are not free: SI numbers or texts with a unit.
+        fix: values that motions, states, inputs or outputs must have, over those of the analysis.
+        free: inputs that are searched for, in place of those of the analysis.
+        bounds: state or free input -> least and greatest value, over those of the analysis.
+
+    Raises:
+        FlexarmError: a name, label or unit that does not fit; there is no equilibrium, or a continuum of them.
+    """
+    from flexarm.design.point import equilibrium
+
+    made = source if isinstance(source, Cut) else cut(source, "trim", analysis, inputs=inputs, outputs=outputs)
+    chosen = None if free is None else tuple(free)
+    return equilibrium(made, modes=modes, at=at, fix=fix, free=chosen, bounds=bounds)
+
+
 def linearise(
     source: Source | Cut,
     analysis: str | None = None,
@@ -75,8 +114,14 @@ def linearise(
     outputs: Iterable[str] | None = None,
     modes: Mapping[str, int | str] | None = None,
     at: Mapping[str, Any] | None = None,
+    trim: str | None = None,
 ) -> LinearModel:
     """The linear model of a scenario.
+
+    Where some input would move no output, since a joint is stuck there or a zone swallows the input, the model is that
+    of the sliding joint or the open zone, unless ``modes`` says otherwise. A scenario that describes no analysis gives
+    the inputs that its sources feed, the outputs that its run records, and the equilibrium nearest to its start. Both
+    stand in `LinearModel.assumed`.
 
     Args:
         source: a scenario, its file or shipped name, or the result of `cut`.
@@ -85,14 +130,28 @@ def linearise(
         outputs: signals in place of those of the analysis.
         modes: mode name -> label (``stuck``, ``inside``, ...), or -1, 0 or 1, over those of the analysis.
         at: states, motions and inputs at the point, over those of the analysis: SI numbers or texts with a unit.
+        trim: an analysis of kind ``trim``, at whose equilibrium to linearise, over that of the analysis; ``auto`` for
+            the equilibrium nearest to the point.
 
     Raises:
         FlexarmError: a name, label or unit that does not fit, or the point lies between two modes and none is chosen.
     """
+    from engine.linear_modes import audible
     from engine.linearise import linearise as linear
+    from flexarm.design.point import start_of, trimmed
 
     made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
-    found = linear(made.model, **_point(made, modes, at))
+    asked = point(made, modes, at)
+    there = start_of(made, asked, trim, at)
+    found = linear(made.model, **there)
+    assumed: tuple[str, ...] = ()
+    if not made.settings.name and trim is None and not at and found.moving:
+        try:
+            there = trimmed(made).arguments()
+            found = linear(made.model, **there)
+            assumed = ("the equilibrium nearest to the start",)
+        except FlexarmError:
+            pass
     if found.ambiguous:
         (mode, labels), *_ = found.ambiguous.items()
         choices = " or ".join(f"--mode '{mode}={label}'" for label in labels)
@@ -101,7 +160,109 @@ def linearise(
             "and the linear model of each is another",
             remedy=f"choose: {choices}; in a file, under 'modes:' of the analysis; or another point, by --at",
         )
-    return found
+    heard = audible(made.model, found, **{**there, "modes": asked["modes"]})
+    if not made.settings.name:
+        assumed = ("inputs are what the sources feed, outputs what the run records", *assumed)
+    return replace(heard, assumed=(*heard.assumed, *assumed))
+
+
+def linear_family(
+    source: Source | Cut,
+    analysis: str | None = None,
+    *,
+    grid: Mapping[str, str | Sequence[float]] | None = None,
+    snapshots: float | None = None,
+    every_mode: bool = False,
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    modes: Mapping[str, int | str] | None = None,
+    at: Mapping[str, Any] | None = None,
+    trim: str | None = None,
+) -> LinearFamily:
+    """A family of linear models: over a grid, along the scenario's run, or in every combination of modes.
+
+    Args:
+        source: a scenario, its file or shipped name, or the result of `cut`.
+        analysis: name of an analysis in the file; the first of kind ``linearise`` if None. What follows stands over it.
+        grid: parameter, state, motion or input -> ``START:STOP:N`` or ``A,B,C`` with units, or SI numbers.
+        snapshots: interval (s) at which the scenario's own run is linearised; mode changes are added.
+        every_mode: all combinations of modes that can occur.
+        inputs: as of `linearise`, and the next three.
+        outputs: signals.
+        modes: that are held.
+        at: the point otherwise.
+        trim: an analysis of kind ``trim``: each member is at the equilibrium that has the values of the grid.
+
+    Raises:
+        FlexarmError: nothing or more than one of ``grid``, ``snapshots`` and ``every_mode`` is asked for, or as of
+            `flexarm.design.families`.
+    """
+    from flexarm.design import families
+
+    made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
+    options = made.settings.options
+    if not (grid or snapshots or every_mode):
+        grid, every_mode = options.get("grid"), bool(options.get("every_mode"))
+        snapshots = (
+            None if options.get("snapshots") is None else si(options["snapshots"], {"snapshots": "s"}, "snapshots")
+        )
+    asked = [name for name, given in (("grid", grid), ("snapshots", snapshots), ("modes", every_mode)) if given]
+    if len(asked) != 1:
+        what = f"{' and '.join(asked)} are asked for at once" if asked else "no family is asked for"
+        raise FlexarmError(what, remedy="give one of --grid, --snapshots and --modes")
+    if grid:
+        return families.grid(made, grid, modes=modes, at=at, trim=trim)
+    if snapshots:
+        return families.snapshots(made, snapshots)
+    return families.every_mode(made, modes=modes, at=at, trim=trim)
+
+
+def describe(
+    source: Source | Cut,
+    analysis: str | None = None,
+    *,
+    amplitudes: Sequence[float | str] | None = None,
+    frequencies: Sequence[float] | str | None = None,
+    harmonics: int | None = None,
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Description:
+    """What the nonlinear model answers to sines of several amplitudes: describing functions with their harmonics.
+
+    Args:
+        source: a scenario, its file or shipped name, or the result of `cut`.
+        analysis: name of an analysis in the file; the first of kind ``describe`` if None.
+        amplitudes: of the sines, SI numbers or texts with a unit, in place of those of the analysis.
+        frequencies: rad/s, or ``START:STOP:N:log`` with a unit, in place of those of the analysis.
+        harmonics: highest that is given; that of the analysis, or 5, if None.
+        inputs: the one input, in place of that of the analysis.
+        outputs: signals in place of those of the analysis.
+        progress: told the fraction done.
+
+    Raises:
+        FlexarmError: as of `flexarm.design.describing.describe`; neither the file nor the call says which sines.
+    """
+    from flexarm.design.describing import describe as run
+    from flexarm.design.describing import frequencies_of
+
+    made = source if isinstance(source, Cut) else cut(source, "describe", analysis, inputs=inputs, outputs=outputs)
+    options = made.settings.options
+    sizes = amplitudes if amplitudes is not None else options.get("amplitudes")
+    over = frequencies if frequencies is not None else options.get("frequencies")
+    if not sizes or over is None or len(over) == 0:
+        raise FlexarmError(
+            "nothing says which sines", remedy="give --amplitudes '0.5 V,2 V' and --frequencies '0.1 Hz:10 Hz:20:log'"
+        )
+    units = {v.name: v.unit for v in made.model.inputs}
+    first = next(iter(units), "")
+    return run(
+        made,
+        [si(size, units, first) for size in sizes],
+        frequencies_of(over) if isinstance(over, str) else over,
+        harmonics=harmonics or int(options.get("harmonics", 5)),
+        progress=progress,
+    )
 
 
 def discretise(
@@ -112,50 +273,14 @@ def discretise(
     outputs: Iterable[str] | None = None,
     modes: Mapping[str, int | str] | None = None,
     at: Mapping[str, Any] | None = None,
+    trim: str | None = None,
 ) -> DiscreteModel:
     """The discrete-time linear model of a scenario with sampled blocks; arguments and errors as of `linearise`."""
     from engine.discretise import discretise as discrete
+    from flexarm.design.point import start_of
 
     made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
-    return discrete(made.model, **_point(made, modes, at))
-
-
-def _point(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Arguments for `engine.linearise.linearise`: the point and modes of the analysis and those given, in SI units."""
-    model = made.model
-    wanted: dict[str, int | str] = {**made.settings.modes, **(modes or {})}
-    labels = dict(_label(model, name, value) for name, value in wanted.items())
-    point: dict[str, Any] = {**made.settings.at, **(at or {})}
-    input_units = {variable.name: variable.unit for variable in model.inputs}
-    state_units = _motion_units(model)
-    given = {name: si(value, {**state_units, **input_units}, name) for name, value in point.items()}
-    return {
-        "at": {name: value for name, value in given.items() if name not in input_units},
-        "inputs": {name: value for name, value in given.items() if name in input_units},
-        "modes": labels,
-    }
-
-
-def _motion_units(model: Model) -> dict[str, str]:
-    """Units of everything that has a value at an operating point."""
-    units = {variable.name: variable.unit for variable in (*model.states, *model.memories)}
-    for flange in model.motions:
-        for quantity, unit in (("angle", "rad"), ("speed", "rad/s"), ("position", "m")):
-            units.setdefault(f"{flange}.{quantity}", unit)
-    return units
-
-
-def _label(model: Model, name: str, value: int | str) -> tuple[str, str]:
-    """Full name of a mode, and the label of the value asked for."""
-    found = find_mode(model, name)
-    if found is None:
-        raise ParameterError(f"no mode '{name}'", remedy=nearest(name, [m.name for m in model.modes if m.kind != TIME]))
-    if isinstance(value, str) and value not in ("-1", "0", "1", "+1"):
-        return found.name, value
-    number = int(value)
-    if number not in (-1, 0, 1):
-        raise ParameterError(f"mode '{name}' cannot be {number}", remedy="-1, 0, 1, or " + ", ".join(found.labels))
-    return found.name, found.labels[number + 1]
+    return discrete(made.model, **start_of(made, point(made, modes, at), trim, at))
 
 
 class ExportKeywords(TypedDict, total=False):
@@ -268,17 +393,16 @@ def magnitudes(made: Cut) -> dict[str, float]:
 def _linear_settings(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
     """The linear models that travel with an FMU: those of the modes and point of its analysis, if there are any."""
     from engine.discretise import discretise as discrete
+    from engine.linear_modes import hearing
     from engine.linearise import linearise as linear
 
     model = made.model
     if not (model.states and model.inputs and model.outputs) or model.externals:
         return {}
-    point = _point(made, modes, at)
-    from fmu.linear import family
-
-    at_point = linear(model, **point)
-    found: dict[str, Any] = {"linear": at_point, "others": family(model, at_point, **point)}
-    return found | ({"discrete": discrete(model, **point)} if model.clocks else {})
+    where = point(made, modes, at)
+    at_point = linear(model, **where)
+    found: dict[str, Any] = {"linear": at_point, "others": hearing(model, at_point, **where)}
+    return found | ({"discrete": discrete(model, **where)} if model.clocks else {})
 
 
 def compare(
@@ -293,4 +417,4 @@ def compare(
     return run(as_scenario(source), recording, progress=progress)
 
 
-__all__ = ["compare", "discretise", "export", "linearise", "simulate"]
+__all__ = ["compare", "describe", "discretise", "export", "linear_family", "linearise", "simulate", "trim"]

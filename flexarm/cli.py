@@ -21,6 +21,7 @@ from flexarm.commands.check import check
 from flexarm.commands.compare import compare
 from flexarm.commands.cosim import cosim
 from flexarm.commands.damping import damping
+from flexarm.commands.describe import describe
 from flexarm.commands.diagnose import diagnose
 from flexarm.commands.diagram import diagram
 from flexarm.commands.export import export
@@ -29,9 +30,26 @@ from flexarm.commands.linearise import linearise
 from flexarm.commands.run import run
 from flexarm.commands.schema import schema
 from flexarm.commands.sweep import sweep
+from flexarm.commands.trim import trim
 from flexarm.console.options import AUTOMATIC
 
-COMMANDS = (run, check, blocks, schema, compare, fit, diagnose, linearise, diagram, export, cosim, damping, sweep)
+COMMANDS = (
+    run,
+    check,
+    blocks,
+    schema,
+    compare,
+    fit,
+    diagnose,
+    trim,
+    linearise,
+    describe,
+    diagram,
+    export,
+    cosim,
+    damping,
+    sweep,
+)
 """In the order in which ``flexarm --help`` lists them."""
 
 app = typer.Typer(

@@ -44,7 +44,7 @@ def cut(
 
     Args:
         source: a scenario, its file or shipped name.
-        kind: ``linearise`` or ``export``.
+        kind: of the analysis, such as ``linearise`` or ``export``.
         analysis: name of an analysis in the file; the first of that kind if None.
         inputs: signal inputs that replace those of the analysis.
         outputs: signals that replace those of the analysis.
@@ -75,6 +75,32 @@ def find_mode(model: Model, name: str) -> Mode | None:
     return found[0] if found else None
 
 
+DEFAULTED = ("linearise", "trim")
+"""Kinds of analysis that choose their own inputs and outputs where the file describes no analysis."""
+
+
+def default_ends(scenario: Scenario, inputs: tuple[str, ...] | None = None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Inputs and outputs where nobody names any: what sources feed, and what the run records.
+
+    Args:
+        scenario: the scenario.
+        inputs: inputs that are given, in place of those.
+    """
+    system, made = scenario.system, scenario.system.sources()
+    sources = {
+        name
+        for name, block in system.blocks.items()
+        if not block.is_physical() and block.ports and all(port.role == "output" for port in block.ports.values())
+    }
+    fed = {end: system.split(made[end][0])[0] for end in system.inputs() if end in made}
+    free = tuple(end for end, owner in fed.items() if owner in sources) if inputs is None else inputs
+    gone = bypass(system, list(free))[1] if free else []
+    planned = scenario.simulation
+    wanted = planned.record if planned is not None and planned.record is not None else None
+    names = wanted if wanted is not None else tuple(v.name for v in scenario.build().outputs)
+    return free, tuple(name for name in names if system.split(name)[0] not in gone)
+
+
 def _settings(
     scenario: Scenario, kind: str, analysis: str | None, inputs: Iterable[str] | None, outputs: Iterable[str] | None
 ) -> AnalysisSettings:
@@ -86,11 +112,16 @@ def _settings(
             nearest(analysis, fitting),
         )
     # Any analysis names inputs and outputs, so one of the other kind will do where there is none of this.
-    candidates = list(fitting.values()) or list(scenario.analyses.values())
+    candidates = list(fitting.values()) or [a for a in scenario.analyses.values() if a.inputs and a.outputs]
     found = fitting[analysis] if analysis is not None else candidates[0] if candidates else None
     given_inputs = None if inputs is None else tuple(scenario.resolve(name) for name in inputs)
     given_outputs = None if outputs is None else tuple(scenario.resolve(name) for name in outputs)
     if found is None:
+        if kind in DEFAULTED and not (given_inputs and given_outputs):
+            own_inputs, own_outputs = default_ends(scenario, given_inputs)
+            given_inputs, given_outputs = given_inputs or own_inputs, given_outputs or own_outputs
+            if given_outputs:
+                return AnalysisSettings("", kind, given_inputs, given_outputs)
         if not given_inputs or not given_outputs:
             raise ScenarioError(
                 f"the scenario describes no analysis of kind {kind}",
@@ -103,6 +134,7 @@ def _settings(
         kind,
         given_inputs or found.inputs,
         given_outputs or found.outputs,
-        found.modes,
+        found.modes if kind != "trim" or found.kind == kind else {},  # an equilibrium finds its own
         found.at,
+        found.options if found.kind == kind else {},
     )

@@ -14,6 +14,7 @@ from flexarm._version import version
 
 if TYPE_CHECKING:
     from engine.discretise import DiscreteModel
+    from engine.family import LinearFamily
     from engine.linearise import LinearModel
     from engine.simulate import Result
     from scenarios.load import Scenario
@@ -92,6 +93,27 @@ def _mat(path: Path, result: Result, scenario: Scenario) -> None:
     content["flexarm_units"] = np.array(["s", *result.units.values()], dtype=object)
     content["flexarm_source"] = provenance(scenario)
     savemat(path, content, do_compression=True, long_field_names=True)
+
+
+def write_family(path: Path, family: LinearFamily, name: str) -> list[Path]:
+    """Write a family as .json, .npz, .mat, or as a MATLAB script with its MAT-file; returns what was written.
+
+    Raises:
+        FlexarmError: an unknown kind of file, or it cannot be written.
+    """
+    from engine import family_files
+
+    made = {
+        ".json": lambda: family_files.as_json(family, name),
+        ".npz": lambda: family_files.as_npz(family),
+        ".mat": lambda: family_files.as_mat(family),
+        ".m": lambda: family_files.script(family, name, path.with_suffix(".mat").name).encode(),
+    }
+    written = [path.with_suffix(".mat"), path] if path.suffix.lower() == ".m" else [path]
+    for file in written:
+        with writing(file, LINEAR) as temporary:
+            temporary.write_bytes(made[file.suffix.lower()]())
+    return written
 
 
 def write_linear(path: Path, linear: LinearModel, name: str, discrete: DiscreteModel | None = None) -> None:

@@ -13,7 +13,8 @@ import numpy as np
 from engine.discretise import DiscreteModel
 from engine.errors import FlexarmError
 from engine.linear_files import as_json, as_mat, content
-from engine.linearise import LinearModel, linearise
+from engine.linear_modes import deaf
+from engine.linearise import LinearModel
 from engine.model import TIME, Model, Variable, Vector
 from engine.start import start_values
 
@@ -32,47 +33,6 @@ def linear_files(
 def family_file(linear: LinearModel, others: Sequence[LinearModel]) -> bytes:
     """The linear models of all modes as JSON: a list, that of the operating point first."""
     return (json.dumps([content(member) for member in (linear, *others)], indent=1) + "\n").encode()
-
-
-def deaf(linear: LinearModel) -> list[str]:
-    """Inputs that move no output of a linear model: the joint is stuck, or the input ends inside a dead zone."""
-    moves, passes = linear.A != 0, linear.C != 0
-    found = []
-    for j, name in enumerate(linear.inputs):
-        reached = linear.B[:, j] != 0
-        for _ in linear.states:
-            reached = reached | (moves @ reached)
-        if not (linear.D[:, j] != 0).any() and not (passes @ reached).any():
-            found.append(name)
-    return found
-
-
-def family(model: Model, linear: LinearModel, **point: Any) -> list[LinearModel]:
-    """Linear models of the modes in which inputs that now move no output do: stuck joints sliding, zones left.
-
-    Each mode is changed alone, then all of them together; a model is kept if more inputs move an output in it, and its
-    modes are not those of one that is kept already.
-
-    Args:
-        model: the model.
-        linear: its linear model in the modes of the operating point.
-        point: further arguments of `engine.linearise.linearise`: ``at``, ``inputs``, ``modes``.
-    """
-    silent, asked = len(deaf(linear)), dict(point.pop("modes", None) or {})
-    if not silent:
-        return []
-    free = [mode for mode in model.modes if mode.kind != TIME and linear.modes[mode.name] == mode.labels[1]]
-    trials = [{mode.name: label} for mode in free for label in (mode.labels[2], mode.labels[0])]
-    trials += [{mode.name: mode.labels[2] for mode in free}] if len(free) > 1 else []
-    found: dict[tuple[tuple[str, str], ...], LinearModel] = {}
-    for trial in trials:
-        try:
-            made = linearise(model, modes={**asked, **trial}, **point)
-        except FlexarmError:
-            continue
-        if len(deaf(made)) < silent:
-            found.setdefault(tuple(made.modes.items()), made)
-    return list(found.values())
 
 
 def warning(linear: LinearModel, others: Sequence[LinearModel]) -> str:

@@ -14,6 +14,7 @@ from typing import IO, TypedDict, Unpack
 from engine.discretise import DiscreteModel, discretise
 from engine.errors import FlexarmError
 from engine.linear_files import as_mat, script
+from engine.linear_modes import hearing
 from engine.linearise import LinearModel, linearise
 from engine.model import Model
 from fmu.build import DEFAULT, PLATFORMS, check, library
@@ -21,7 +22,7 @@ from fmu.coupling import Coupling
 from fmu.describe import build_description, fmi2, fmi3
 from fmu.documentation import page
 from fmu.icon import files as icon_files
-from fmu.linear import family, family_file, linear_files, warning, with_twin
+from fmu.linear import family_file, linear_files, warning, with_twin
 from fmu.nominal import magnitudes as largest
 from fmu.plan import Plan
 from fmu.plan import plan as make_plan
@@ -109,7 +110,7 @@ def export(
     if linear is None:
         linear, discrete = _linear(model)
         if linear is not None and others is None and o.coupling is None:
-            others = family(model, linear)
+            others = hearing(model, linear)
     if o.coupling is None and linear is not None and (said := warning(linear, others or ())):
         log.warning("%s", said)
     if linear is None and (o.linear_twin or o.beside):

@@ -16,7 +16,7 @@ from engine.system import System
 from scenarios.document import Node, parse, read
 from scenarios.flatten import Flat, flatten, root_scope, substitute
 from scenarios.patch import override
-from scenarios.schema import Export, FrequencyRecording, Linearise, ScenarioFile, TimeRecording
+from scenarios.schema import AnyAnalysis, FrequencyRecording, ScenarioFile, TimeRecording
 from scenarios.validate import ScenarioError, validate
 
 if TYPE_CHECKING:
@@ -39,7 +39,10 @@ class Simulation:
 
 @dataclass(frozen=True)
 class AnalysisSettings:
-    """An analysis of the file: kind (``linearise`` or ``export``), inputs, outputs, modes and operating point (SI)."""
+    """An analysis of the file: its kind, inputs, outputs, modes, operating point, and what else its kind has.
+
+    Numbers of ``at`` and of ``options`` are as they stand in the file, parameters of the scenario put in.
+    """
 
     name: str
     kind: str
@@ -47,6 +50,7 @@ class AnalysisSettings:
     outputs: tuple[str, ...]
     modes: dict[str, int | str] = field(default_factory=dict)
     at: dict[str, Any] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass
@@ -279,24 +283,42 @@ def _simulation(document: Node, file: ScenarioFile, flat: Flat) -> Simulation | 
     return Simulation(stop, step, positive("internal_step"), positive("step_tolerance", "1"), record)
 
 
-def _analysis(document: Node, name: str, made: Linearise | Export, flat: Flat) -> AnalysisSettings:
-    scope = root_scope(document)
-    at: dict[str, Any] = {}
-    modes: dict[str, int | str] = {}
-    if isinstance(made, Linearise):
-        modes = {flat.resolve(mode): value for mode, value in made.modes.items()}
-        for key in made.at:
-            node = document.get("analyses", name, "at", key)
-            assert node is not None
-            at[flat.resolve(key)] = substitute(node, scope, document.where("analyses", name, "at", key))
+def _analysis(document: Node, name: str, made: AnyAnalysis, flat: Flat) -> AnalysisSettings:
+    scope, found = root_scope(document), made.model_dump()
+    for key in ("kind", "inputs", "outputs"):
+        found.pop(key)
+
+    def value(*path: str | int) -> Any:
+        node = document.get("analyses", name, *path)
+        assert node is not None
+        return substitute(node, scope, document.where("analyses", name, *path))
+
+    for key, given in found.items():
+        if key in _NAMED and given:
+            found[key] = {flat.resolve(end): value(key, end) for end in given}
+        elif key == "bounds":
+            found[key] = {flat.resolve(end): tuple(value(key, end, i) for i in range(2)) for end in given}
+        elif key == "amplitudes":
+            found[key] = [value(key, i) for i in range(len(given))]
+        elif key == "snapshots" and given is not None:
+            found[key] = value(key)
+        elif key == "free":
+            found[key] = [flat.resolve(end) for end in given]
+        elif key == "modes":
+            found[key] = {flat.resolve(mode): label for mode, label in given.items()}
     return AnalysisSettings(
         name,
         made.kind,
         tuple(flat.resolve(end) for end in made.inputs),
         tuple(flat.resolve(end) for end in made.outputs),
-        modes,
-        at,
+        found.pop("modes", {}),
+        found.pop("at", {}),
+        found,
     )
+
+
+_NAMED = ("at", "fix", "grid")
+"""Sections of an analysis whose keys name variables of the model."""
 
 
 def si(value: object, units: dict[str, str], name: str, where: Where | None = None) -> float:

@@ -117,16 +117,78 @@ class Analysis(Section):
     outputs: list[Text] = Field(description="signals given out", min_length=1)
 
 
-class Linearise(Analysis):
-    """A linear model about an operating point."""
+class PointAnalysis(Analysis):
+    """Fields of analyses at an operating point."""
 
-    kind: Literal["linearise"] = Field(description="a linear model")
     modes: dict[str, int | str] = Field(
         default_factory=dict, description="for each friction or contact: -1, 0, +1, or its label"
     )
     at: dict[str, Quantity] = Field(
         default_factory=dict, description="operating point: values of states and inputs; rest if absent"
     )
+
+
+class Trim(PointAnalysis):
+    """An equilibrium; ``at`` is where the search begins."""
+
+    kind: Literal["trim"] = Field(description="an equilibrium")
+    fix: dict[str, Quantity] = Field(
+        default_factory=dict, description="values that motions, states, inputs or outputs must have"
+    )
+    free: list[Endpoint] = Field(default_factory=list, description="inputs that are searched for; the others are given")
+    bounds: dict[str, Annotated[list[Quantity], Field(min_length=2, max_length=2)]] = Field(
+        default_factory=dict, description="least and greatest value of a state or a free input"
+    )
+
+
+class Family(PointAnalysis):
+    """Fields of analyses that take a family of linear models."""
+
+    trim: Text | None = Field(default=None, description="an analysis of kind trim, whose equilibrium is the point")
+    grid: dict[str, Text] = Field(
+        default_factory=dict,
+        description="scheduling variables, parameters, states, motions or inputs: START:STOP:N or A,B,C, with units",
+    )
+
+
+class Linearise(Family):
+    """A linear model about an operating point, or a family of them."""
+
+    kind: Literal["linearise"] = Field(description="a linear model")
+    snapshots: Quantity | None = Field(
+        default=None, description="a linear model at every mode change of the simulation, and at this interval, s"
+    )
+    every_mode: bool = Field(default=False, description="a linear model in every combination of modes that can occur")
+
+
+class Describe(PointAnalysis):
+    """What sines of several amplitudes meet: describing functions with their harmonics."""
+
+    kind: Literal["describe"] = Field(description="frequency responses by amplitude")
+    amplitudes: list[Quantity] = Field(min_length=1, description="amplitudes of the sine on the one input")
+    frequencies: Text = Field(description="START:STOP:N:log or A,B,C, with Hz or rad/s")
+    harmonics: int = Field(default=5, ge=1, le=50, description="highest harmonic that is given")
+
+
+class Margins(Family):
+    """Margins of a loop, opened at the one input; ``outputs`` is the signal that comes back."""
+
+    kind: Literal["margins"] = Field(description="margins of a loop")
+    outputs: list[Text] = Field(
+        default_factory=list,
+        description="the signal that comes back to the input; what feeds it if absent",
+        max_length=1,
+    )
+
+
+class Uncertain(Family):
+    """A family of linear models from what recordings say of the parameters."""
+
+    kind: Literal["uncertain"] = Field(description="a family from the covariance of a fit")
+    recordings: list[Text] = Field(default_factory=list, description="to fit to; all but those held out if absent")
+    hold_out: list[Text] = Field(default_factory=list, description="to judge on, beside those of that role")
+    samples: int = Field(default=50, ge=1, le=100_000, description="members of the family")
+    seed: int = Field(default=0, ge=0, description="of the samples")
 
 
 class Export(Analysis):
@@ -263,7 +325,7 @@ def _recording_kind(value: Any) -> str:
     return str(kind)
 
 
-AnyAnalysis = Annotated[Linearise | Export, Field(discriminator="kind")]
+AnyAnalysis = Annotated[Linearise | Export | Trim | Describe | Margins | Uncertain, Field(discriminator="kind")]
 AnyRecording = Annotated[
     Annotated[TimeRecording, Tag("time_series")] | Annotated[FrequencyRecording, Tag("frequency_response")],
     Discriminator(_recording_kind),

@@ -16,11 +16,13 @@ from flexarm.console.options import (
     OutputsOption,
     ScenarioArgument,
     SetOption,
+    TrimOption,
     file_name,
     load,
     names,
     pairs,
     say_bypassed,
+    seconds,
 )
 
 
@@ -32,6 +34,22 @@ def linearise(
     outputs: OutputsOption = None,
     mode: ModeOption = None,
     at: AtOption = None,
+    trim: TrimOption = None,
+    grid: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--grid",
+            metavar="NAME=START:STOP:N",
+            help="A family over a parameter, state, motion or input; repeatable, each with each.",
+        ),
+    ] = None,
+    snapshots: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="A family along the scenario's run, at this interval and at mode changes."),
+    ] = None,
+    every_mode: Annotated[
+        bool, typer.Option("--modes", help="A family over all combinations of modes that can occur.")
+    ] = False,
     output: Annotated[
         list[Path] | None,
         typer.Option("--output", "-o", metavar="FILE", help="Write .json, .npz, .mat or .m; repeatable."),
@@ -43,11 +61,14 @@ def linearise(
         ),
     ] = None,
 ) -> None:
-    """Print and write the linear model at an operating point; with sampled blocks also that in discrete time."""
+    """Print and write the linear model at an operating point, or a family of them over a grid, a run or all modes.
+
+    With sampled blocks there is a model in discrete time beside it.
+    """
     from engine.files import check_suffix
     from flexarm.api import discretise
     from flexarm.api import linearise as linear_model
-    from flexarm.console.text import discrete_page, linear_page
+    from flexarm.console.text import discrete_page, linear_head, linear_page
     from flexarm.cut import cut
     from flexarm.output import LINEAR, write_linear
     from flexarm.plotting.results import FIGURES
@@ -59,10 +80,35 @@ def linearise(
         plot = Path(f"{file_name(loaded)}-linear.png") if str(plot) == AUTOMATIC else plot
         check_suffix(plot, FIGURES)
     made = cut(loaded, "linearise", analysis, inputs=names(inputs), outputs=names(outputs))
-    settings = {"modes": pairs(mode, "--mode"), "at": pairs(at, "--at")}
+    options = made.settings.options
+    if grid or snapshots is not None or every_mode or any(options.get(k) for k in ("grid", "snapshots", "every_mode")):
+        from flexarm.api import linear_family
+        from flexarm.console.text import family_page
+        from flexarm.output import write_family
+
+        family = linear_family(
+            made,
+            grid=pairs(grid, "--grid") if grid else None,
+            snapshots=seconds(snapshots, "--snapshots"),
+            every_mode=every_mode,
+            modes=pairs(mode, "--mode"),
+            at=pairs(at, "--at"),
+            trim=trim,
+        )
+        typer.echo(family_page(family, loaded.name))
+        say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
+        for path in output or []:
+            for written in write_family(path, family, loaded.name):
+                typer.echo(f"written: {written}")
+        if plot is not None:
+            from flexarm.plotting.family import plot_family
+
+            typer.echo(f"written: {plot_family(family, plot, f'{loaded.name}, a family of linear models')}")
+        return
+    settings = {"modes": pairs(mode, "--mode"), "at": pairs(at, "--at"), "trim": trim}
     linear = linear_model(made, **settings)  # type: ignore[arg-type]
     discrete = discretise(made, **settings) if made.model.clocks else None  # type: ignore[arg-type]
-    typer.echo(f"{loaded.name}, linearised")
+    typer.echo(linear_head(linear, loaded.name))
     say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
     typer.echo(linear_page(linear))
     if discrete is not None:

@@ -49,6 +49,14 @@ AtOption = Annotated[
     list[str] | None,
     typer.Option("--at", metavar="NAME=VALUE", help="Operating point, such as 'link.hub.angle=10 deg'; repeatable."),
 ]
+TrimOption = Annotated[
+    str | None,
+    typer.Option(
+        "--trim",
+        metavar="NAME",
+        help="Linearise at the equilibrium of this analysis of kind trim; 'auto': the nearest to the point.",
+    ),
+]
 RecordingsArgument = Annotated[
     list[str] | None,
     typer.Argument(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from engine.block import Block
@@ -12,6 +13,7 @@ from engine.block import Block
 if TYPE_CHECKING:
     from diagnosis.compare import Comparison
     from engine.discretise import DiscreteModel
+    from engine.family import LinearFamily
     from engine.linearise import LinearModel
 
 
@@ -86,6 +88,51 @@ def complex_number(value: complex) -> str:
     if abs(value.imag) < 1e-9 * max(1.0, abs(value)):
         return f"{value.real if abs(value.real) > 1e-12 else 0.0:.6g}"
     return f"{value.real:.6g} {'+' if value.imag > 0 else '-'} {abs(value.imag):.6g}i"
+
+
+def linear_head(linear: LinearModel, name: str) -> str:
+    """The first line: what was linearised, in which modes, and what was assumed."""
+    modes = ", ".join(f"{mode} {label}" for mode, label in linear.modes.items())
+    assumed = "; ".join(linear.assumed)
+    return f"{name}, linearised{f' with {modes}' if modes else ''}{f'; assumed: {assumed}' if assumed else ''}"
+
+
+def family_page(family: LinearFamily, name: str) -> str:
+    """A family of linear models: what it spans, the modes that occur, and the poles."""
+    count = Counter(", ".join(f"{k} {v}" for k, v in modes.items()) for modes in family.modes)
+    assumed = "; ".join(family.assumed)
+    shape = " x ".join(str(k) for k in family.shape)
+    parts = [f"{name}, {shape} linear models{f'; assumed: {assumed}' if assumed else ''}"]
+    rows = [
+        [axis.name, axis.unit, f"{axis.values.min():.6g} ... {axis.values.max():.6g}", str(len(axis.values))]
+        for axis in family.axes
+        if not axis.labels
+    ]
+    if rows:
+        parts.append(columns(["over", "unit", "from ... to", "values"], rows))
+    if any(count):
+        poles = {
+            label: [family.kept(k).poles() for k, modes in enumerate(family.modes) if _modes(modes) == label]
+            for label in count
+        }
+        spans = [[label, str(n), _rightmost(poles[label])] for label, n in count.items()]
+        parts.append(columns(["linearised in", "members", "rightmost pole [1/s]"], spans))
+    else:
+        parts.append(f"  rightmost pole: {_rightmost([member.poles() for member in family])} 1/s")
+    moving = sum(bool(member.moving) for member in family)
+    if moving:
+        parts.append(f"  {plural(moving, 'member')} of {len(family)} are at no equilibrium: dx0 holds their rates")
+    parts.append(columns(["state", "unit"], [[state, family.units.get(state, "")] for state in family.states]))
+    return "\n".join(parts)
+
+
+def _modes(modes: Mapping[str, str]) -> str:
+    return ", ".join(f"{k} {v}" for k, v in modes.items())
+
+
+def _rightmost(poles: Sequence[Any]) -> str:
+    every = [complex(p) for row in poles for p in row]
+    return complex_number(max(every, key=lambda p: p.real)) if every else "none"
 
 
 def linear_page(linear: LinearModel) -> str:

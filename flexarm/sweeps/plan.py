@@ -205,7 +205,7 @@ def make_axes(
 
 
 def _axis(model: Model, key: str, value: str, rebuild: Any) -> Axis:
-    texts = _values(value)
+    texts = texts_of(value)
     names = parameters_of(model, key)
     if names:
         declared = [model.parameters[model.parameter_index(name)].declared for name in names]
@@ -270,7 +270,7 @@ def _plain(text: str) -> Any:
         return text
 
 
-def _values(text: str) -> tuple[str, ...]:
+def texts_of(text: str) -> tuple[str, ...]:
     """The values of ``START:STOP:N`` or ``A,B,C``."""
     found = _RANGE.match(text)
     if found:

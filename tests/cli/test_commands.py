@@ -123,13 +123,18 @@ def test_linearise(base: Path, command: Callable[..., Any]) -> None:
 
 def test_linearise_through_the_dead_zone(base: Path, command: Callable[..., Any]) -> None:
     free = ["linearise", base.name, "--inputs", "zone.in", "--outputs", "load.shaft.speed"]
-    inside = command(*free, "-o", "a.json")
+    inside = command(*free, "--mode", "zone.zone=inside", "-o", "a.json")
     above = command(*free, "--mode", "zone.zone=above", "-o", "b.json")
     number = command(*free, "--mode", "zone.zone=1", "-o", "c.json")
     assert (inside.code, above.code, number.code) == (0, 0, 0)
     gains = [np.abs(json.loads((base.parent / f"{n}.json").read_text())["B"]).max() for n in "abc"]
     assert gains[0] == 0
     assert gains[1] == gains[2] > 0
+    open_ = command(*free, "-o", "d.json")
+    first = open_.out.splitlines()[0]
+    assert "with zone.zone above; assumed: 'zone.zone' is above, not inside as at the point" in first
+    assert "zone.in would move no output" in first
+    assert np.abs(json.loads((base.parent / "d.json").read_text())["B"]).max() == gains[1]
     wrong = command(*free, "--mode", "zone.zone=abov")
     assert wrong.code == 1
     assert "did you mean 'above'?" in wrong.err

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from blocks.registry import registry
+from engine.linear_modes import deaf
 from flexarm.api import linearise, simulate
 from flexarm.cut import cut
 from scenarios.jsonschema import json_schema
@@ -35,6 +36,20 @@ def test_it_works(name: str) -> None:
         assert [v.name for v in made.model.inputs] == list(analysis.inputs)
         if analysis.kind == "linearise":
             assert np.isfinite(linearise(made).A).all()
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_it_linearises_to_something_without_options(name: str) -> None:
+    """Every input moves an output unless the file itself asks for a mode in which none does; poles are finite."""
+    linear = linearise(name)
+    assert linear.states
+    assert np.isfinite(linear.poles()).all()
+    asked = next((a.modes for a in load(name).analyses.values() if a.kind == "linearise"), {})
+    if not asked:
+        assert deaf(linear) == []
+    if not load(name).analyses:
+        assert linear.moving == {}
+        assert any("what the sources feed" in text for text in linear.assumed)
 
 
 @pytest.mark.parametrize("name", shipped_names())

@@ -1,0 +1,1 @@
+"""Linear models for control design: operating points, families, describing functions, margins, uncertainty."""

@@ -1,0 +1,131 @@
+"""The operating point of an analysis: names, units and labels as the engine takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from engine.errors import ParameterError, nearest
+from engine.model import TIME, Model
+from flexarm.cut import Cut, cut, find_mode
+from scenarios.load import AnalysisSettings, si
+
+if TYPE_CHECKING:
+    from engine.trim import Equilibrium
+
+
+def point(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Arguments for `engine.linearise.linearise`: the point and modes of the analysis and those given, in SI units."""
+    model = made.model
+    wanted: dict[str, int | str] = {**made.settings.modes, **(modes or {})}
+    labels = dict(label(model, name, value) for name, value in wanted.items())
+    point: dict[str, Any] = {**made.settings.at, **(at or {})}
+    input_units = {variable.name: variable.unit for variable in model.inputs}
+    state_units = motion_units(model)
+    given = {name: si(value, {**state_units, **input_units}, name) for name, value in point.items()}
+    return {
+        "at": {name: value for name, value in given.items() if name not in input_units},
+        "inputs": {name: value for name, value in given.items() if name in input_units},
+        "modes": labels,
+    }
+
+
+def motion_units(model: Model) -> dict[str, str]:
+    """Units of everything that has a value at an operating point."""
+    units = {variable.name: variable.unit for variable in (*model.states, *model.memories)}
+    for flange in model.motions:
+        for quantity, unit in (("angle", "rad"), ("speed", "rad/s"), ("position", "m")):
+            units.setdefault(f"{flange}.{quantity}", unit)
+    return units
+
+
+def label(model: Model, name: str, value: int | str) -> tuple[str, str]:
+    """Full name of a mode, and the label of the value asked for."""
+    found = find_mode(model, name)
+    if found is None:
+        raise ParameterError(f"no mode '{name}'", remedy=nearest(name, [m.name for m in model.modes if m.kind != TIME]))
+    if isinstance(value, str) and value not in ("-1", "0", "1", "+1"):
+        return found.name, value
+    number = int(value)
+    if number not in (-1, 0, 1):
+        raise ParameterError(f"mode '{name}' cannot be {number}", remedy="-1, 0, 1, or " + ", ".join(found.labels))
+    return found.name, found.labels[number + 1]
+
+
+def equilibrium(
+    made: Cut,
+    *,
+    modes: Mapping[str, int | str] | None = None,
+    at: Mapping[str, Any] | None = None,
+    fix: Mapping[str, Any] | None = None,
+    free: tuple[str, ...] | None = None,
+    bounds: Mapping[str, tuple[Any, Any]] | None = None,
+) -> Equilibrium:
+    """The equilibrium that a trim analysis asks for, with what is given over it; see `engine.trim.trim`."""
+    from engine.trim import trim
+
+    return trim(made.model, **point(made, modes, at), **wanted(made, fix, free, bounds))
+
+
+def wanted(
+    made: Cut,
+    fix: Mapping[str, Any] | None = None,
+    free: tuple[str, ...] | None = None,
+    bounds: Mapping[str, tuple[Any, Any]] | None = None,
+) -> dict[str, Any]:
+    """What a trim analysis fixes, frees and bounds, with what is given over it, as `engine.trim.trim` takes it."""
+    model, options, names = made.model, made.settings.options, made.scenario.resolve
+    units = motion_units(model) | {v.name: v.unit for v in (*model.inputs, *model.outputs)}
+    limits = {**options.get("bounds", {}), **(bounds or {})}
+    return {
+        "fix": {
+            name: si(value, units, name)
+            for name, value in ((names(k), v) for k, v in {**options.get("fix", {}), **(fix or {})}.items())
+        },
+        "free": [names(name) for name in (options.get("free", ()) if free is None else free)],
+        "bounds": {
+            names(k): (si(low, units, names(k)), si(high, units, names(k))) for k, (low, high) in limits.items()
+        },
+    }
+
+
+def trim_arguments(made: Cut, name: str, modes: Mapping[str, int | str] | None = None) -> dict[str, Any]:
+    """What an analysis of kind ``trim`` fixes, frees and bounds, and the modes it or ``modes`` holds, for a model."""
+    settings = _trim_settings(made, name)
+    there = replace(made, settings=settings)
+    return wanted(there) | {"modes": point(there, modes, None)["modes"]}
+
+
+def _trim_settings(made: Cut, name: str | None) -> AnalysisSettings:
+    chosen = None if name in (None, "auto") else name
+    return cut(made.scenario, "trim", chosen, inputs=made.settings.inputs, outputs=made.settings.outputs).settings
+
+
+def trimmed(made: Cut, name: str | None = None, at: Mapping[str, Any] | None = None) -> Equilibrium:
+    """The equilibrium of an analysis of kind ``trim``, for the model of another analysis.
+
+    Args:
+        made: the model with its inputs and outputs.
+        name: of the analysis; the first of that kind if None or ``auto``, and without one the nearest to the start.
+        at: where to begin, over that of either analysis.
+
+    Raises:
+        FlexarmError: no such analysis, or no equilibrium.
+    """
+    settings = _trim_settings(made, name)
+    given = {v.name for v in made.model.inputs}
+    begin = {
+        k: v for k, v in {**made.settings.at, **settings.at}.items() if k in motion_units(made.model) or k in given
+    }
+    settings = replace(settings, at={**begin, **(at or {})})
+    return equilibrium(replace(made, settings=settings))
+
+
+def start_of(made: Cut, asked: dict[str, Any], trim: str | None, at: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Arguments of the engine's linearisation: the point asked for, or the equilibrium of a trim analysis near it."""
+    trim = trim or made.settings.options.get("trim")
+    if trim is None:
+        return asked
+    found = trimmed(made, trim, at).arguments()
+    return found | {"modes": {**found["modes"], **asked["modes"]}}

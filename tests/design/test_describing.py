@@ -1,0 +1,130 @@
+"""Describing functions against the textbook's closed forms (Gelb and Vander Velde 1968, chapter 2)."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.errors import FlexarmError
+from flexarm.api import describe
+from flexarm.design.describing import Description
+
+TOLERANCE = 1e-3
+
+
+def sines(path: Path, blocks: str, connect: str, output: str, amplitudes: list[float], frequency: float) -> Description:
+    path.write_text(
+        f"schema: 1\nname: law\nblocks:\n  source: {{type: Constant, value: 0}}\n{blocks}\nconnect:\n{connect}\n"
+    )
+    first = next(line.split("source.out, ")[1].rstrip("]") for line in connect.splitlines() if "source.out" in line)
+    return describe(path, inputs=[first], outputs=output.split(), amplitudes=amplitudes, frequencies=[frequency])
+
+
+def saturated(gamma: float) -> float:
+    """The function f of saturation: 1 where the limit is not reached."""
+    return 1.0 if gamma >= 1 else 2 / math.pi * (math.asin(gamma) + gamma * math.sqrt(1 - gamma**2))
+
+
+def test_saturation_dead_zone_and_relay(tmp_path: Path) -> None:
+    sizes = [0.5, 1.0, 1.5, 4.0]
+    path = tmp_path / "law.yaml"
+    zone = sines(path, "  z: {type: DeadZone, lower: -0.4, upper: 0.4}", "  - [source.out, z.in]", "z.out", sizes, 3.0)
+    limit = sines(
+        path, "  z: {type: Saturation, lower: -0.6, upper: 0.6}", "  - [source.out, z.in]", "z.out", sizes, 3.0
+    )
+    relay = sines(
+        path,
+        "  g: {type: Gain, gain: 1e7}\n  z: {type: Saturation, lower: -0.6, upper: 0.6}",
+        "  - [source.out, g.in]\n  - [g.out, z.in]",
+        "z.out",
+        sizes,
+        3.0,
+    )
+    for k, a in enumerate(sizes):
+        assert abs(zone.gain[k, 0, 0] - (1 - saturated(0.4 / a))) < TOLERANCE
+        assert abs(limit.gain[k, 0, 0] - saturated(0.6 / a)) < TOLERANCE
+        assert abs(relay.gain[k, 0, 0] / (4 * 0.6 / (math.pi * a)) - 1) < TOLERANCE
+        # The square wave's third harmonic is a third of the first.
+        assert abs(relay.harmonics[k, 0, 0, 2]) == pytest.approx(abs(relay.harmonics[k, 0, 0, 0]) / 3, rel=2e-3)
+        assert abs(relay.harmonics[k, 0, 0, 1]) < 1e-3
+
+
+def test_backlash_that_friction_holds(tmp_path: Path) -> None:
+    """A load that stands still in the gap follows as play does: a stiff contact, a bearing, and little inertia.
+
+    Real part (1 + f(1 - 2 g / a)) / 2, imaginary part -4 g (a - g) / (pi a^2): the area of the loop.
+    """
+    gap, sizes = 0.3, [0.5, 1.0, 2.0]
+    found = sines(
+        tmp_path / "law.yaml",
+        "  m: {type: PrescribedMotion}\n"
+        "  c: {type: Backlash, stiffness: 1e4, damping: 0.5, half_gap: 0.3, law: two_sided}\n"
+        "  j: {type: Inertia, inertia: 1e-4}\n  b: {type: BearingFriction, viscous_friction: 1}",
+        "  - [source.out, m.angle]\n  - [m.shaft, c.a]\n  - [c.b, j.shaft, b.shaft]",
+        "j.shaft.angle",
+        sizes,
+        1.0,
+    )
+    for k, a in enumerate(sizes):
+        g = 1 - 2 * gap / a
+        real = 0.5 * (1 + math.copysign(saturated(abs(g)), g))
+        expected = real - 1j * 4 * gap * (a - gap) / (math.pi * a**2)
+        assert abs(found.gain[k, 0, 0] - expected) < TOLERANCE, a
+
+
+def test_coulomb_friction_of_a_heavy_wheel(tmp_path: Path) -> None:
+    """At a speed v sin(w t) dry friction answers 4 F / (pi v): the torque that does not accelerate the wheel."""
+    level, torque, inertia, w = 0.002, 1.0, 0.5, 4.0
+    found = sines(
+        tmp_path / "law.yaml",
+        f"  m: {{type: Torque}}\n  j: {{type: Inertia, inertia: {inertia}}}\n"
+        f"  f: {{type: BearingFriction, coulomb_friction: {level}, viscous_friction: 0.1}}",
+        "  - [source.out, m.torque]\n  - [m.shaft, j.shaft, f.shaft]",
+        "j.shaft.speed",
+        [torque],
+        w,
+    )
+    speed = found.harmonics[0, 0, 0, 0]
+    # Of the balance of torques, friction's share per speed: viscous 0.1, dry 4 F / (pi |v|).
+    resistance = torque / speed - 1j * w * inertia
+    assert (resistance.real - 0.1) * abs(speed) == pytest.approx(4 * level / math.pi, rel=TOLERANCE * 10)
+    assert abs(resistance - 0.1 - 4 * level / (math.pi * abs(speed))) < TOLERANCE * abs(torque / speed)
+
+
+def test_measured_tables_lie_on_the_curves() -> None:
+    """Gao's Tables 2.2 and A.2 over the frequencies of every fourth row: the errors that the scenarios state, in dB."""
+    from diagnosis.binding import find_recording
+    from diagnosis.recordings.types import FrequencyTable
+    from scenarios.load import load
+
+    for name, table_name, most in (("srv02-bare", "table_2_2", 2.0), ("srv02-backlash", "table_a2", 2.0)):
+        table = find_recording(load(name), table_name)
+        assert isinstance(table, FrequencyTable)
+        rows = range(0, len(table.frequency), 4)
+        errors = []
+        for k in rows:
+            found = describe(
+                load(name),
+                inputs=[table.drive],
+                outputs=["motor.shaft.speed"],
+                amplitudes=[float(table.amplitude[k])],
+                frequencies=[float(table.frequency[k])],
+            )
+            errors.append(20 * math.log10(found.half_range[0, 0, 0] / table.responses[0].values[k]))
+        assert math.sqrt(np.mean(np.square(errors))) < most, (name, errors)
+
+
+def test_bad_input(tmp_path: Path) -> None:
+    with pytest.raises(FlexarmError, match="nothing says which sines"):
+        describe("srv02-bare", inputs=["motor.voltage"], outputs=["motor.shaft.speed"])
+    with pytest.raises(FlexarmError, match="amplitudes must be above zero"):
+        describe("srv02-bare", amplitudes=[-1.0], frequencies=[1.0])
+    with pytest.raises(FlexarmError, match="frequencies must be above zero"):
+        describe("srv02-bare", amplitudes=[1.0], frequencies="0 Hz,1 Hz")
+    with pytest.raises(FlexarmError, match="a sine drives one input, and here are 2"):
+        describe("two-link-flexible", amplitudes=[1.0], frequencies=[1.0])
+    with pytest.raises(FlexarmError, match="'V'"):
+        describe("two-link-flexible", inputs=["drive1.torque"], amplitudes=["1 V"], frequencies=[1.0])
