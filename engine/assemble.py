@@ -109,7 +109,7 @@ class _Assembly:
                     if kind != system.blocks[first[0]].ports[first[1]].kind:
                         raise ConnectionProblem(
                             f"'{b}.{p}' is {kind} but '{'.'.join(first)}' is not",
-                            remedy="put a block between that turns rotation into translation",
+                            remedy="put a Pulley, RackAndPinion or Screw between, which turn rotation into translation",
                         )
                     parent[root((b, p))] = root(first)
                 if not flanges:

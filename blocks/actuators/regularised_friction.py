@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blocks.actuators.presliding import check_levels, stribeck
+from blocks.actuators.presliding import check_levels, slow_slide, stribeck
 from blocks.symbolic import greatest
 from engine.block import Block, flange, parameter, signal_out
 from engine.quantity import SameAs
@@ -47,3 +47,9 @@ class RegularisedFriction(Block):
         net.force(self.shaft, -friction)
         net.dissipate(friction * velocity)
         net.output(self.friction, friction)
+
+
+class TranslationalRegularisedFriction(RegularisedFriction, slide={}):
+    """Smoothed friction of a slide: force -c(v) v, v = speed of the slide; c(v) as in `RegularisedFriction`."""
+
+    stribeck_velocity = slow_slide()

@@ -25,6 +25,21 @@ def icon(kind: str, folder: str, x: float, y: float) -> list[Shape]:
     word = kind.lower()
     if kind == "DCMotor":
         return [ring(11, 11, 9), Label("icon-text", x + 11, y + 15, "M", 11, "middle")]
+    if kind == "Pulley":
+        return [ring(7, 11, 5), line((7, 6), (22, 6)), line((7, 16), (22, 16))]
+    if kind == "RackAndPinion":
+        teeth = [(1.0 + 2.5 * k, 20.0 if k % 2 else 16.0) for k in range(9)]
+        return [ring(11, 8, 6), line(*teeth)]
+    if kind == "Screw":
+        thread = [line((3 + 4 * k, 16), (6 + 4 * k, 6)) for k in range(4)]
+        return [line((0, 8), (22, 8)), line((0, 14), (22, 14)), *thread]
+    if "endstop" in word:
+        return [
+            line((3, 4), (3, 18)),
+            line((19, 4), (19, 18)),
+            Box("icon", x + 8, y + 7, 6, 8, 1),
+            line((3, 11), (19, 11)),
+        ]
     if "gear" in word or "harmonic" in word:
         return [ring(7, 12, 6), ring(16.5, 10, 4)]
     if "backlash" in word:
