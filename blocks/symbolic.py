@@ -72,7 +72,7 @@ def sqrt(x: Expression) -> Expression:
 
 
 def floor(x: Expression) -> Expression:
-    """Largest whole number that is not above ``x``."""
+    """Largest whole number that is not above ``x``. In linear models it counts as ``x`` (`engine.roundings`)."""
     import casadi
 
     return casadi.floor(x)
