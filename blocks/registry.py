@@ -13,86 +13,11 @@ import importlib
 import warnings
 from importlib.metadata import EntryPoint, entry_points
 
+from blocks.shipped import SHIPPED
 from engine.block import Block
 from engine.errors import ParameterError, nearest
 
 GROUP = "flexarm.blocks"
-
-_SHIPPED = {
-    "sources.constant": ("Constant",),
-    "sources.step": ("Step",),
-    "sources.pulse": ("Pulse",),
-    "sources.sine": ("Sine",),
-    "sources.chirp": ("Chirp",),
-    "sources.multisine": ("Multisine",),
-    "sources.prbs": ("PRBS",),
-    "sources.trajectory": ("Trajectory",),
-    "sources.table": ("Table",),
-    "sources.spline": ("Spline",),
-    "controllers.gain": ("Gain",),
-    "controllers.offset": ("Offset",),
-    "controllers.uneven_gain": ("UnevenGain",),
-    "controllers.sum": ("Sum",),
-    "controllers.curve": ("Curve",),
-    "controllers.dead_zone": ("DeadZone",),
-    "controllers.saturation": ("Saturation",),
-    "controllers.low_pass": ("LowPass",),
-    "controllers.pi": ("PI",),
-    "controllers.pid": ("PID",),
-    "controllers.notch": ("Notch",),
-    "controllers.delay": ("Delay",),
-    "controllers.sample_hold": ("SampleHold",),
-    "controllers.input_shaper": ("InputShaper",),
-    "controllers.rigid_feedforward": ("RigidFeedForward",),
-    "controllers.two_mass_feedforward": ("TwoMassFeedForward",),
-    "controllers.three_mass_feedforward": ("ThreeMassFeedForward",),
-    "controllers.state_feedback": ("StateFeedback",),
-    "controllers.observer": ("Observer",),
-    "controllers.state_space": ("StateSpace", "DiscreteStateSpace"),
-    "controllers.python_controller": ("PythonController",),
-    "actuators.dc_motor": ("DCMotor",),
-    "actuators.gear": ("Gear",),
-    "actuators.friction": (
-        "BearingFriction",
-        "JointFriction",
-        "TranslationalBearingFriction",
-        "TranslationalJointFriction",
-    ),
-    "actuators.brake": ("Brake",),
-    "actuators.spring_damper": ("SpringDamper", "TranslationalSpringDamper"),
-    "actuators.backlash": ("Backlash", "TranslationalBacklash"),
-    "actuators.effort": ("Torque", "Force"),
-    "actuators.harmonic_drive": ("HarmonicDrive",),
-    "actuators.lugre": ("LuGreFriction", "LuGreJointFriction"),
-    "actuators.elasto_plastic": ("ElastoPlasticFriction", "ElastoPlasticJointFriction"),
-    "actuators.regularised_friction": ("RegularisedFriction",),
-    "actuators.bouc_wen": ("BoucWenSpring",),
-    "actuators.hardening_spring": ("HardeningSpring",),
-    "actuators.structural_spring": ("StructuralSpring",),
-    "actuators.ground_spring": ("GroundSpring", "TranslationalGroundSpring"),
-    "actuators.torque_ripple": ("TorqueRipple",),
-    "actuators.torque_curve": ("TorqueCurve",),
-    "actuators.vibration": ("Vibration",),
-    "actuators.quadratic_drag": ("QuadraticDrag", "TranslationalQuadraticDrag"),
-    "actuators.gravity_torque": ("GravityTorque",),
-    "actuators.prescribed_motion": ("PrescribedMotion", "TranslationalPrescribedMotion"),
-    "links.inertia": ("Inertia", "Mass"),
-    "links.fixed": ("Fixed", "TranslationalFixed"),
-    "links.rigid_link": ("RigidLink",),
-    "links.assumed_modes": ("AssumedModesLink",),
-    "links.lumped_mass": ("LumpedMassLink",),
-    "links.resonator": ("Resonator",),
-    "links.payload": ("Payload",),
-    "links.serial_arm": ("SerialArm",),
-    "sensors.encoder": ("Encoder",),
-    "sensors.tachometer": ("Tachometer",),
-    "sensors.strain_gauge": ("StrainGauge",),
-    "sensors.scaled": ("ScaledSensor",),
-    "sensors.rectified": ("RectifiedSensor",),
-    "sensors.lag": ("SensorLag",),
-    "sensors.strain_reconstruction": ("StrainReconstruction",),
-    "sensors.accelerometer": ("Accelerometer", "TranslationalAccelerometer"),
-}
 
 _REPLACED = {
     "FeedForward": "use RigidFeedForward (masses: 1), TwoMassFeedForward (masses: 2) or ThreeMassFeedForward "
@@ -108,9 +33,9 @@ def registry() -> dict[str, type[Block]]:
     A registered block that cannot be imported, is not a `Block`, or takes a name in use is left out with a warning.
     """
     found: dict[str, type[Block]] = {}
-    for module, names in _SHIPPED.items():
+    for module, names in SHIPPED.items():
         loaded = importlib.import_module(f"blocks.{module}")
-        found.update({name: getattr(loaded, name) for name in names})
+        found.update({name: getattr(loaded, name) for name in names.split()})
     for entry in entry_points(group=GROUP):
         problem = _add(found, entry)
         if problem:

@@ -72,7 +72,7 @@ def sqrt(x: Expression) -> Expression:
 
 
 def floor(x: Expression) -> Expression:
-    """Largest whole number that is not above ``x``."""
+    """Largest whole number that is not above ``x``. In linear models it counts as ``x`` (`engine.roundings`)."""
     import casadi
 
     return casadi.floor(x)
@@ -127,3 +127,24 @@ def polyline(x: Expression, lower: Expression, upper: Expression, values: Sequen
     for k in range(len(values)):
         total = total + (slopes[k + 1] - slopes[k]) * greatest(x - lower - k * width, 0.0)
     return total
+
+
+def hats(x: Expression, places: Sequence[Expression]) -> list[Expression]:
+    """Weights of linear interpolation between values at ``places``, one each: 1 at its own place and 0 at the others.
+
+    They add up to 1; beyond the ends the end's weight stays 1.
+
+    Args:
+        x: where.
+        places: rising, at least two.
+    """
+    weights: list[Expression] = []
+    for k, place in enumerate(places):
+        weight: Expression = 1.0
+        if k > 0:
+            weight = (x - places[k - 1]) / (place - places[k - 1])
+        if k + 1 < len(places):
+            falling = (places[k + 1] - x) / (places[k + 1] - place)
+            weight = least(weight, falling)
+        weights.append(greatest(least(weight, 1.0), 0.0))
+    return weights

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from types import MappingProxyType
@@ -30,9 +31,10 @@ from engine.model import (
 from engine.names import check_text
 from engine.net import Net
 from engine.ports import MOTION, Expression
+from engine.quantity import Parameter
 from engine.relations import Relation
 from engine.stamps import Input, ModelParameter, Motion
-from engine.system import System, bypass
+from engine.system import Formula, System, bypass
 from engine.wiring import Wiring, hash_symbol
 
 
@@ -65,6 +67,7 @@ class _Assembly:
         self.system = bypass(system, inputs, outputs or ())[0] if inputs else system
         self.free_names, self.wanted, self.energy = inputs, outputs, energy
         self.net = Net()
+        self.unbounded: set[str] = set()  # parameters that so far only formulas read, which no block bounds
         self.flanges = self._join()
         self._stamp()
         self.p = self._stack([p.symbol for p in self.net.parameters.values()])
@@ -112,7 +115,7 @@ class _Assembly:
                     if kind != system.blocks[first[0]].ports[first[1]].kind:
                         raise ConnectionProblem(
                             f"'{b}.{p}' is {kind} but '{'.'.join(first)}' is not",
-                            remedy="put a block between that turns rotation into translation",
+                            remedy="put a Pulley, RackAndPinion or Screw between, which turn rotation into translation",
                         )
                     parent[root((b, p))] = root(first)
                 if not flanges:
@@ -194,13 +197,30 @@ class _Assembly:
         common = self.system.shared.get(block_name, {}).get(name)
         if declared.size:
             return ca.vertcat(*[self._symbol(f"{own}[{i + 1}]", v, declared, own) for i, v in enumerate(value)])
+        if isinstance(common, Formula):
+            return common.law({name: self._argument(name, *given, own) for name, given in common.arguments.items()})
         return self._symbol(common or own, value, declared, own)
+
+    def _argument(self, name: str, unit: str, value: float, user: str) -> Expression:
+        """The symbol of a parameter that a formula reads: that of a block which has it too, or one without bounds."""
+        known = self.net.parameters.get(name)
+        if known is None:
+            self.unbounded.add(name)
+            made = ModelParameter(name, ca.SX.sym(name), value, Parameter(name, unit, ..., "parameter of the scenario"))
+            known = self.net.parameters[name] = made
+        if not math.isclose(known.value, value, rel_tol=1e-12):
+            raise ConnectionProblem(f"parameter '{name}' is {known.value} in {known.users[0]} but {value} in {user}")
+        known.users.append(user)
+        return known.symbol
 
     def _symbol(self, name: str, value: float, declared: Any, user: str) -> Expression:
         known = self.net.parameters.get(name)
         if known is None:
             known = ModelParameter(name, ca.SX.sym(name), float(value), declared.signed(float(value)))
             self.net.parameters[name] = known
+        elif name in self.unbounded and math.isclose(known.value, value, rel_tol=1e-12):
+            known.value, known.declared = float(value), declared.signed(float(value))
+            self.unbounded.discard(name)
         elif known.value != value:
             raise ConnectionProblem(f"parameter '{name}' is {known.value} in {known.users[0]} but {value} in {user}")
         known.users.append(user)

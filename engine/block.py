@@ -27,6 +27,7 @@ from engine.errors import ParameterError, nearest
 from engine.ports import ROTATIONAL, Port
 from engine.quantity import Option, Parameter, SameAs, coherent, split
 from engine.relations import Relation
+from engine.slides import KINDS, NAMES, along_slide, in_words
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -54,6 +55,16 @@ class _Declared:
 
     def __set__(self, instance: Block, value: object) -> None:
         raise AttributeError(f"'{self.attribute}' is declared; give it when the block is made")
+
+
+class _Renamed:
+    """A declaration of a turning law under its old name: what its sliding twin has in its place."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: Block | None, owner: type) -> Any:
+        return getattr(owner if instance is None else instance, self.name)
 
 
 def parameter(
@@ -154,15 +165,24 @@ class Block:
     """Mass at the tip of a link, 0 where there is none, and the mass of the link."""
 
     slide_twin: ClassVar[str] = ""
-    """For a rotational law: type of the block with the same law along a slide."""
+    """For a rotational law: type of the block with the same law along a slide. A twin that is made from this class sets
+    it, see `engine.slides`."""
 
     slide_names: ClassVar[tuple[tuple[str, str], ...]] = ()
-    """Parameters that the twin calls otherwise: name here, name there."""
+    """Parameters that the twin calls otherwise: name here, name there; set with ``slide_twin``."""
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
+    _slides: ClassVar[bool] = False
+
+    def __init_subclass__(
+        cls, slide: Mapping[str, str | None] | None = None, keeps: tuple[str, ...] = (), **kwargs: Any
+    ) -> None:
         super().__init_subclass__(**kwargs)
-        parameters, options, ports = dict(cls.parameters), dict(cls.options), dict(cls.ports)
-        attributes = dict(cls._port_attributes)
+        if slide is None:
+            parameters, options, ports = dict(cls.parameters), dict(cls.options), dict(cls.ports)
+            attributes = dict(cls._port_attributes)
+        else:
+            parameters, options, ports, attributes = {}, {}, {}, {}
+            _move_to_slide(cls, slide, keeps)
         for attribute, declared in list(vars(cls).items()):
             if not isinstance(declared, _Declared):
                 continue
@@ -177,6 +197,10 @@ class Block:
             declared.made = made
         cls.parameters, cls.options, cls.ports, cls._port_attributes = parameters, options, ports, attributes
         _check_traits(cls)
+
+    def here(self, unit: str) -> str:
+        """Unit of what a turning law has in ``unit``, as this block has it: along a slide N.m is N, and rad is m."""
+        return along_slide(unit) if self._slides else unit
 
     def __init__(self, **values: Any) -> None:
         cls = type(self)
@@ -293,6 +317,76 @@ class Block:
     def __repr__(self) -> str:
         given = ", ".join(f"{name}={value!r}" for name, value in self.values.items())
         return f"{type(self).__name__}({given})"
+
+
+def _move_to_slide(cls: type[Block], given: Mapping[str, str | None], keeps: tuple[str, ...]) -> None:
+    """Give a class, made from a turning law, that law's declarations along a slide, in their order.
+
+    Raises:
+        ParameterError: a name that the turning law does not declare.
+    """
+    turning = next(base for base in cls.__mro__[1:] if issubclass(base, Block))
+    declared: dict[str, _Declared] = {}
+    for base in reversed(turning.__mro__):
+        declared |= {name: item for name, item in vars(base).items() if isinstance(item, _Declared)}
+    own = {name: item for name, item in vars(cls).items() if isinstance(item, _Declared)}
+    for name in (*given, *keeps):
+        if name not in declared:
+            raise ParameterError(f"{cls.__name__}: {turning.__name__} declares no '{name}'")
+    # Those of the turning class in its own order: parameters, options, ports.
+    ranked = [*turning.parameters, *turning.options, *turning._port_attributes]
+    names: dict[str, str | None] = {
+        name: given.get(name, NAMES.get(name, name)) for name in sorted(declared, key=ranked.index)
+    }
+    for name in own:
+        if name in vars(cls):
+            delattr(cls, name)
+    for name, there in names.items():
+        if there is None:
+            if name not in vars(cls):
+                setattr(cls, name, _Renamed(f"{name}, which {cls.__name__} does not have"))
+            continue
+        moved = declared[name].made if name in keeps else _along(declared[name].made, name, there, names)
+        made = own.pop(there, None) or _Declared(moved)
+        made.attribute = there
+        setattr(cls, there, made)
+        if there != name:
+            setattr(cls, name, _Renamed(there))
+    for name, made in own.items():
+        setattr(cls, name, made)
+    for trait, kind in _TRAITS.items():
+        if kind and trait not in vars(cls):
+            value = getattr(turning, trait)
+            setattr(cls, trait, names.get(value, value) if isinstance(value, str) else _renamed(value, names))
+    cls.slide_twin, cls.slide_names, cls._slides = "", (), True
+    if any(names.get(name) is None for name in turning.parameters):
+        return  # it has other parameters, and cannot stand in its place
+    turning.slide_twin = cls.__name__
+    turning.slide_names = tuple(
+        (name, there) for name, there in names.items() if name in turning.parameters and there and there != name
+    )
+
+
+def _renamed(value: Any, names: Mapping[str, str | None]) -> Any:
+    return tuple(
+        (names.get(row[0], row[0]), *row[1:]) if isinstance(row, tuple) else names.get(row, row) for row in value
+    )
+
+
+def _along(made: Any, name: str, there: str, names: Mapping[str, str | None]) -> Any:
+    """What a turning law declares, as its sliding twin does."""
+    if isinstance(made, Port):
+        port = there if made.name == name else made.name
+        return replace(
+            made, name=port, doc=in_words(made.doc), kind=KINDS.get(made.kind, made.kind), unit=along_slide(made.unit)
+        )
+    made = replace(made, name=there, doc=in_words(made.doc), size=names.get(made.size) or made.size)
+    if isinstance(made, Option):
+        return made
+    default = made.default
+    if isinstance(default, SameAs):
+        default = SameAs(names.get(default.other) or default.other, tuple(names.get(n) or n for n in default.instead))
+    return replace(made, unit=along_slide(made.unit), default=default)
 
 
 _TRAITS = {

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from engine.errors import ParameterError
 from engine.linearise import LinearModel, linearise, operating_point
 from engine.model import Equations, Model, Vector
+from engine.roundings import jacobian
 from engine.simulate import rational
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def discretise(
 
     Between instants the continuous states follow ``x' = A x + G d + B u`` with memories d and inputs u held, which the
     matrix exponential integrates exactly; at an instant the memories of the clocks that tick are updated at once.
-    Roundings, such as an encoder's, have no slope and count as zero.
+    Roundings, such as an encoder's, count as a gain of 1 (`engine.roundings`).
 
     Raises:
         ParameterError: the model has no clock, a Python function ticks at one, the clocks never repeat together, or as
@@ -94,7 +95,7 @@ def discretise(
             f"out{f', and {longest[1]!r} alone has {longest[0]}' if longest[0] else ''}",
             remedy="give a longer sample period, or a shorter delay",
         )
-    held = model.derived("held", lambda e: [ca.densify(ca.jacobian(f, e.d)) for f in (e.derivative, e.outputs)])
+    held = model.derived("held", lambda e: [ca.densify(jacobian(f, e.d)) for f in (e.derivative, e.outputs)])
     tick_by = model.derived("tick", lambda e: _tick(e, r), fire=True)
     G, C_d = (np.array(b.full()) for b in held(*point.arguments))
     z = n + n_d + len(ring.names)
@@ -136,6 +137,7 @@ def discretise(
         rate=plain.rate,
         moving=plain.moving,
         ambiguous=plain.ambiguous,
+        rounded=plain.rounded,
         dt=float(period),
         continuous=plain.states,
         drift={name: float(c) for name, c in zip(names, change, strict=True) if abs(c) > 1e-9},
@@ -215,4 +217,4 @@ def _instants(model: Model) -> tuple[Fraction, list[tuple[Fraction, set[int]]]]:
 def _tick(e: Equations, r: int) -> list[Any]:
     """What a tick does to memories and what enters delay lines, after its slopes by states, memories and inputs."""
     both = ca.vertcat(e.update, e.entering)
-    return [*(ca.densify(ca.jacobian(both, s)) for s in (e.x, e.d, e.u[:r])), both]
+    return [*(ca.densify(jacobian(both, s)) for s in (e.x, e.d, e.u[:r])), both]

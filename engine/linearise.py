@@ -1,7 +1,8 @@
 """The linear model at an operating point, with the mode it belongs to.
 
 A stuck joint holds its coordinate still, so its position and speed are not states of the linear model. A contact, a
-dead zone or a saturation is linearised in the mode found at the point, or in the one asked for.
+dead zone or a saturation is linearised in the mode found at the point, or in the one asked for. Roundings count as a
+gain of 1 (`engine.roundings`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from engine.errors import ParameterError, nearest
 from engine.model import FRICTION, TIME, Mode, Model, Vector
+from engine.roundings import has_rounding, jacobian
 from engine.start import start_values
 
 if TYPE_CHECKING:
@@ -44,6 +46,7 @@ class LinearModel:
             them and none was asked for.
         assumed: what was chosen and not asked for, in words: such as a mode other than that of the point, in which some
             input would move no output; see `engine.linear_modes.audible`.
+        rounded: whether the model rounds, as an encoder does; roundings count as a gain of 1.
     """
 
     A: Matrix
@@ -60,6 +63,7 @@ class LinearModel:
     moving: dict[str, float] = field(default_factory=dict)
     ambiguous: dict[str, tuple[str, ...]] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
+    rounded: bool = False
 
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A (1/s), by magnitude."""
@@ -166,7 +170,7 @@ def matrices(model: Model, point: Point) -> tuple[Matrix, Matrix, Matrix, Matrix
     linear = model.derived(
         "linear",
         lambda e: [
-            ca.densify(ca.jacobian(f, s)) for f in (e.derivative, e.outputs) for s in (e.x, e.u[: len(model.inputs)])
+            ca.densify(jacobian(f, s)) for f in (e.derivative, e.outputs) for s in (e.x, e.u[: len(model.inputs)])
         ],
     )
     A, B, C, D = (np.array(b.full()) for b in linear(*point.arguments))
@@ -214,6 +218,7 @@ def linearise_at(model: Model, point: Point, asked: dict[str, str] | None = None
         float(np.abs(rates).max(initial=0.0)),
         moving_states(names, rates, kept, point.x[keep]),
         _ambiguous(model, point, dict(asked or {})),
+        rounded=has_rounding(ca.vertcat(model.equations.derivative, model.equations.outputs, model.equations.update)),
     )
 
 

@@ -67,6 +67,10 @@ def _parsed(text: str) -> Any:
 def _unknown(text: str) -> ParameterError:
     shown = text if len(text) <= 40 else f"{text[:40]}..."
     manner = "write units as in Modelica: N.m/rad, kg.m2, rad/s, V, mm, deg"
+    if text[:1] in tuple("*/+-^("):
+        return ParameterError(
+            f"unknown unit '{shown}'", remedy="a sum or product of numbers begins with '=': = 2 * 3 m"
+        )
     meant = likely(text, "", _parsed)
     return ParameterError(f"unknown unit '{shown}'", remedy=f"did you mean '{meant}'? {manner}" if meant else manner)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from engine.block import Block
 from engine.errors import ConnectionProblem, Where, nearest
-from engine.ports import MOTION
+from engine.ports import MOTION, Expression
 
 
 @dataclass(frozen=True)
@@ -18,6 +18,21 @@ class Connection:
     where: Where = field(default_factory=Where)
 
 
+@dataclass(frozen=True)
+class Formula:
+    """A parameter that follows from common parameters.
+
+    Attributes:
+        text: as the user wrote it.
+        arguments: name of each common parameter -> its coherent SI unit and its value in it.
+        law: the parameter, SI, from symbols or numbers by name.
+    """
+
+    text: str
+    arguments: Mapping[str, tuple[str, float]]
+    law: Callable[[Mapping[str, Expression]], Expression] = field(compare=False)
+
+
 @dataclass
 class System:
     """Blocks, wiring and initial values.
@@ -25,7 +40,7 @@ class System:
     Attributes:
         blocks: name to block; a name may hold dots (sub-assemblies).
         connections: the nodes.
-        shared: block name -> parameter name -> name of the common parameter that feeds it.
+        shared: block name -> parameter name -> name of the common parameter that feeds it, or a formula of several.
         initial: motion or state name -> starting value in SI units.
         places: block name -> where it stands in the user's file.
         name, description: of the whole.
@@ -33,7 +48,7 @@ class System:
 
     blocks: dict[str, Block]
     connections: list[Connection]
-    shared: dict[str, dict[str, str]] = field(default_factory=dict)
+    shared: dict[str, dict[str, str | Formula]] = field(default_factory=dict)
     initial: dict[str, float] = field(default_factory=dict)
     places: dict[str, Where] = field(default_factory=dict)
     name: str = "model"

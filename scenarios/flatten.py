@@ -11,25 +11,17 @@ from typing import Any
 from engine.block import Block
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.files import is_file
-from engine.system import Connection, System
+from engine.quantity import Option
+from engine.system import Connection, Formula, System
+from scenarios.common import Common, Scope, lookup, root_scope, substitute, term, worked_out
 from scenarios.document import Node, read
+from scenarios.expressions import PLAIN, is_expression
 from scenarios.patch import is_assembly, patch
 from scenarios.validate import ScenarioError, validate
 
 MOST_BLOCKS = 10_000
 
 Finder = Callable[[str], type[Block]]
-
-
-@dataclass(frozen=True)
-class Common:
-    """A scenario parameter: its full name in the model, and the value written for it."""
-
-    name: str
-    node: Node
-
-
-Scope = dict[str, Common]
 
 
 @dataclass
@@ -60,33 +52,6 @@ class Flat:
             else:
                 return name
         return name
-
-
-def root_scope(document: Node) -> Scope:
-    """The parameters of the outermost file."""
-    return {name: Common(name, node) for name, node in (document.get("parameters") or Node({})).items()}
-
-
-def lookup(text: str, scope: Scope, where: Where) -> Common:
-    """The parameter that ``$name`` stands for.
-
-    Raises:
-        ScenarioError: no such parameter.
-    """
-    name = text[1:].strip()
-    if name not in scope:
-        raise ScenarioError(f"'${name}' names no parameter of the scenario", where, nearest(name, scope))
-    return scope[name]
-
-
-def substitute(node: Node, scope: Scope, where: Where) -> Any:
-    """The plain value with every ``$name`` replaced by the parameter's value."""
-    scope = node.scope if node.scope is not None else scope
-    if isinstance(node.value, list):
-        return [substitute(item, scope, where) for item in node.value]
-    if isinstance(node.value, str) and node.value.startswith("$"):
-        return lookup(node.value, scope, where).node.value
-    return node.plain()
 
 
 def flatten(document: Node, path: Path, find: Finder) -> Flat:
@@ -165,10 +130,10 @@ class _Flattener:
                 inner = patch(inner, key, _scoped(node, scope))
         validate(inner)
         for inner_name, node in (inner.get("parameters") or Node({})).items():
-            if node.scope is not None and isinstance(node.value, str) and node.value.startswith("$"):
+            if node.scope is not None and isinstance(node.value, str) and PLAIN.fullmatch(node.value):
                 common[inner_name] = lookup(node.value, node.scope, node.where())
             else:
-                common[inner_name] = Common(f"{prefix}{name}.{inner_name}", node)
+                common[inner_name] = Common(f"{prefix}{name}.{inner_name}", node, common)
         self.add(inner, target, f"{prefix}{name}.", common, above)
 
     def block(self, document: Node, path: Path, name: str, prefix: str, scope: Scope) -> None:
@@ -183,6 +148,7 @@ class _Flattener:
         full = prefix + name
         values: dict[str, Any] = {}
         common: dict[str, tuple[str, Where]] = {}
+        formulas: dict[str, Formula] = {}
         known = [*cls.parameters, *cls.options]
         for key, node in entry.items():
             if key != "type" and key not in known:
@@ -198,7 +164,16 @@ class _Flattener:
                 continue
             where = document.where("blocks", name, key)
             declared = cls.parameters.get(key) or cls.options[key]
-            value = substitute(node, scope, where)
+            inner = node.scope if node.scope is not None else scope
+            made = None if getattr(declared, "kind", None) is str else term(node.value, inner, where)
+            if made is not None:
+                value = worked_out(made, where)
+                if isinstance(declared, Option) and isinstance(value, float) and value.is_integer():
+                    value = int(value)
+            elif getattr(declared, "kind", None) is str and is_expression(node.value):
+                value = node.value  # a text, such as $FLEXARM_RECORDINGS/table.csv
+            else:
+                value = substitute(node, scope, where)
             if value is None or isinstance(value, dict):
                 raise ScenarioError(
                     f"no value is given for '{key}'" if value is None else f"'{key}' takes a value, not a mapping",
@@ -211,7 +186,9 @@ class _Flattener:
                     declared.check(item)
             except ParameterError as error:
                 error.remedy = error.remedy or f"{key}: {declared.doc}"
-                if isinstance(node.value, str) and node.value.startswith("$"):
+                if made is not None:
+                    error.message += f" (the value of {node.value})"
+                elif isinstance(node.value, str) and node.value.startswith("$"):
                     used = lookup(node.value, node.scope if node.scope is not None else scope, where)
                     error.message += f" (the value of {node.value}: {used.node.where()})"
                 raise error.at(where) from None
@@ -219,18 +196,24 @@ class _Flattener:
                 value = str(path.parent / str(value))
             values[key] = value
             text = node.value
-            if key in cls.parameters and isinstance(text, str) and text.startswith("$"):
+            if made is not None and made.leaves and key in cls.parameters:
+                if not size and not cls.parameters[key].structural:
+                    read = {name: (leaf.unit, leaf.value) for name, leaf in made.common().items()}
+                    formulas[key] = Formula(str(text), read, made)
+            elif key in cls.parameters and isinstance(text, str) and text.startswith("$"):
                 used = lookup(text, node.scope if node.scope is not None else scope, where)
                 if not size and not cls.parameters[key].structural:
                     common[key] = (used.name, where)
         place = document.where("blocks", name)
         try:
-            made = self.system.blocks[full] = cls(**values)
+            block = self.system.blocks[full] = cls(**values)
         except FlexarmError as error:
             raise error.at(place) from None
         self.system.places[full] = place
         for key, (shared, where) in common.items():
-            self.share(shared, full, key, made.unit_of(key), where)
+            self.share(shared, full, key, block.unit_of(key), where)
+        if formulas:
+            self.system.shared.setdefault(full, {}).update(formulas)
 
     def share(self, common: str, block: str, key: str, unit: str, where: Where) -> None:
         first = self.units.setdefault(common, (unit, f"{block}.{key}"))

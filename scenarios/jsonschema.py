@@ -6,9 +6,9 @@ from typing import Any
 
 from engine.block import Block
 from engine.quantity import Option, Parameter, SameAs
-from scenarios.schema import ASSEMBLY_PATTERN, QUANTITY_PATTERN, ScenarioFile
+from scenarios.schema import ASSEMBLY_PATTERN, EXPRESSION_PATTERN, QUANTITY_PATTERN, ScenarioFile
 
-REFERENCE = r"^\$[A-Za-z_]\w*$"
+REFERENCE = rf"^({EXPRESSION_PATTERN})$"
 
 
 def json_schema() -> dict[str, Any]:

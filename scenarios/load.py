@@ -13,8 +13,9 @@ from engine.files import is_file
 from engine.ports import MOTION
 from engine.quantity import convert
 from engine.system import System
+from scenarios.common import root_scope, substitute
 from scenarios.document import Node, parse, read
-from scenarios.flatten import Flat, flatten, root_scope, substitute
+from scenarios.flatten import Flat, flatten
 from scenarios.patch import override
 from scenarios.schema import AnyAnalysis, FrequencyRecording, ScenarioFile, TimeRecording
 from scenarios.validate import ScenarioError, validate

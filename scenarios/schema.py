@@ -1,7 +1,7 @@
 """The fixed structure of a scenario file, as pydantic models. Blocks' own parameters are checked by the blocks.
 
-A value is a number in the unit the place expects, a text with a unit such as ``7.68 mN.m/A``, or ``$name`` for one of
-the scenario's parameters.
+A value is a number in the unit the place expects, a text with a unit such as ``7.68 mN.m/A``, ``$name`` for one of the
+scenario's parameters, or an expression of them such as ``$mass * $radius^2`` (`scenarios.expressions`).
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ SECTIONS = (
     "recordings",
 )
 
+EXPRESSION_PATTERN = r"[^$]*\$[A-Za-z_]\w*.*|\s*=.+"
 QUANTITY_PATTERN = (
-    r"^\s*([-+]?([0-9][0-9_]*\.?[0-9_]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*[A-Za-z0-9./%*^()_ µΩ°-]*|\$[A-Za-z_]\w*)\s*$"
+    r"^(\s*([-+]?([0-9][0-9_]*\.?[0-9_]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*[A-Za-z0-9./%*^()_ µΩ°-]*)\s*|"
+    rf"{EXPRESSION_PATTERN})$"
 )
 FILE = (
     "a .csv, .mat, .parquet, .json or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in the "

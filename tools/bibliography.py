@@ -34,7 +34,7 @@ _OTHER = re.compile(
 
 _ENTRY = re.compile(r"@(\w+)\{(\w+),\n(.*?)\n\}", re.DOTALL)
 _FIELD = re.compile(r"  (\w+) = \{(.*)\},")
-_ACCENTS = {r"{\'e}": "é", r"{\AA}": "Å", r"{\"o}": "ö", r"{\"a}": "ä"}
+_ACCENTS = {r"{\'e}": "é", r"{\'a}": "á", r"{\AA}": "Å", r"{\"o}": "ö", r"{\"a}": "ä"}
 
 ABOUT = ("tools/bibliography.py", "tests/docs/test_bibliography.py")
 """Files that are about citations and hold wrong ones."""

@@ -45,7 +45,7 @@ class BoucWenSpring(Block):
         a, b, k, share = self.a, self.b, self.stiffness, self.unloading_share
         twist, rate = a.angle - b.angle - self.rest_angle, a.speed - b.speed
         wound = least(greatest(-self.rest_angle, -self.yield_twist), self.yield_twist)
-        z = net.state("hysteresis", "rad", start=wound, doc="hysteretic part z of the twist")
+        z = net.state("hysteresis", self.here("rad"), start=wound, doc="hysteretic part z of the twist")
         size, speed = greatest(z, -z) / self.yield_twist, greatest(rate, -rate)
         knee = greatest(size, 1e-12) ** (self.sharpness - 1)
         lost = knee * (share * speed * z / self.yield_twist + (1 - share) * rate * size)
@@ -58,3 +58,10 @@ class BoucWenSpring(Block):
         net.dissipate(hysteretic * lost + self.damping * rate**2)
         net.output(self.twist, twist)
         net.output(self.torque, torque)
+
+
+class TranslationalBoucWenSpring(BoucWenSpring, slide={}):
+    """Hysteretic spring: F = r k e + (1 - r) k z + d e', z' = e' - h, with e, z and h as in `BoucWenSpring`.
+
+    e = position of a - position of b - rest_distance; F acts on b and -F on a. Wire rope isolators, rubber mounts.
+    """

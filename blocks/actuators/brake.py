@@ -43,3 +43,10 @@ class Brake(Block):
             static_backward=level,
         )
         net.output(self.grip, grip)
+
+
+class TranslationalBrake(Brake, slide={}):
+    """Brake of a slide: force on the slide = -T sign(v) from the instant its position passes reference, T = force.
+
+    It sticks as `Brake` does, m v^2 / (2 T) behind the reference, m its mass. Clamps of a linear axis.
+    """

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from engine.block import Block, flange, signal_in
-from engine.ports import TRANSLATIONAL
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -28,18 +27,9 @@ class Torque(Block):
         net.supply(self.torque * self.shaft.speed)
 
 
-class Force(Block):
+class Force(Torque, slide={"shaft": "flange"}):
     """Ideal force source: force on the flange = force.
 
     A positive force accelerates the flange in the positive sense. Its reaction acts on the ground. The power
     force * speed enters from outside.
     """
-
-    cut_after = ("flange",)
-
-    force = signal_in("N", "force on the flange")
-    flange = flange("what the force acts on", kind=TRANSLATIONAL)
-
-    def stamp(self, net: Net) -> None:
-        net.force(self.flange, self.force)
-        net.supply(self.force * self.flange.speed)

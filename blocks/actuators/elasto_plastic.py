@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from blocks.actuators.presliding import _Bristle, stribeck
+from blocks.actuators.presliding import _Bristle, slow_slide, stribeck
 from blocks.symbolic import choose, greatest, sin
 from engine.block import flange, parameter
 from engine.ports import Expression
@@ -56,3 +56,18 @@ class ElastoPlasticJointFriction(_ElastoPlastic):
 
     def stamp(self, net: Net) -> None:
         self._between(net, self.a, self.b)
+
+
+class TranslationalElastoPlasticFriction(ElastoPlasticFriction, slide={}):
+    """Elasto-plastic friction of a slide: force -F, v = speed of the slide; F as in `ElastoPlasticFriction`."""
+
+    stribeck_velocity = slow_slide()
+
+
+class TranslationalElastoPlasticJointFriction(ElastoPlasticJointFriction, slide={}):
+    """Elasto-plastic friction between two slides: force -F on a and F on b, v = speed of a - speed of b.
+
+    F is that of `ElastoPlasticFriction`.
+    """
+
+    stribeck_velocity = slow_slide()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from blocks.symbolic import exp, greatest
 from engine.block import Block, flange, parameter
-from engine.ports import TRANSLATIONAL, Expression
+from engine.ports import Expression
 from engine.quantity import SameAs
 from engine.relations import Relation
 
@@ -32,7 +32,14 @@ def static_not_below_sliding(direction: str = "") -> Relation:
 
 
 class _Friction(Block):
-    """The law; subclasses declare parameters in their units, and flanges."""
+    """The law; subclasses declare flanges."""
+
+    coulomb_friction = parameter("N.m", 0.0, _COULOMB, ge=0, tolerance=0.3)
+    coulomb_friction_backward = parameter("N.m", SameAs("coulomb_friction"), _COULOMB_BACK, ge=0, tolerance=0.3)
+    static_friction = parameter("N.m", SameAs("coulomb_friction"), _STATIC, ge=0, tolerance=0.3)
+    static_friction_backward = parameter("N.m", _AS_FORWARD, _STATIC_BACK, ge=0, tolerance=0.3)
+    stribeck_velocity = parameter("rad/s", 0.1, _STRIBECK, gt=0, tolerance=0.5)
+    viscous_friction = parameter("N.m.s/rad", 0.0, _VISCOUS, ge=0, tolerance=0.3)
 
     def relations(self) -> Iterable[Relation]:
         """The static level must not be below the sliding level."""
@@ -69,25 +76,7 @@ class _Friction(Block):
         return getattr(self, name)
 
 
-class _RotationalFriction(_Friction):
-    coulomb_friction = parameter("N.m", 0.0, _COULOMB, ge=0, tolerance=0.3)
-    coulomb_friction_backward = parameter("N.m", SameAs("coulomb_friction"), _COULOMB_BACK, ge=0, tolerance=0.3)
-    static_friction = parameter("N.m", SameAs("coulomb_friction"), _STATIC, ge=0, tolerance=0.3)
-    static_friction_backward = parameter("N.m", _AS_FORWARD, _STATIC_BACK, ge=0, tolerance=0.3)
-    stribeck_velocity = parameter("rad/s", 0.1, _STRIBECK, gt=0, tolerance=0.5)
-    viscous_friction = parameter("N.m.s/rad", 0.0, _VISCOUS, ge=0, tolerance=0.3)
-
-
-class _TranslationalFriction(_Friction):
-    coulomb_friction = parameter("N", 0.0, _COULOMB, ge=0, tolerance=0.3)
-    coulomb_friction_backward = parameter("N", SameAs("coulomb_friction"), _COULOMB_BACK, ge=0, tolerance=0.3)
-    static_friction = parameter("N", SameAs("coulomb_friction"), _STATIC, ge=0, tolerance=0.3)
-    static_friction_backward = parameter("N", _AS_FORWARD, _STATIC_BACK, ge=0, tolerance=0.3)
-    stribeck_velocity = parameter("m/s", 0.01, _STRIBECK, gt=0, tolerance=0.5)
-    viscous_friction = parameter("N.s/m", 0.0, _VISCOUS, ge=0, tolerance=0.3)
-
-
-class BearingFriction(_RotationalFriction):
+class BearingFriction(_Friction):
     """Friction of a shaft in its bearing: torque on the shaft = -F(v), v = speed of the shaft.
 
     Sliding at v > 0: F = Fc + (Fs - Fc) exp(-(v / vs)^2) + B v. Sliding at v < 0: the same with the levels
@@ -102,21 +91,17 @@ class BearingFriction(_RotationalFriction):
     without chatter: docs/explanation/switching.md.
     """
 
-    slide_twin = "TranslationalBearingFriction"
-
     shaft = flange("the shaft that turns in the bearing")
 
     def stamp(self, net: Net) -> None:
         self._between(net, self.shaft, None)
 
 
-class JointFriction(_RotationalFriction):
+class JointFriction(_Friction):
     """Friction between two shafts: torque -F(v) on a and F(v) on b, v = speed of a - speed of b.
 
     F(v), its sticking and its defaults are those of `BearingFriction`.
     """
-
-    slide_twin = "TranslationalJointFriction"
 
     a = flange("first shaft")
     b = flange("second shaft")
@@ -125,26 +110,19 @@ class JointFriction(_RotationalFriction):
         self._between(net, self.a, self.b)
 
 
-class TranslationalBearingFriction(_TranslationalFriction):
+class TranslationalBearingFriction(BearingFriction, slide={}):
     """Friction of a slide in its guide: force on the slide = -F(v), v = speed of the slide.
 
     F(v), its sticking and its defaults are those of `BearingFriction`.
     """
 
-    slide = flange("what slides", kind=TRANSLATIONAL)
-
-    def stamp(self, net: Net) -> None:
-        self._between(net, self.slide, None)
+    stribeck_velocity = parameter("m/s", 0.01, _STRIBECK, gt=0, tolerance=0.5)
 
 
-class TranslationalJointFriction(_TranslationalFriction):
+class TranslationalJointFriction(JointFriction, slide={}):
     """Friction between two slides: force -F(v) on a and F(v) on b, v = speed of a - speed of b.
 
     F(v), its sticking and its defaults are those of `BearingFriction`.
     """
 
-    a = flange("first slide", kind=TRANSLATIONAL)
-    b = flange("second slide", kind=TRANSLATIONAL)
-
-    def stamp(self, net: Net) -> None:
-        self._between(net, self.a, self.b)
+    stribeck_velocity = parameter("m/s", 0.01, _STRIBECK, gt=0, tolerance=0.5)

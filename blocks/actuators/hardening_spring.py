@@ -35,3 +35,10 @@ class HardeningSpring(Block):
         net.dissipate(self.damping * rate**2)
         net.output(self.twist, twist)
         net.output(self.torque, torque)
+
+
+class TranslationalHardeningSpring(HardeningSpring, slide={}):
+    """Cubic spring: F = k e + k3 e^3 + d e', e = position of a - position of b - rest_distance.
+
+    k = stiffness, k3 = cubic_stiffness, d = damping. F acts on b and -F on a: the spring drives b after a.
+    """

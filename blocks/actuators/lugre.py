@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blocks.actuators.presliding import _Bristle, stribeck
+from blocks.actuators.presliding import _Bristle, slow_slide, stribeck
 from blocks.symbolic import greatest
 from engine.block import flange
 from engine.ports import Expression
@@ -48,3 +48,18 @@ class LuGreJointFriction(_LuGre):
 
     def stamp(self, net: Net) -> None:
         self._between(net, self.a, self.b)
+
+
+class TranslationalLuGreFriction(LuGreFriction, slide={}):
+    """LuGre friction of a slide: force -F, F = s0 z + s1 z' + B v, v = speed of the slide; F as in `LuGreFriction`."""
+
+    stribeck_velocity = slow_slide()
+
+
+class TranslationalLuGreJointFriction(LuGreJointFriction, slide={}):
+    """LuGre friction between two slides: force -F on a and F on b, v = speed of a - speed of b.
+
+    F is that of `LuGreFriction`.
+    """
+
+    stribeck_velocity = slow_slide()

@@ -2,43 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from engine.block import Block, flange, option, parameter, signal_in, signal_out
-from engine.ports import TRANSLATIONAL, Expression
 
 if TYPE_CHECKING:
     from engine.net import Net
-    from engine.stamps import Motion
 
-_COURSES = ("exact", "filtered")
 _COURSE = "whether the flange follows the input itself, or a second-order filter of it"
 _CORNER = "angular corner frequency w of the filter, for course: filtered"
 
 
-class _Prescribed(Block):
-    """The law; subclasses declare the flange, signals and units."""
-
-    course: Any
-    corner_frequency: Any
-
-    def _impose(self, net: Net, motion: Motion, wanted: Expression, start: Expression, unit: str) -> Expression:
-        """Impose the motion; returns the effort that does."""
-        if self.course == "exact":
-            effort = net.prescribe(motion, wanted)
-        else:
-            path = net.state("path", unit, start=start, doc="filtered input")
-            rate = net.state("rate", f"{unit}/s", doc="rate of the filtered input")
-            w = self.corner_frequency
-            pull = w**2 * (wanted - path) - 2 * w * rate
-            net.derivative(path, rate)
-            net.derivative(rate, pull)
-            effort = net.prescribe(motion, path, rate, pull)
-        net.supply(effort * motion.speed)
-        return effort
-
-
-class PrescribedMotion(_Prescribed):
+class PrescribedMotion(Block):
     """Imposed angle: angle of the shaft = the input angle, whatever torque that takes.
 
     ``course: exact`` follows the input itself. Its speed and acceleration are derived, so the input must be a formula
@@ -50,7 +25,7 @@ class PrescribedMotion(_Prescribed):
     cut_after = ("shaft",)
     imposes_motion = ("shaft",)
 
-    course = option(str, "exact", _COURSE, choices=_COURSES)
+    course = option(str, "exact", _COURSE, choices=("exact", "filtered"))
     corner_frequency = parameter("rad/s", 100.0, _CORNER, gt=0)
     start_angle = parameter("rad", 0.0, "angle at which the filter begins, for course: filtered")
 
@@ -59,25 +34,23 @@ class PrescribedMotion(_Prescribed):
     torque = signal_out("N.m", "torque that imposes the motion")
 
     def stamp(self, net: Net) -> None:
-        net.output(self.torque, self._impose(net, self.shaft, self.angle, self.start_angle, "rad"))
+        motion, wanted = self.shaft, self.angle
+        if self.course == "exact":
+            effort = net.prescribe(motion, wanted)
+        else:
+            path = net.state("path", self.here("rad"), start=self.start_angle, doc="filtered input")
+            rate = net.state("rate", self.here("rad/s"), doc="rate of the filtered input")
+            w = self.corner_frequency
+            pull = w**2 * (wanted - path) - 2 * w * rate
+            net.derivative(path, rate)
+            net.derivative(rate, pull)
+            effort = net.prescribe(motion, path, rate, pull)
+        net.supply(effort * motion.speed)
+        net.output(self.torque, effort)
 
 
-class TranslationalPrescribedMotion(_Prescribed):
+class TranslationalPrescribedMotion(PrescribedMotion, slide={"shaft": "flange"}, keeps=("corner_frequency",)):
     """Imposed position: position of the flange = the input position, whatever force that takes.
 
     The two courses are those of `PrescribedMotion`.
     """
-
-    cut_after = ("flange",)
-    imposes_motion = ("flange",)
-
-    course = option(str, "exact", _COURSE, choices=_COURSES)
-    corner_frequency = parameter("rad/s", 100.0, _CORNER, gt=0)
-    start_position = parameter("m", 0.0, "position at which the filter begins, for course: filtered")
-
-    position = signal_in("m", "position wanted")
-    flange = flange("what is moved", kind=TRANSLATIONAL)
-    force = signal_out("N", "force that imposes the motion")
-
-    def stamp(self, net: Net) -> None:
-        net.output(self.force, self._impose(net, self.flange, self.position, self.start_position, "m"))

@@ -17,6 +17,14 @@ if TYPE_CHECKING:
     from engine.stamps import Motion
 
 
+_STRIBECK = "velocity vs over which the friction falls from Fs to Fc"
+
+
+def slow_slide() -> Any:
+    """The Stribeck velocity of a slide, whose usual value is another number than a shaft's."""
+    return parameter("m/s", 0.01, _STRIBECK, gt=0, tolerance=0.5)
+
+
 def stribeck(block: Any, velocity: Expression) -> Expression:
     """Friction g(v) of steady sliding, without its viscous part."""
     coulomb, static, width = block.coulomb_friction, block.static_friction, block.stribeck_velocity
@@ -33,9 +41,7 @@ class _Bristle(Block):
     static_friction = parameter(
         "N.m", SameAs("coulomb_friction"), "friction Fs at the slowest sliding; Fc if not given", gt=0, tolerance=0.3
     )
-    stribeck_velocity = parameter(
-        "rad/s", 0.1, "velocity vs over which the friction falls from Fs to Fc", gt=0, tolerance=0.5
-    )
+    stribeck_velocity = parameter("rad/s", 0.1, _STRIBECK, gt=0, tolerance=0.5)
     viscous_friction = parameter("N.m.s/rad", 0.0, "friction per velocity B", ge=0, tolerance=0.3)
     bristle_stiffness = parameter("N.m/rad", ..., "presliding stiffness sigma0", gt=0, tolerance=0.5)
     bristle_damping = parameter("N.m.s/rad", 0.0, "presliding damping sigma1", ge=0, tolerance=0.5)
@@ -51,7 +57,7 @@ class _Bristle(Block):
     def _between(self, net: Net, a: Motion, b: Motion | None) -> None:
         """Stamp the friction of ``a`` against ``b`` (None is the ground)."""
         velocity = a.speed if b is None else a.speed - b.speed
-        bend = net.state("bristle", "rad", doc="bend z of the bristle")
+        bend = net.state("bristle", self.here("rad"), doc="bend z of the bristle")
         rate = self._bend_rate(bend, velocity)
         net.derivative(bend, rate)
         spring = self.bristle_stiffness * bend
@@ -59,4 +65,4 @@ class _Bristle(Block):
         net.pair(a, b, -friction)
         net.store(spring * bend / 2)
         net.dissipate(friction * velocity - spring * rate)
-        net.output("friction", friction, "N.m", "friction F")
+        net.output("friction", friction, self.here("N.m"), "friction F")

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.actuators.friction import static_not_below_sliding
-from blocks.actuators.presliding import stribeck
+from blocks.actuators.presliding import slow_slide, stribeck
 from blocks.symbolic import greatest
 from engine.block import Block, flange, parameter, signal_out
 from engine.quantity import SameAs
@@ -50,3 +50,9 @@ class RegularisedFriction(Block):
         net.force(self.shaft, -friction)
         net.dissipate(friction * velocity)
         net.output(self.friction, friction)
+
+
+class TranslationalRegularisedFriction(RegularisedFriction, slide={}):
+    """Smoothed friction of a slide: force -c(v) v, v = speed of the slide; c(v) as in `RegularisedFriction`."""
+
+    stribeck_velocity = slow_slide()

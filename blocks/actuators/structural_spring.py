@@ -66,7 +66,9 @@ class StructuralSpring(Block):
         net.store(at_rest * twist**2 / 2)
         for j in range(self.elements):
             rate = self.lowest_frequency ** (1 - j / last) * self.highest_frequency ** (j / last)
-            x = net.state(f"element{j + 1}", "rad", start=-self.rest_angle, doc=f"flow of Maxwell element {j + 1}")
+            x = net.state(
+                f"element{j + 1}", self.here("rad"), start=-self.rest_angle, doc=f"flow of Maxwell element {j + 1}"
+            )
             net.derivative(x, rate * (twist - x))
             torque = torque + part * (twist - x)
             net.store(part * (twist - x) ** 2 / 2)
@@ -74,3 +76,10 @@ class StructuralSpring(Block):
         net.pair(self.a, self.b, -torque)
         net.output(self.twist, twist)
         net.output(self.torque, torque)
+
+
+class TranslationalStructuralSpring(StructuralSpring, slide={}, keeps=("lowest_frequency", "highest_frequency")):
+    """Spring with structural damping: force / compression = k (1 + i eta) at frequencies within a band.
+
+    The law is that of `StructuralSpring`, e = position of a - position of b - rest_distance; F acts on b and -F on a.
+    """

@@ -40,3 +40,12 @@ class TorqueCurve(Block):
         net.force(self.shaft, torque)
         net.supply(torque * self.shaft.speed)
         net.output(self.torque, torque)
+
+
+class ForceCurve(TorqueCurve, slide={}):
+    """Force by a curve: force on the slide = f(x), x its speed (m/s) or its position (m), as ``of`` says.
+
+    f is that of `TorqueCurve`.
+    """
+
+    of = option(str, "speed", "what the force depends on", choices=("speed", "position"))

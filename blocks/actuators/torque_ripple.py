@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Any
 
 from blocks.symbolic import sin
 from engine.block import Block, flange, parameter, signal_out
@@ -30,3 +31,18 @@ class TorqueRipple(Block):
         wave = self.order * self.shaft.angle + self.phase
         net.potential([self.shaft], -2 * self.amplitude / self.order * sin(wave / 2) ** 2)
         net.output(self.torque, self.amplitude * sin(wave))
+
+
+class ForceRipple(TorqueRipple, slide={"order": None}, keeps=("phase",)):
+    """Force ripple: force on the slide = A sin(2 pi position / pitch + phase), A = amplitude.
+
+    Cogging of a linear motor: ``pitch`` is the length of a wave, for the first order that of a pole. A force of the
+    position alone is conservative; its potential counts as stored.
+    """
+
+    pitch = parameter("m", ..., "length of a wave", gt=0)
+
+    @property
+    def order(self) -> Any:
+        """Waves per metre, in radians."""
+        return 2 * math.pi / self.pitch

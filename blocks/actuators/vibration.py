@@ -29,3 +29,7 @@ class Vibration(Block):
         net.force(self.shaft, torque)
         net.supply(torque * self.shaft.speed)
         net.output(self.torque, torque)
+
+
+class TranslationalVibration(Vibration, slide={}, keeps=("frequency", "phase")):
+    """Outside vibration: force on the slide = A sin(W t + phase), A = amplitude, W = frequency."""

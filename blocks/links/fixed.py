@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from engine.block import Block, flange
-from engine.ports import TRANSLATIONAL
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -20,10 +19,5 @@ class Fixed(Block):
         net.tie({self.shaft: 1})
 
 
-class TranslationalFixed(Block):
+class TranslationalFixed(Fixed, slide={"shaft": "flange"}):
     """Ground of translation: position of the flange = 0. It takes any force and does no work."""
-
-    flange = flange("what is held", kind=TRANSLATIONAL)
-
-    def stamp(self, net: Net) -> None:
-        net.tie({self.flange: 1})

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from engine.block import Block, flange, parameter
-from engine.ports import TRANSLATIONAL
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -13,9 +12,6 @@ if TYPE_CHECKING:
 
 class Inertia(Block):
     """Rotating inertia: J w' = sum of the torques on the shaft, J = inertia."""
-
-    slide_twin = "Mass"
-    slide_names = (("inertia", "mass"),)
 
     inertia = parameter("kg.m2", ..., "moment of inertia J about the axis", gt=0, tolerance=0.1)
 
@@ -25,12 +21,7 @@ class Inertia(Block):
         net.inertia(self.shaft, self.inertia)
 
 
-class Mass(Block):
+class Mass(Inertia, slide={"shaft": "flange"}):
     """Sliding mass: m v' = sum of the forces on the flange, m = mass."""
 
     mass = parameter("kg", ..., "mass m", gt=0, tolerance=0.1)
-
-    flange = flange("the sliding body", kind=TRANSLATIONAL)
-
-    def stamp(self, net: Net) -> None:
-        net.inertia(self.flange, self.mass)

@@ -1,9 +1,9 @@
-"""An incremental encoder."""
+"""Incremental encoders, of a shaft and along a scale."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from blocks.symbolic import floor
 from engine.block import Block, flange, option, parameter, signal_out
@@ -17,7 +17,7 @@ class Encoder(Block):
 
     ``rounding: floor`` counts edges passed, ``round`` gives the nearest count, ``none`` an ideal sensor. ``period`` > 0
     reads the angle at sample instants and holds it. N counts every edge: 4096 for 1024 lines read fourfold. Adds no
-    inertia.
+    inertia. In linear models the rounding counts as a gain of 1.
     """
 
     counts_per_revolution = parameter("1", ..., "counts per revolution N", gt=0)
@@ -29,8 +29,13 @@ class Encoder(Block):
     out = signal_out("rad", "angle as the encoder tells it")
     count = signal_out("1", "the counter")
 
+    @property
+    def _scale(self) -> Any:
+        """Counts per angle."""
+        return self.counts_per_revolution / (2 * math.pi)
+
     def stamp(self, net: Net) -> None:
-        scale = self.counts_per_revolution / (2 * math.pi)
+        scale = self._scale
         count = self.shaft.angle * scale
         if self.rounding != "none":
             count = floor(count + (0.5 if self.rounding == "round" else 0.0))
@@ -40,3 +45,17 @@ class Encoder(Block):
             count = reading
         net.output(self.count, count)
         net.output(self.out, count / scale)
+
+
+class LinearEncoder(Encoder, slide={"counts_per_revolution": None}):
+    """Linear encoder on a scale: count = floor(position / resolution), out = count * resolution.
+
+    ``resolution`` is the length of a count: a quarter of the scale's period where its lines are read fourfold, less
+    where they are interpolated. Rounding and sampling are those of `Encoder`. Adds no mass.
+    """
+
+    resolution = parameter("m", ..., "length of a count", gt=0)
+
+    @property
+    def _scale(self) -> Any:
+        return 1 / self.resolution

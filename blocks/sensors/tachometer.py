@@ -21,3 +21,7 @@ class Tachometer(Block):
 
     def stamp(self, net: Net) -> None:
         net.output(self.out, self.sensitivity * self.shaft.speed + self.bias)
+
+
+class TranslationalTachometer(Tachometer, slide={}):
+    """Speed sensor of a slide: out = sensitivity * speed + bias. Adds no mass."""

@@ -12,6 +12,7 @@ import numpy as np
 from diagnosis.frequency_response.period import PeriodicSolution
 from engine.errors import SimulationError
 from engine.model import FRICTION, SWITCH, TIME, Model, Vector
+from engine.roundings import has_rounding
 from engine.simulate import simulate
 
 Array = Any
@@ -41,6 +42,8 @@ class ClosedForm:
         if model.count(FRICTION) or model.clocks or model.tables or len(model.inputs) != 1:
             return None
         both = ca.vertcat(e.x, e.u)
+        if has_rounding(ca.vertcat(e.derivative, e.outputs)):
+            return None
         slopes = ca.jacobian(ca.vertcat(e.derivative, e.outputs), both)
         timed = [e.m[k] for k, mode in enumerate(model.modes) if mode.kind == TIME]
         if ca.depends_on(slopes, ca.vertcat(e.t, both, *timed)):

@@ -143,6 +143,8 @@ def linear_page(linear: LinearModel) -> str:
     moved = [[name, number(value), linear.units.get(name, "")] for name, value in linear.point.items() if value]
     if moved:
         parts.append(columns(["operating point", "value", "unit"], moved))
+    if linear.rounded:
+        parts.append("  roundings, as of an encoder, count as a gain of 1")
     if linear.moving:
         rows = [[name, number(rate), linear.units.get(name, "")] for name, rate in linear.moving.items()]
         parts.append("  not an equilibrium; give another point by --at, or keep in mind that these states change:")

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from blocks.actuators.end_stop import TranslationalEndStop
 from blocks.actuators.ground_spring import TranslationalGroundSpring
 from blocks.actuators.quadratic_drag import TranslationalQuadraticDrag
 from blocks.links.inertia import Mass
+from blocks.sensors.encoder import LinearEncoder
 from engine.block import Block
 from tests.blocks.assembly import linear, run
 from tests.blocks.test_drive_train import balance
@@ -40,3 +42,31 @@ def test_a_cart_swings_about_the_slack_position() -> None:
     poles = linear(parts, "cart.flange chain.slide").poles()
     np.testing.assert_allclose(np.sort(poles.imag), [-wd, wd], rtol=1e-12)
     assert balance(result) < 1e-8
+
+
+def test_a_cart_between_stops_keeps_its_speed_and_its_period() -> None:
+    """Without damping: half a natural period in each stop, d / v between them; p = v sqrt(m / k) beyond."""
+    m, k, v, lower, upper = 0.5, 2e4, 1.0, -0.03, 0.05
+    stops = TranslationalEndStop(lower=lower, upper=upper, stiffness=k)
+    parts: dict[str, Block] = {"cart": Mass(mass=m), "stops": stops}
+    period = 2 * (upper - lower) / v + 2 * np.pi * np.sqrt(m / k)
+    start = {"cart.flange.speed": v}
+    result = run(
+        parts, "cart.flange stops.slide", stop=3 * period, step=period / 1000, initial=start, internal_step=2e-5
+    )
+    x = result["cart.flange.position"]
+    between_rows = 1 - np.cos(np.sqrt(k / m) * period / 2000)  # the peak may fall between two rows
+    assert x.max() - upper == pytest.approx(v * np.sqrt(m / k), rel=between_rows + 1e-6)
+    assert lower - x.min() == pytest.approx(v * np.sqrt(m / k), rel=between_rows + 1e-6)
+    np.testing.assert_allclose(x[1000:2001], x[2000:3001], rtol=0, atol=1e-7)
+    assert balance(result) < 1e-7
+
+
+@pytest.mark.parametrize("rounding", ["floor", "round"])
+def test_a_scale_counts_its_lines(rounding: str) -> None:
+    resolution, v = 5e-6, 0.0173123
+    parts: dict[str, Block] = {"cart": Mass(mass=1.0), "scale": LinearEncoder(resolution=resolution, rounding=rounding)}
+    result = run(parts, "cart.flange scale.slide", stop=0.1, initial={"cart.flange.speed": v})
+    lines = v * result.time / resolution
+    np.testing.assert_array_equal(result["scale.count"], np.floor(lines + (0.5 if rounding == "round" else 0.0)))
+    np.testing.assert_allclose(result["scale.out"], result["scale.count"] * resolution, rtol=1e-12)

@@ -25,6 +25,21 @@ def icon(kind: str, folder: str, x: float, y: float) -> list[Shape]:
     word = kind.lower()
     if kind == "DCMotor":
         return [ring(11, 11, 9), Label("icon-text", x + 11, y + 15, "M", 11, "middle")]
+    if kind == "Pulley":
+        return [ring(7, 11, 5), line((7, 6), (22, 6)), line((7, 16), (22, 16))]
+    if kind == "RackAndPinion":
+        teeth = [(1.0 + 2.5 * k, 20.0 if k % 2 else 16.0) for k in range(9)]
+        return [ring(11, 8, 6), line(*teeth)]
+    if kind == "Screw":
+        thread = [line((3 + 4 * k, 16), (6 + 4 * k, 6)) for k in range(4)]
+        return [line((0, 8), (22, 8)), line((0, 14), (22, 14)), *thread]
+    if "endstop" in word:
+        return [
+            line((3, 4), (3, 18)),
+            line((19, 4), (19, 18)),
+            Box("icon", x + 8, y + 7, 6, 8, 1),
+            line((3, 11), (19, 11)),
+        ]
     if "gear" in word or "harmonic" in word:
         return [ring(7, 12, 6), ring(16.5, 10, 4)]
     if "backlash" in word:
@@ -44,6 +59,19 @@ def icon(kind: str, folder: str, x: float, y: float) -> list[Shape]:
         return [Box("icon", x + 3, y + 4, 16, 14, 2), line((0, 11), (3, 11)), line((19, 11), (22, 11))]
     if kind == "Sum":
         return [ring(11, 11, 9), line((6, 11), (16, 11)), line((11, 6), (11, 16))]
+    if kind == "Product":
+        return [ring(11, 11, 9), line((7, 7), (15, 15)), line((7, 15), (15, 7))]
+    if kind == "Switch":
+        return [line((1, 6), (7, 6)), line((1, 16), (7, 16)), line((7, 6), (15, 11)), line((15, 11), (22, 11))]
+    if kind in ("Relay", "Quantiser"):
+        return [line((1, 17), (8, 17), (8, 11), (14, 11), (14, 5), (21, 5))]
+    if kind == "RateLimiter":
+        return [line((1, 18), (5, 18), (16, 4), (21, 4)), line((5, 18), (5, 4), (16, 4))]
+    if kind in ("LookupTable", "LookupTable2D", "GainSchedule", "Curve"):
+        return [line((2, 3), (2, 19), (20, 19)), line((4, 16), (8, 9), (13, 11), (19, 4))]
+    if kind == "Noise":
+        jagged = (11, 6, 15, 9, 3, 17, 8, 13, 5, 11)
+        return [line(*((2.0 + 2 * k, float(b)) for k, b in enumerate(jagged)))]
     if folder == "sources":
         wave = [(2 + k, 11 - 7 * math.sin(k / 18 * 2 * math.pi)) for k in range(19)]
         return [line((1, 17), (7, 17), (7, 5), (21, 5))] if kind in ("Step", "Pulse", "Constant") else [line(*wave)]
