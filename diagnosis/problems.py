@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.binding import Binding, bind, row_interval
 from diagnosis.estimation.experiment import Experiment
-from diagnosis.estimation.initial_states import free_starts, starting_values
+from diagnosis.estimation.initial_states import Statics, free_starts
 from diagnosis.estimation.parameters import Array, FreeParameter, free_parameters
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
@@ -44,7 +44,7 @@ def noise(values: Array) -> float:
     return math.sqrt(max(quantum**2 / 12, rough**2))
 
 
-def experiment(made: Binding, recording: Recording, longest: float) -> TimeExperiment:
+def experiment(made: Binding, recording: Recording, longest: float, statics: Statics) -> TimeExperiment:
     """A recording in the form a fit needs.
 
     An uneven time axis stays as it is: the model is simulated on a finer even grid and read at the recorded instants.
@@ -81,9 +81,11 @@ def experiment(made: Binding, recording: Recording, longest: float) -> TimeExper
         sigma=np.array(sigma),
         from_first=tuple(channel.from_first for channel in recording.measurements),
         free=recording.free,
-        initial=starting_values(made.model, recording, measured),
         uneven=not every,
-    )
+        noise_stated=tuple(channel.noise is not None for channel in recording.measurements),
+        stated=made.starts,
+        settings=made.settings,
+    ).on_model(statics, as_measured=recording.as_measured)
     return found if recording.resample is None else resampled(found, recording.resample)
 
 
@@ -196,7 +198,12 @@ def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Mod
                 remedy="give recordings with the same drive and measurements",
             )
     longest = scenario.simulation.step if scenario.simulation else 1e-3
-    return first.model, [experiment(m, r, max(longest, 1e-3)) for m, r in zip(bindings, recordings, strict=True)]
+    # Models of one build serve several recordings; so do their statics.
+    statics = {id(made.model): Statics(scenario, made.model) for made in bindings}
+    return first.model, [
+        experiment(made, recording, max(longest, 1e-3), statics[id(made.model)])
+        for made, recording in zip(bindings, recordings, strict=True)
+    ]
 
 
 def resolved(made: Problem, x: Array) -> Problem | None:
@@ -207,12 +214,16 @@ def resolved(made: Problem, x: Array) -> Problem | None:
     steps = [e.longest_step for e in made.experiments if e.longest_step is not None]
     if not steps:
         return made
-    model, step = made.model, min(steps)
-    p = model.parameter_vector(made.values(x)[0])
-    start = start_values(model, p)
-    if fastest(model, p, start).rate * step / FITTING.finest > FITTING.stable:
-        return None
-    return replace(made, internal_step=max(internal_step(model, p, start, step), step / FITTING.finest))
+    model, step, values = made.model, min(steps), made.values(x)[0]
+    settings = {tuple(sorted(e.settings.items())) for e in made.experiments}
+    finest = step
+    for changed in sorted(settings):
+        p = model.parameter_vector({**values, **dict(changed)})
+        start = start_values(model, p)
+        if fastest(model, p, start).rate * step / FITTING.finest > FITTING.stable:
+            return None
+        finest = min(finest, internal_step(model, p, start, step))
+    return replace(made, internal_step=max(finest, step / FITTING.finest))
 
 
 def _within(bounds: tuple[float, float]) -> tuple[float, float]:

@@ -92,6 +92,12 @@ class Fitting:
         "Scale of a starting value that no measurement speaks of, such as the twist of a joint.",
         "tables and recordings of others (59a88f6)",
     )
+    start_reach: float = number(
+        4.0,
+        "standard deviations",
+        "A starting value that is measured goes no farther from its sample.",
+        "a normal deviate beyond it is one in 16 000",
+    )
     most_samples: int = number(
         1000000,
         "samples",

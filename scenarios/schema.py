@@ -173,8 +173,16 @@ class Measurement(Section):
 class StartOfRecord(Section):
     """The state in which a recording begins."""
 
-    state: Literal["at_rest"] = Field(default="at_rest", description="at_rest: nothing moves at the first instant")
+    state: Literal["at_rest", "as_measured"] = Field(
+        default="at_rest",
+        description="at_rest: where the model begins, nothing moves; as_measured: what is measured begins at its first "
+        "samples, the rest in equilibrium with it, and a fit may move the former within the noise",
+    )
     free: list[Text] = Field(default_factory=list, description="states that a fit may choose for this recording")
+    values: dict[str, Quantity] = Field(
+        default_factory=dict,
+        description="starting values that are known, for example link.hub.angle; one that is free as well begins there",
+    )
 
 
 class TimeRecording(Section):
@@ -206,6 +214,10 @@ class TimeRecording(Section):
         description="what to do with rows in which time or drive holds no number; a measurement is not compared there",
     )
     initial: StartOfRecord = Field(default=StartOfRecord(), description="the state in which the recording begins")
+    set: dict[str, Quantity] = Field(
+        default_factory=dict,
+        description="values of parameters that hold for this recording alone, for example pid.proportional_gain",
+    )
     loop: Literal["open", "closed", "reference"] = Field(
         default="open",
         description="closed: recorded under control, the drive is the plant's input; reference: the drive is what the "

@@ -17,6 +17,7 @@ from diagnosis.thresholds import FITTING
 from engine.model import Model
 
 Array = NDArray[np.float64]
+_NEARLY = 1 - 1e-12
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,11 @@ class FreeParameter:
         scale: change of the parameter per unit of the search variable: relative if ``logarithmic``, else in SI units.
         logarithmic: value = start * exp(scale * x) rather than start + scale * x.
         low, high: bounds (SI).
-        prior: whether distance from the start counts against the fit.
+        prior: whether distance from the start counts against the fit, and against the model. A starting value's counts
+            against the fit alone.
         recording: for a starting value, the recording it belongs to.
+        weight: of its distance in the prior: its scale over the standard deviation of what is known of it.
+        reach: how far from its start it can go at all (SI), for one that is measured; it gets there ever more slowly.
         like: parameter whose magnitude is expected to be equal, such as the other end of an amplifier's range.
     """
 
@@ -43,22 +47,33 @@ class FreeParameter:
     prior: bool = True
     recording: str = ""
     like: str = ""
+    weight: float = 1.0
+    reach: float = math.inf
 
     def value(self, x: float) -> float:
         """The parameter at search variable ``x``, kept within its bounds."""
-        raw = self.start * math.exp(min(self.scale * x, 50.0)) if self.logarithmic else self.start + self.scale * x
+        if self.logarithmic:
+            raw = self.start * math.exp(min(self.scale * x, 50.0))
+        elif math.isfinite(self.reach):
+            raw = self.start + self.reach * math.tanh(self.scale * x / self.reach)
+        else:
+            raw = self.start + self.scale * x
         return min(max(raw, self.low), self.high)
 
     def slope(self, x: float) -> float:
         """Derivative of the parameter with respect to its search variable."""
-        value = self.value(x)
-        return self.scale * value if self.logarithmic else self.scale
+        if self.logarithmic:
+            return self.scale * self.value(x)
+        return self.scale / math.cosh(min(abs(self.scale * x / self.reach), 100.0)) ** 2
 
     def position(self, value: float) -> float:
         """The search variable at which the parameter has ``value``."""
         if self.logarithmic:
             return math.log(max(value / self.start, 1e-300)) / self.scale
-        return (value - self.start) / self.scale
+        away = value - self.start
+        if math.isfinite(self.reach):
+            away = self.reach * math.atanh(min(max(away / self.reach, -_NEARLY), _NEARLY))
+        return away / self.scale
 
 
 def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[FreeParameter]:
@@ -85,7 +100,7 @@ def prior(free: Sequence[FreeParameter], x: Array) -> tuple[Array, Array]:
     Returns:
         Shapes (rows,) and (rows, n).
     """
-    weights = np.array([1.0 if f.prior else 0.0 for f in free])
+    weights = np.array([f.weight if f.prior or f.recording else 0.0 for f in free])
     r, J = weights * x, np.diag(weights)
     names = [f.name for f in free]
     for i, f in enumerate(free):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +49,9 @@ class Recording:
         drive: inputs of the model.
         measurements: signals to compare with the simulation.
         free: states whose initial value a fit may estimate for this recording.
+        starts: starting values by name, as the scenario states them.
+        as_measured: begins where its first samples say, and a fit may move that within their noise.
+        settings: values of parameters that hold for this recording alone, as the scenario states them.
         loop, role: as the scenario states them.
         resample: interval (s) at which measurements are compared; None compares every sample.
         notes: sentences that say how the data were changed.
@@ -58,6 +63,9 @@ class Recording:
     drive: tuple[Channel, ...]
     measurements: tuple[Channel, ...]
     free: tuple[str, ...] = ()
+    starts: Mapping[str, Any] = field(default_factory=dict)
+    as_measured: bool = False
+    settings: Mapping[str, Any] = field(default_factory=dict)
     loop: str = "open"
     role: str = "train"
     notes: tuple[str, ...] = ()
