@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diagnosis.frequency_response.sine_model import SineModel, sine_model
+from diagnosis.recordings.between_samples import BAND_LIMITED, between_samples
 from diagnosis.recordings.by_header import from_file
 from diagnosis.recordings.columns import RecordingError, Vector
 from diagnosis.recordings.feedback import check_loop
@@ -124,7 +125,12 @@ def bind(scenario: Scenario, recording: Recording, like: Binding | None = None) 
         for channel, variable in zip(recording.drive, model.inputs, strict=True):
             place = _place(scenario, recording.name, "drive", channel.name)
             columns.append(channel.values * conversion(channel, variable.unit, place))
-        drive = Drive(recording.time, np.column_stack(columns), tuple(channel.hold for channel in recording.drive))
+        holds = tuple(channel.hold for channel in recording.drive)
+        try:
+            time, values = between_samples(np.asarray(recording.time), np.column_stack(columns), holds)
+        except RecordingError as error:
+            raise error.at(_place(scenario, recording.name, "drive")) from None
+        drive = Drive(time, values, tuple("linear" if hold == BAND_LIMITED else hold for hold in holds))
     factors = []
     for channel, variable in zip(recording.measurements, model.outputs, strict=True):
         place = _place(scenario, recording.name, "measurements", channel.name)

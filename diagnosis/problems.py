@@ -8,6 +8,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.binding import Binding, bind, row_interval
 from diagnosis.estimation.experiment import Experiment
@@ -17,31 +18,18 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.frequency_response.table_experiment import prepared
 from diagnosis.recordings.columns import RecordingError
+from diagnosis.recordings.noise import noise, spikes
 from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
 from diagnosis.thresholds import FITTING
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.model import Model
+from engine.ports import MOTION
 from engine.quantity import convert
 from engine.start import start_values
 from engine.step import fastest, internal_step
 from scenarios.amend import Edit
 from scenarios.load import Scenario
 from scenarios.variant import edited, renamed
-
-
-def noise(values: Array) -> float:
-    """Standard deviation of a channel's noise: from its quantum (/ sqrt(12)) and its second differences."""
-    clean = values[np.isfinite(values)]
-    steps = np.abs(np.diff(np.unique(clean)))
-    steps = steps[steps > 1e-12 * max(np.abs(clean).max(initial=0.0), 1e-300)]
-    quantum = float(steps.min()) if steps.size else 0.0
-    if steps.size and np.median(np.abs(steps / quantum - np.round(steps / quantum))) > 1e-3:
-        quantum = 0.0
-    jitter = np.diff(clean, 2)
-    if quantum == 0.0:
-        jitter = jitter[jitter != 0.0]  # where a sensor is at the end of its range it shows no noise
-    rough = 1.4826 * float(np.median(np.abs(jitter - np.median(jitter)))) / math.sqrt(6) if jitter.size else 0.0
-    return math.sqrt(max(quantum**2 / 12, rough**2))
 
 
 def experiment(made: Binding, recording: Recording, longest: float, statics: Statics) -> TimeExperiment:
@@ -60,9 +48,16 @@ def experiment(made: Binding, recording: Recording, longest: float, statics: Sta
         )
     step, every = row_interval(recording.time, longest)
     measured = np.column_stack([c.values * f for c, f in zip(recording.measurements, made.factors, strict=True)])
-    sigma = []
+    sigma, outliers = [], []
+    drives = [channel.values for channel in recording.drive]
     for k, channel in enumerate(recording.measurements):
-        given = channel.noise * made.factors[k] if channel.noise is not None else noise(measured[:, k])
+        if channel.noise is not None:
+            given = channel.noise * made.factors[k]
+        else:
+            given = noise(np.asarray(recording.time), measured[:, k], drives).sigma
+        wrong = outlying(recording, made.model.outputs[k].unit, measured[:, k], given)
+        measured[wrong, k] = np.nan
+        outliers.append(int(wrong.sum()))
         if not given > 0:
             raise RecordingError(
                 f"the noise of '{channel.name}' in '{recording.name}' cannot be estimated",
@@ -82,11 +77,27 @@ def experiment(made: Binding, recording: Recording, longest: float, statics: Sta
         from_first=tuple(channel.from_first for channel in recording.measurements),
         free=recording.free,
         uneven=not every,
+        outliers=tuple(outliers),
         noise_stated=tuple(channel.noise is not None for channel in recording.measurements),
         stated=made.starts,
         settings=made.settings,
     ).on_model(statics, as_measured=recording.as_measured)
     return found if recording.resample is None else resampled(found, recording.resample)
+
+
+def outlying(recording: Recording, unit: str, values: Array, sigma: float) -> NDArray[np.bool_]:
+    """Samples of a position or a speed that are spikes; none of other signals, such as an acceleration, which may jump.
+
+    Args:
+        recording: whose instants are those of the samples.
+        unit: of the signal.
+        values: shape (samples,).
+        sigma: standard deviation of the noise.
+    """
+    moves = unit in {unit for kind in MOTION.values() for _, unit in kind[:2]}
+    if not moves or not sigma > 0:
+        return np.zeros(len(values), dtype=bool)
+    return spikes(np.asarray(recording.time), values, sigma)
 
 
 def resampled(given: TimeExperiment, interval: float) -> TimeExperiment:

@@ -30,7 +30,7 @@ QUANTITY_PATTERN = (
     r"^\s*([-+]?([0-9][0-9_]*\.?[0-9_]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*[A-Za-z0-9./%*^()_ µΩ°-]*|\$[A-Za-z_]\w*)\s*$"
 )
 FILE = (
-    "a .csv, .mat, .parquet, .json or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in the "
+    "a .csv, .mat, .parquet, .json, .jsonl or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in the "
     "folder that this environment variable names"
 )
 LONGEST_NAME = 100
@@ -153,7 +153,14 @@ class Drive(Section):
     tap: Text = Field(
         default="after_limit", description="where the signal was logged: after_limit or before_limit of the amplifier"
     )
-    hold: Literal["zero_order", "linear"] = Field(default="zero_order", description="what happens between samples")
+    hold: Literal["zero_order", "linear", "band_limited"] = Field(
+        default="zero_order",
+        description="what happens between samples; band_limited: nothing above half the sampling frequency was sent",
+    )
+    offset: Quantity = Field(default=0.0, description="what the column shows at zero, in its unit; it is taken away")
+    enable: Text | None = Field(
+        default=None, description="column that says when the source acts; where it holds 0, the input is 0"
+    )
     zero: Literal["first", "none"] = Field(default="none", description="first: count from the first sample")
 
 
@@ -165,6 +172,7 @@ class Measurement(Section):
     scale: Quantity = Field(default=1.0, description="what a number is multiplied by; its unit changes the column's")
     sign: Literal[-1, 1] = Field(default=1, description="-1 where the recorded signal counts the other way")
     zero: Literal["first", "none"] = Field(default="none", description="first: count from the first sample")
+    offset: Quantity = Field(default=0.0, description="what the column shows at zero, in its unit; it is taken away")
     wrap: bool = Field(default=False, description="the recorded angle jumps at each revolution and is to be unwrapped")
     counts_per_rev: Quantity | None = Field(default=None, description="encoder counts in a revolution")
     noise: Quantity = Field(default="auto", description="standard deviation in the column's unit, or auto")

@@ -36,6 +36,7 @@ class TimeExperiment(Experiment):
         drive: inputs, in the model's order.
         from_first: for each signal, whether it counts from the first sample.
         uneven: whether ``time`` is not a multiple of the rows' interval: outputs are then interpolated between rows.
+        outliers: for each signal, how many samples were left out as spikes.
         noise_stated: for each signal, whether the user stated its noise; none if that is not known.
         stated: starting values that the user gave (SI).
         first: what was recorded at first, before any resampling; None if the model's own start is meant.
@@ -49,6 +50,7 @@ class TimeExperiment(Experiment):
     drive: Drive | None
     from_first: tuple[bool, ...]
     uneven: bool = False
+    outliers: tuple[int, ...] = ()
     noise_stated: tuple[bool, ...] = ()
     stated: dict[str, float] = field(default_factory=dict)
     first: FirstSamples | None = None

@@ -46,6 +46,10 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
     for end, column in described.drive.items():
         keys = ("drive", end)
         values = required[column.column] = reader.column(column.column, *keys)
+        values = values - reader.convert(column.offset, column.unit, *keys, "offset")
+        if column.enable is not None:
+            acts = required[column.enable] = reader.column(column.enable, *keys)
+            values = np.where(acts != 0, values, 0.0)
         scale, unit = reader.factor(column.unit, column.scale, *keys, "unit")
         drive.append(
             Channel(
@@ -95,7 +99,8 @@ def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario
         )
     else:
         scale, unit = reader.factor(column.unit, column.scale, *keys, "unit")
-    values = values * (scale * column.sign)
+    offset = reader.convert(column.offset, "" if column.unit == "count" else column.unit, *keys, "offset")
+    values = (values - offset) * (scale * column.sign)
     if column.wrap:
         finite = np.isfinite(values)
         values[finite] = np.unwrap(values[finite])

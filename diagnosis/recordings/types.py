@@ -22,7 +22,7 @@ class Channel:
         unit: coherent SI unit of the values; empty if the file states none.
         values: shape (samples,); NaN where a measurement holds no number.
         column: the file's column.
-        hold: for a drive, ``zero_order`` or ``linear``.
+        hold: for a drive, ``zero_order``, ``linear`` or ``band_limited``.
         tap: for a drive, where it was logged.
         from_first: subtract the first sample; for a measurement, from the simulated signal too.
         noise: standard deviation in ``unit``; None if it is to be estimated.
