@@ -30,8 +30,8 @@ QUANTITY_PATTERN = (
     r"^\s*([-+]?([0-9][0-9_]*\.?[0-9_]*|\.[0-9]+)([eE][-+]?[0-9]+)?\s*[A-Za-z0-9./%*^()_ µΩ°-]*|\$[A-Za-z_]\w*)\s*$"
 )
 FILE = (
-    "a .csv, .mat, .parquet, .json, .jsonl or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in the "
-    "folder that this environment variable names"
+    "a .csv, .mat, .parquet, .json, .jsonl or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in "
+    "the folder that this environment variable names"
 )
 LONGEST_NAME = 100
 """Characters of a name; names of files, of C functions and of variables are made of it."""
@@ -74,6 +74,13 @@ Quantity = Annotated[
     Any,
     BeforeValidator(_quantity),
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}),
+]
+Wrap = Annotated[
+    Any,
+    BeforeValidator(lambda value: value if isinstance(value, bool) else _quantity(value)),
+    WithJsonSchema(
+        {"anyOf": [{"type": "boolean"}, {"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}
+    ),
 ]
 Text = Annotated[str, BeforeValidator(_text)]
 Title = Annotated[str, BeforeValidator(_title), Field(json_schema_extra={"maxLength": LONGEST_NAME})]
@@ -173,7 +180,11 @@ class Measurement(Section):
     sign: Literal[-1, 1] = Field(default=1, description="-1 where the recorded signal counts the other way")
     zero: Literal["first", "none"] = Field(default="none", description="first: count from the first sample")
     offset: Quantity = Field(default=0.0, description="what the column shows at zero, in its unit; it is taken away")
-    wrap: bool = Field(default=False, description="the recorded angle jumps at each revolution and is to be unwrapped")
+    wrap: Wrap = Field(
+        default=False,
+        description="true: the recorded angle jumps at each revolution and is made continuous; or the range after "
+        "which the column begins anew, in its unit, such as 65536",
+    )
     counts_per_rev: Quantity | None = Field(default=None, description="encoder counts in a revolution")
     noise: Quantity = Field(default="auto", description="standard deviation in the column's unit, or auto")
 

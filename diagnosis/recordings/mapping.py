@@ -101,14 +101,27 @@ def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario
         scale, unit = reader.factor(column.unit, column.scale, *keys, "unit")
     offset = reader.convert(column.offset, "" if column.unit == "count" else column.unit, *keys, "offset")
     values = (values - offset) * (scale * column.sign)
-    if column.wrap:
+    if column.wrap is not False:
+        period = 2 * math.pi
+        if column.wrap is not True:
+            period = abs(scale) * reader.convert(
+                column.wrap, "" if column.unit == "count" else column.unit, *keys, "wrap"
+            )
+        if not period > 0:
+            raise RecordingError(f"a range of {column.wrap}", reader.where(*keys, "wrap"), "give one above zero")
         finite = np.isfinite(values)
-        values[finite] = np.unwrap(values[finite])
+        values[finite] = np.unwrap(values[finite], period=period)
     noise = None
     if column.noise != "auto":
         noise = abs(scale) * reader.convert(column.noise, column.unit, *keys, "noise")
     return Channel(
-        scenario.resolve(signal), unit, values, column.column, from_first=column.zero == "first", noise=noise
+        scenario.resolve(signal),
+        unit,
+        values,
+        column.column,
+        from_first=column.zero == "first",
+        noise=noise,
+        logged=abs(scale),
     )
 
 

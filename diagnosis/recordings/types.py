@@ -26,6 +26,7 @@ class Channel:
         tap: for a drive, where it was logged.
         from_first: subtract the first sample; for a measurement, from the simulated signal too.
         noise: standard deviation in ``unit``; None if it is to be estimated.
+        logged: ``unit`` over a number as it was logged.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Channel:
     tap: str = "after_limit"
     from_first: bool = False
     noise: float | None = None
+    logged: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,7 @@ class Recording:
         as_measured: begins where its first samples say, and a fit may move that within their noise.
         settings: values of parameters that hold for this recording alone, as the scenario states them.
         loop, role: as the scenario states them.
+        stamps: instants as they were logged (s), before they were made even, shape (samples,); None for ``time``.
         resample: interval (s) at which measurements are compared; None compares every sample.
         notes: sentences that say how the data were changed.
     """
@@ -70,6 +73,7 @@ class Recording:
     role: str = "train"
     notes: tuple[str, ...] = ()
     resample: float | None = None
+    stamps: Vector | None = None
 
     @property
     def noise_stated(self) -> bool:
