@@ -14,7 +14,7 @@ from diagnosis.binding import find_recording
 from diagnosis.effects.catalogue import candidates, check_names
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
-from diagnosis.estimation.least_squares import Fit
+from diagnosis.estimation.least_squares import Fit, with_held_out_starts
 from diagnosis.estimation.least_squares import fit as fit_problem
 from diagnosis.problems import problem
 from diagnosis.recordings.types import Recorded
@@ -79,6 +79,8 @@ def fit(
         made = fit_problem(problem(scenario, recorded), random_starts=2, seed=seed, workers=workers or cores())
     scores = {"fitted": made.chi2}
     if made.problem.held_out:
+        # Nothing that was fitted tells the state in which a held-out recording begins.
+        made = replace(made, x=with_held_out_starts(made.problem, made.x))
         scores["held out"] = made.problem.chi2(made.x, made.problem.held_out)
     return made, scores
 

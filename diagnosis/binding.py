@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diagnosis.frequency_response.sine_model import SineModel, sine_model
+from diagnosis.recordings.between_samples import BAND_LIMITED, between_samples
 from diagnosis.recordings.by_header import from_file
 from diagnosis.recordings.columns import RecordingError, Vector
 from diagnosis.recordings.feedback import check_loop
@@ -22,8 +23,10 @@ from diagnosis.recordings.types import Channel, FrequencyTable, Recorded, Record
 from engine.assemble import build
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.files import is_file
-from engine.quantity import compatible, factor
+from engine.ports import MOTION
+from engine.quantity import compatible, convert, factor
 from engine.simulate import Drive
+from engine.start import starting_names
 from engine.system import bypass
 
 if TYPE_CHECKING:
@@ -40,12 +43,16 @@ class Binding:
         drive: the recorded drives in the model's units; None if the scenario's own sources drive the model.
         factors: from each measurement's unit to that of the model's output.
         bypassed: blocks that the recorded drives replace.
+        settings: parameters of the model that have another value in this recording (SI).
+        starts: starting values that the recording states (SI).
     """
 
     model: Model
     drive: Drive | None
     factors: tuple[float, ...]
     bypassed: tuple[str, ...]
+    settings: dict[str, float] = field(default_factory=dict)
+    starts: dict[str, float] = field(default_factory=dict)
 
 
 def find_recording(scenario: Scenario, given: str | Path) -> Recorded:
@@ -118,12 +125,18 @@ def bind(scenario: Scenario, recording: Recording, like: Binding | None = None) 
         for channel, variable in zip(recording.drive, model.inputs, strict=True):
             place = _place(scenario, recording.name, "drive", channel.name)
             columns.append(channel.values * conversion(channel, variable.unit, place))
-        drive = Drive(recording.time, np.column_stack(columns), tuple(channel.hold for channel in recording.drive))
+        holds = tuple(channel.hold for channel in recording.drive)
+        try:
+            time, values = between_samples(np.asarray(recording.time), np.column_stack(columns), holds)
+        except RecordingError as error:
+            raise error.at(_place(scenario, recording.name, "drive")) from None
+        drive = Drive(time, values, tuple("linear" if hold == BAND_LIMITED else hold for hold in holds))
     factors = []
     for channel, variable in zip(recording.measurements, model.outputs, strict=True):
         place = _place(scenario, recording.name, "measurements", channel.name)
         factors.append(conversion(channel, variable.unit, place))
-    return Binding(model, drive, tuple(factors), tuple(bypassed))
+    settings, starts = _settings(scenario, model, recording), _starts(scenario, model, recording)
+    return Binding(model, drive, tuple(factors), tuple(bypassed), settings, starts)
 
 
 def bind_table(scenario: Scenario, table: FrequencyTable) -> tuple[SineModel, tuple[float, ...]]:
@@ -192,6 +205,55 @@ def row_interval(time: Vector, longest: float) -> tuple[float, int]:
             return candidate / max(1, math.ceil(candidate / longest - 1e-9)), 0
     finest = max(least, mean / 20)
     return max(1e-9, round(min(longest, finest), 9)), 0
+
+
+def starting_unit(scenario: Scenario, model: Model, name: str) -> str:
+    """Unit of a starting value: of a state, or of the motion of a flange; empty for anything else."""
+    units = {state.name: state.unit for state in model.states}
+    motion = scenario.system_observable(name) if name not in units else None
+    if motion is None:
+        return units.get(name, "")
+    block, flange, order = motion
+    return MOTION[scenario.system.blocks[block].ports[flange].kind][order][1]
+
+
+def _starts(scenario: Scenario, model: Model, recording: Recording) -> dict[str, float]:
+    """Starting values that a recording states, in SI units.
+
+    Raises:
+        ParameterError: no such starting value, or one of another unit.
+    """
+    made, known = {}, starting_names(model)
+    for name, value in recording.starts.items():
+        where = _place(scenario, recording.name, "initial", "values")
+        if name not in known:
+            raise ParameterError(f"'{name}' has no starting value", where, nearest(name, known))
+        try:
+            made[name] = convert(value, starting_unit(scenario, model, name))
+        except ParameterError as error:
+            raise error.at(where) from None
+    return made
+
+
+def _settings(scenario: Scenario, model: Model, recording: Recording) -> dict[str, float]:
+    """Parameters that a recording sets, by the model's own names.
+
+    Raises:
+        ParameterError: the model has no such parameter, or it does not take the value.
+    """
+    made = {}
+    known = {parameter.name: parameter for parameter in model.parameters}
+    for given, value in recording.settings.items():
+        where = _place(scenario, recording.name, "set", given)
+        block, _, parameter = given.rpartition(".")
+        name = scenario.system.shared.get(block, {}).get(parameter, given)
+        if name not in known:
+            raise ParameterError(f"'{given}' is no number that the model depends on", where, nearest(given, known))
+        try:
+            made[name] = known[name].declared.check(convert(value, known[name].unit))
+        except ParameterError as error:
+            raise error.at(where) from None
+    return made
 
 
 def _check_input(scenario: Scenario, name: str, where: Where) -> None:

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diagnosis.binding import bind, bind_table, find_recording, row_interval
-from diagnosis.estimation.initial_states import starting_values
+from diagnosis.binding import bind, bind_table, find_recording, row_interval, starting_unit
+from diagnosis.estimation.least_squares import with_held_out_starts
+from diagnosis.estimation.time_experiment import over_time
 from diagnosis.frequency_response.periodic_solver import PeriodicSolver
+from diagnosis.problems import problem
 from diagnosis.recordings.columns import Vector
 from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
 from engine.simulate import simulate
@@ -118,10 +120,17 @@ def _compare_time(scenario: Scenario, recording: Recording) -> Comparison:
     internal = scenario.simulation.internal_step if scenario.simulation else None
     stop = step * exact * (len(recording.time) - 1) if exact else float(recording.time[-1]) + step
     data = np.column_stack([c.values * f for c, f in zip(recording.measurements, binding.factors, strict=True)])
-    initial = starting_values(model, recording, data)
-    if initial:
-        notes.append(f"starts at the first sample and its slope, where they are measured: {', '.join(initial)}")
-    result = simulate(model, stop, step, drive=binding.drive, initial=initial, internal_step=internal)
+    initial, note = fitted_start(scenario, recording)
+    notes += [note] if note else []
+    result = simulate(
+        model,
+        stop,
+        step,
+        parameters=binding.settings,
+        drive=binding.drive,
+        initial=initial,
+        internal_step=internal,
+    )
     signals = {}
     for channel, variable, measured in zip(recording.measurements, model.outputs, data.T, strict=True):
         curve = result[variable.name]
@@ -133,6 +142,26 @@ def _compare_time(scenario: Scenario, recording: Recording) -> Comparison:
             variable.name, variable.unit, recording.time[there], measured[there], simulated[there]
         )
     return Comparison(scenario.name, recording.name, "time_series", signals, binding.bypassed, tuple(notes))
+
+
+def fitted_start(scenario: Scenario, recording: Recording) -> tuple[dict[str, float], str]:
+    """Starting values of a recording, the free ones fitted to it with the parameters as given; and a note.
+
+    Raises:
+        FlexarmError: the recording does not fit the model.
+    """
+    if not (recording.free or recording.starts or recording.as_measured):
+        return {}, ""
+    posed = problem(scenario, [replace(recording, role="hold_out")])
+    posed = replace(posed, free=tuple(f for f in posed.free if f.recording))
+    x = with_held_out_starts(posed, np.zeros(len(posed.free)))
+    (e,) = over_time(posed.experiments)
+    starts = posed.values(x, e)[1]
+    fitted = ", ".join(
+        f"{name} = {starts[name]:.5g} {starting_unit(scenario, posed.model, name)}".rstrip() for name in e.free
+    )
+    note = f"starting values fitted to it, the parameters as given: {fitted}" if fitted else ""
+    return e.begin.complete(starts), note
 
 
 def _compare_table(scenario: Scenario, table: FrequencyTable, progress: Callable[[float], None] | None) -> Comparison:

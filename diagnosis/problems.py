@@ -8,19 +8,22 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.binding import Binding, bind, row_interval
 from diagnosis.estimation.experiment import Experiment
-from diagnosis.estimation.initial_states import free_starts, starting_values
+from diagnosis.estimation.initial_states import Statics, free_starts
 from diagnosis.estimation.parameters import Array, FreeParameter, free_parameters
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.frequency_response.table_experiment import prepared
 from diagnosis.recordings.columns import RecordingError
+from diagnosis.recordings.noise import noise, spikes
 from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
 from diagnosis.thresholds import FITTING
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.model import Model
+from engine.ports import MOTION
 from engine.quantity import convert
 from engine.start import start_values
 from engine.step import fastest, internal_step
@@ -29,22 +32,7 @@ from scenarios.load import Scenario
 from scenarios.variant import edited, renamed
 
 
-def noise(values: Array) -> float:
-    """Standard deviation of a channel's noise: from its quantum (/ sqrt(12)) and its second differences."""
-    clean = values[np.isfinite(values)]
-    steps = np.abs(np.diff(np.unique(clean)))
-    steps = steps[steps > 1e-12 * max(np.abs(clean).max(initial=0.0), 1e-300)]
-    quantum = float(steps.min()) if steps.size else 0.0
-    if steps.size and np.median(np.abs(steps / quantum - np.round(steps / quantum))) > 1e-3:
-        quantum = 0.0
-    jitter = np.diff(clean, 2)
-    if quantum == 0.0:
-        jitter = jitter[jitter != 0.0]  # where a sensor is at the end of its range it shows no noise
-    rough = 1.4826 * float(np.median(np.abs(jitter - np.median(jitter)))) / math.sqrt(6) if jitter.size else 0.0
-    return math.sqrt(max(quantum**2 / 12, rough**2))
-
-
-def experiment(made: Binding, recording: Recording, longest: float) -> TimeExperiment:
+def experiment(made: Binding, recording: Recording, longest: float, statics: Statics) -> TimeExperiment:
     """A recording in the form a fit needs.
 
     An uneven time axis stays as it is: the model is simulated on a finer even grid and read at the recorded instants.
@@ -60,9 +48,16 @@ def experiment(made: Binding, recording: Recording, longest: float) -> TimeExper
         )
     step, every = row_interval(recording.time, longest)
     measured = np.column_stack([c.values * f for c, f in zip(recording.measurements, made.factors, strict=True)])
-    sigma = []
+    sigma, outliers = [], []
+    drives = [channel.values for channel in recording.drive]
     for k, channel in enumerate(recording.measurements):
-        given = channel.noise * made.factors[k] if channel.noise is not None else noise(measured[:, k])
+        if channel.noise is not None:
+            given = channel.noise * made.factors[k]
+        else:
+            given = noise(np.asarray(recording.time), measured[:, k], drives).sigma
+        wrong = outlying(recording, made.model.outputs[k].unit, measured[:, k], given)
+        measured[wrong, k] = np.nan
+        outliers.append(int(wrong.sum()))
         if not given > 0:
             raise RecordingError(
                 f"the noise of '{channel.name}' in '{recording.name}' cannot be estimated",
@@ -81,10 +76,30 @@ def experiment(made: Binding, recording: Recording, longest: float) -> TimeExper
         sigma=np.array(sigma),
         from_first=tuple(channel.from_first for channel in recording.measurements),
         free=recording.free,
-        initial=starting_values(made.model, recording, measured),
         uneven=not every,
-    )
+        outliers=tuple(outliers),
+        logged=tuple(c.logged * f for c, f in zip(recording.measurements, made.factors, strict=True)),
+        loop=recording.loop,
+        noise_stated=tuple(channel.noise is not None for channel in recording.measurements),
+        stated=made.starts,
+        settings=made.settings,
+    ).on_model(statics, as_measured=recording.as_measured)
     return found if recording.resample is None else resampled(found, recording.resample)
+
+
+def outlying(recording: Recording, unit: str, values: Array, sigma: float) -> NDArray[np.bool_]:
+    """Samples of a position or a speed that are spikes; none of other signals, such as an acceleration, which may jump.
+
+    Args:
+        recording: whose instants are those of the samples.
+        unit: of the signal.
+        values: shape (samples,).
+        sigma: standard deviation of the noise.
+    """
+    moves = unit in {unit for kind in MOTION.values() for _, unit in kind[:2]}
+    if not moves or not sigma > 0:
+        return np.zeros(len(values), dtype=bool)
+    return spikes(np.asarray(recording.time), values, sigma)
 
 
 def resampled(given: TimeExperiment, interval: float) -> TimeExperiment:
@@ -196,7 +211,12 @@ def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Mod
                 remedy="give recordings with the same drive and measurements",
             )
     longest = scenario.simulation.step if scenario.simulation else 1e-3
-    return first.model, [experiment(m, r, max(longest, 1e-3)) for m, r in zip(bindings, recordings, strict=True)]
+    # Models of one build serve several recordings; so do their statics.
+    statics = {id(made.model): Statics(scenario, made.model) for made in bindings}
+    return first.model, [
+        experiment(made, recording, max(longest, 1e-3), statics[id(made.model)])
+        for made, recording in zip(bindings, recordings, strict=True)
+    ]
 
 
 def resolved(made: Problem, x: Array) -> Problem | None:
@@ -207,12 +227,16 @@ def resolved(made: Problem, x: Array) -> Problem | None:
     steps = [e.longest_step for e in made.experiments if e.longest_step is not None]
     if not steps:
         return made
-    model, step = made.model, min(steps)
-    p = model.parameter_vector(made.values(x)[0])
-    start = start_values(model, p)
-    if fastest(model, p, start).rate * step / FITTING.finest > FITTING.stable:
-        return None
-    return replace(made, internal_step=max(internal_step(model, p, start, step), step / FITTING.finest))
+    model, step, values = made.model, min(steps), made.values(x)[0]
+    settings = {tuple(sorted(e.settings.items())) for e in made.experiments}
+    finest = step
+    for changed in sorted(settings):
+        p = model.parameter_vector({**values, **dict(changed)})
+        start = start_values(model, p)
+        if fastest(model, p, start).rate * step / FITTING.finest > FITTING.stable:
+            return None
+        finest = min(finest, internal_step(model, p, start, step))
+    return replace(made, internal_step=max(finest, step / FITTING.finest))
 
 
 def _within(bounds: tuple[float, float]) -> tuple[float, float]:

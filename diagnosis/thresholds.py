@@ -104,6 +104,12 @@ class Fitting:
         "Scale of a starting value that no measurement speaks of, such as the twist of a joint.",
         "tables and recordings of others (59a88f6)",
     )
+    start_reach: float = number(
+        4.0,
+        "standard deviations",
+        "A starting value that is measured goes no farther from its sample.",
+        "a normal deviate beyond it is one in 16 000",
+    )
     most_samples: int = number(
         1000000,
         "samples",
@@ -558,7 +564,7 @@ class RecordingChecks:
         "tables and recordings of others (59a88f6)",
     )
     farthest: int = number(
-        5,
+        16,
         "samples",
         "Shift of a column that is looked for.",
         "tables and recordings of others (59a88f6)",
@@ -574,6 +580,54 @@ class RecordingChecks:
         "samples",
         "Equal samples in a row, at the extreme of a signal, that may be clipping.",
         "tables and recordings of others (59a88f6)",
+    )
+    approach: int = number(
+        3,
+        "samples",
+        "By these a run of equal samples is entered and left: their mean is the speed.",
+        "a joint held still by friction against a clipped sine",
+    )
+    gain: float = number(
+        0.26,
+        "1",
+        "Logarithm of a factor common to all signals from which the drive's scale is in doubt.",
+        "parameters are known to 10 %, a product of them to 30 %",
+    )
+    one_gain: float = number(
+        0.15,
+        "1",
+        "Range of the logarithms of factors that are one.",
+        "a drive logged at half its value",
+    )
+    way: float = number(
+        0.01,
+        "1",
+        "Logarithm of the way of a position over that of its speed, from which one of them is in doubt.",
+        "a clock 2 % off",
+    )
+    odd_way: float = number(
+        1e-3,
+        "1",
+        "Share of the way's power that may be left for the factor to mean anything.",
+        "a clock 2 % off",
+    )
+    clock: float = number(
+        0.003,
+        "1",
+        "Rate of a clock that is in doubt.",
+        "crystals keep 1e-4, software timers a few per mille",
+    )
+    clock_rates: tuple[float, ...] = number(
+        (0.005, 0.01, 0.02, 0.03, 0.05),
+        "1",
+        "Rates of a clock that are tried, in both directions.",
+        "phase over the memory of an oscillation is linear for half a step of these",
+    )
+    clock_step: float = number(
+        0.001,
+        "1",
+        "Difference of the clock's rate for derivatives.",
+        "phase over a thousand periods changes by less than a radian in a sixth of them",
     )
     level: float = number(
         0.2,
@@ -591,12 +645,6 @@ class RecordingChecks:
         0.03,
         "1",
         "Share of the signal's range by which the model must go beyond the extreme.",
-        "tables and recordings of others (59a88f6)",
-    )
-    runs: int = number(
-        2,
-        "runs",
-        "Runs at an extreme that are clipping whatever the model does.",
         "tables and recordings of others (59a88f6)",
     )
 

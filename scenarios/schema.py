@@ -32,8 +32,8 @@ QUANTITY_PATTERN = (
     rf"{EXPRESSION_PATTERN})$"
 )
 FILE = (
-    "a .csv, .mat, .parquet, .json or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in the "
-    "folder that this environment variable names"
+    "a .csv, .mat, .parquet, .json, .jsonl or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in "
+    "the folder that this environment variable names"
 )
 LONGEST_NAME = 100
 """Characters of a name; names of files, of C functions and of variables are made of it."""
@@ -76,6 +76,13 @@ Quantity = Annotated[
     Any,
     BeforeValidator(_quantity),
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}),
+]
+Wrap = Annotated[
+    Any,
+    BeforeValidator(lambda value: value if isinstance(value, bool) else _quantity(value)),
+    WithJsonSchema(
+        {"anyOf": [{"type": "boolean"}, {"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}
+    ),
 ]
 Text = Annotated[str, BeforeValidator(_text)]
 Title = Annotated[str, BeforeValidator(_title), Field(json_schema_extra={"maxLength": LONGEST_NAME})]
@@ -217,7 +224,14 @@ class Drive(Section):
     tap: Text = Field(
         default="after_limit", description="where the signal was logged: after_limit or before_limit of the amplifier"
     )
-    hold: Literal["zero_order", "linear"] = Field(default="zero_order", description="what happens between samples")
+    hold: Literal["zero_order", "linear", "band_limited"] = Field(
+        default="zero_order",
+        description="what happens between samples; band_limited: nothing above half the sampling frequency was sent",
+    )
+    offset: Quantity = Field(default=0.0, description="what the column shows at zero, in its unit; it is taken away")
+    enable: Text | None = Field(
+        default=None, description="column that says when the source acts; where it holds 0, the input is 0"
+    )
     zero: Literal["first", "none"] = Field(default="none", description="first: count from the first sample")
 
 
@@ -229,7 +243,12 @@ class Measurement(Section):
     scale: Quantity = Field(default=1.0, description="what a number is multiplied by; its unit changes the column's")
     sign: Literal[-1, 1] = Field(default=1, description="-1 where the recorded signal counts the other way")
     zero: Literal["first", "none"] = Field(default="none", description="first: count from the first sample")
-    wrap: bool = Field(default=False, description="the recorded angle jumps at each revolution and is to be unwrapped")
+    offset: Quantity = Field(default=0.0, description="what the column shows at zero, in its unit; it is taken away")
+    wrap: Wrap = Field(
+        default=False,
+        description="true: the recorded angle jumps at each revolution and is made continuous; or the range after "
+        "which the column begins anew, in its unit, such as 65536",
+    )
     counts_per_rev: Quantity | None = Field(default=None, description="encoder counts in a revolution")
     noise: Quantity = Field(default="auto", description="standard deviation in the column's unit, or auto")
 
@@ -237,8 +256,16 @@ class Measurement(Section):
 class StartOfRecord(Section):
     """The state in which a recording begins."""
 
-    state: Literal["at_rest"] = Field(default="at_rest", description="at_rest: nothing moves at the first instant")
+    state: Literal["at_rest", "as_measured"] = Field(
+        default="at_rest",
+        description="at_rest: where the model begins, nothing moves; as_measured: what is measured begins at its first "
+        "samples, the rest in equilibrium with it, and a fit may move the former within the noise",
+    )
     free: list[Text] = Field(default_factory=list, description="states that a fit may choose for this recording")
+    values: dict[str, Quantity] = Field(
+        default_factory=dict,
+        description="starting values that are known, for example link.hub.angle; one that is free as well begins there",
+    )
 
 
 class TimeRecording(Section):
@@ -270,6 +297,10 @@ class TimeRecording(Section):
         description="what to do with rows in which time or drive holds no number; a measurement is not compared there",
     )
     initial: StartOfRecord = Field(default=StartOfRecord(), description="the state in which the recording begins")
+    set: dict[str, Quantity] = Field(
+        default_factory=dict,
+        description="values of parameters that hold for this recording alone, for example pid.proportional_gain",
+    )
     loop: Literal["open", "closed", "reference"] = Field(
         default="open",
         description="closed: recorded under control, the drive is the plant's input; reference: the drive is what the "

@@ -34,6 +34,9 @@ class Experiment(ABC):
         sigma: standard deviation of each signal's noise, shape (signals,).
         free: names of starting values that a fit may choose for this recording.
         initial: starting values by name (SI); free ones at their first guess.
+        deviations: standard deviation of what is known of each free starting value before the fit (SI).
+        measured_starts: free starting values that first samples of stated noise tell.
+        settings: parameters that have another value in this recording, whatever a fit moves (SI).
     """
 
     sparse: ClassVar[bool]
@@ -46,6 +49,9 @@ class Experiment(ABC):
     sigma: Array
     free: tuple[str, ...] = ()
     initial: dict[str, float] = field(default_factory=dict)
+    deviations: dict[str, float] = field(default_factory=dict)
+    measured_starts: frozenset[str] = frozenset()
+    settings: dict[str, float] = field(default_factory=dict)
 
     @property
     def longest_step(self) -> float | None:

@@ -233,7 +233,7 @@ class _StackedResiduals:
         """The search vector after a step of the variables that may move, kept within its bounds."""
         there = x.copy()
         for i, change in zip(self.numbers, step, strict=True):
-            low, high = self.problem.free[i].reach
+            low, high = self.problem.free[i].ends
             there[i] = min(max(x[i] + change, low), high)
         return there
 
@@ -241,7 +241,7 @@ class _StackedResiduals:
         """Which of the variables that may move stand at a bound that they would leave."""
         found = []
         for k, i in enumerate(self.numbers):
-            low, high = self.problem.free[i].reach
+            low, high = self.problem.free[i].ends
             if (x[i] <= low and gradient[k] > 0) or (x[i] >= high and gradient[k] < 0):
                 found.append(k)
         return found

@@ -18,6 +18,7 @@ from diagnosis.thresholds import FITTING
 from engine.model import Model
 
 Array = NDArray[np.float64]
+_NEARLY = 1 - 1e-12
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,11 @@ class FreeParameter:
         logarithmic: value = start * exp(scale * x) rather than start + scale * x.
         low, high: bounds (SI).
         may_vanish: a logarithmic one that is linear below ``start``, so that it can reach zero.
-        prior: whether it is a parameter of the user's, with a tolerance.
+        prior: whether it is a parameter of the user's, with a tolerance, or a starting value.
         spread: standard deviation of the prior, in units of the search variable.
         centre: search variable at which the prior is centred.
         recording: for a starting value, the recording it belongs to.
+        reach: how far from its start it can go at all (SI), for one that is measured; it gets there ever more slowly.
         like: parameter whose magnitude is expected to be equal, such as the other end of an amplifier's range.
     """
 
@@ -50,11 +52,13 @@ class FreeParameter:
     centre: float = 0.0
     recording: str = ""
     like: str = ""
+    reach: float = math.inf
 
     def value(self, x: float) -> float:
         """The parameter at search variable ``x``, kept within its bounds."""
         if not self.logarithmic:
-            raw = self.start + self.scale * x
+            away = self.scale * x
+            raw = self.start + (self.reach * math.tanh(away / self.reach) if math.isfinite(self.reach) else away)
         elif self.may_vanish and x < 0:
             raw = self.start * (1 + self.scale * x)
         else:
@@ -64,20 +68,23 @@ class FreeParameter:
     def slope(self, x: float) -> float:
         """Derivative of the parameter with respect to its search variable."""
         if not self.logarithmic:
-            return self.scale
+            return self.scale / math.cosh(min(abs(self.scale * x / self.reach), 100.0)) ** 2
         return self.scale * (self.start if self.may_vanish and x < 0 else self.value(x))
 
     def position(self, value: float) -> float:
         """The search variable at which the parameter has ``value``."""
         if not self.logarithmic:
-            return (value - self.start) / self.scale
+            away = value - self.start
+            if math.isfinite(self.reach):
+                away = self.reach * math.atanh(min(max(away / self.reach, -_NEARLY), _NEARLY))
+            return away / self.scale
         share = value / self.start
         if self.may_vanish and share < 1:
             return (share - 1) / self.scale
         return math.log(max(share, 1e-300)) / self.scale
 
     @property
-    def reach(self) -> tuple[float, float]:
+    def ends(self) -> tuple[float, float]:
         """The least and the greatest search variable that stay within the bounds; infinite where there is none."""
         ends = [
             self.position(end) if math.isfinite(end) else math.copysign(math.inf, end) for end in (self.low, self.high)

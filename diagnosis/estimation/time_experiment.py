@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.fft
 
 from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.initial_states import FirstSamples, Start, Statics
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.thresholds import FITTING, NOISE
 from engine.errors import FlexarmError, ParameterError, SimulationError
@@ -37,6 +38,13 @@ class TimeExperiment(Experiment):
         drive: inputs, in the model's order.
         from_first: for each signal, whether it counts from the first sample.
         uneven: whether ``time`` is not a multiple of the rows' interval: outputs are then interpolated between rows.
+        outliers: for each signal, how many samples were left out as spikes.
+        logged: for each signal, its unit over a number as it was logged.
+        loop: as of the recording.
+        noise_stated: for each signal, whether the user stated its noise; none if that is not known.
+        stated: starting values that the user gave (SI).
+        first: what was recorded at first, before any resampling; None if the model's own start is meant.
+        begin: where the state begins on the model; see `on_model`.
     """
 
     sparse: ClassVar[bool] = False
@@ -46,6 +54,45 @@ class TimeExperiment(Experiment):
     drive: Drive | None
     from_first: tuple[bool, ...]
     uneven: bool = False
+    outliers: tuple[int, ...] = ()
+    logged: tuple[float, ...] = ()
+    loop: str = "open"
+    noise_stated: tuple[bool, ...] = ()
+    stated: dict[str, float] = field(default_factory=dict)
+    first: FirstSamples | None = None
+    begin: Start = field(default_factory=Start)
+
+    def on_model(self, statics: Statics, *, as_measured: bool = False) -> TimeExperiment:
+        """The experiment with the starting values that its first samples and the model's statics give.
+
+        Raises:
+            RecordingError: starting values that the model does not have, or that contradict each other.
+        """
+        if not (self.free or self.stated or as_measured):
+            return self
+        samples = self.first or self._first_samples(len(statics.model.inputs))
+        made = statics.at(self.settings).start(
+            samples, self.free, self.stated, as_measured=as_measured, before=self.begin
+        )
+        return replace(
+            self,
+            free=made.free,
+            initial=dict(made.values),
+            deviations=dict(made.deviations),
+            measured_starts=made.measured,
+            begin=made,
+            first=samples,
+        )
+
+    def _first_samples(self, inputs: int) -> FirstSamples:
+        first = np.zeros(0)
+        if self.drive is not None and inputs:
+            first = np.asarray(self.drive.values, dtype=float).reshape(-1, inputs)[0]
+        keep = FITTING.first_samples
+        whole = np.isfinite(self.measured).all(axis=1).cumsum() >= keep
+        end = int(np.argmax(whole)) + 1 if whole.any() else len(self.time)
+        known = self.noise_stated or (False,) * len(self.sigma)
+        return FirstSamples(self.name, self.time[:end], self.measured[:end], self.sigma, known, self.from_first, first)
 
     @property
     def stop(self) -> float:
@@ -97,9 +144,9 @@ class TimeExperiment(Experiment):
             model,
             self.stop,
             self.step,
-            parameters=parameters,
+            parameters={**parameters, **self.settings},
             drive=self.drive,
-            initial=starts,
+            initial=self.begin.complete(starts),
             internal_step=longest,
             log_capacity=0,
         )
@@ -114,23 +161,30 @@ class TimeExperiment(Experiment):
             SimulationError: the run diverged.
         """
         parameters = {f.name: f.value(v) for f, v in zip(free, x, strict=True) if not f.recording}
-        mine = [i for i, f in enumerate(free) if not f.recording or f.recording == self.name]
+        mine = [
+            i for i, f in enumerate(free) if f.recording == self.name or not (f.recording or f.name in self.settings)
+        ]
         names = [free[i].name for i in mine]
+        followers = list(self.begin.follows)
         try:
             found = tangents(
                 model,
                 self.stop,
                 self.step,
-                wrt=names,
-                parameters=parameters,
+                wrt=[*names, *followers],
+                parameters={**parameters, **self.settings},
                 drive=self.drive,
-                initial=starts,
+                initial=self.begin.complete(starts),
                 internal_step=longest,
             )
         except ParameterError as error:
             raise SimulationError(error.message) from error
         r = np.clip(self.residual(found.result.values), -FITTING.huge, FITTING.huge).ravel()
-        slopes = self.slopes(found.values).reshape(len(r), len(names))
+        slopes = self.slopes(found.values).reshape(len(r), len(names) + len(followers))
+        for k, follower in enumerate(followers):
+            for name, share in self.begin.follows[follower].items():
+                if name in names:
+                    slopes[:, names.index(name)] += share * slopes[:, len(names) + k]
         J = np.zeros((len(r), len(free)))
         for column, i in enumerate(mine):
             J[:, i] = slopes[:, column] * free[i].slope(x[i])
@@ -164,12 +218,14 @@ class TimeExperiment(Experiment):
         lost = {name for e in others for name in e.free} - set(starting_names(model))
         if lost:
             raise FlexarmError(f"'{min(lost)}', which a recording starts from, is no state of the amended model")
-        return model, list(others)
+        statics = Statics(scenario, model)
+        return model, [e.on_model(statics) if isinstance(e, TimeExperiment) else e for e in others]
 
     def fingerprint(self) -> list[Array]:
-        """Instants, samples, noise, and the input if there is one."""
+        """Instants, samples, noise, the input if there is one, and what the recording begins from and sets."""
         driven = [np.asarray(self.drive.values, dtype=float)] if self.drive is not None else []
-        return [self.time, self.measured, self.sigma, *driven]
+        own = [np.array([v for _, v in sorted(part.items())]) for part in (self.initial, self.settings)]
+        return [self.time, self.measured, self.sigma, *driven, *own]
 
     def evenly(self, r: Array) -> tuple[Array, float]:
         """Residuals at even instants, shape (samples, signals), and the interval (s): a spectrum needs both."""
@@ -239,7 +295,7 @@ class TimeExperiment(Experiment):
         self, scenario: Scenario, model: Model, names: Sequence[str], longest: float | None
     ) -> dict[str, tuple[float, float]]:
         """Peak to peak and root mean square of signals, simulated with the recorded input."""
-        run = simulate(model, self.stop, self.step, drive=self.drive, internal_step=longest)
+        run = simulate(model, self.stop, self.step, parameters=self.settings, drive=self.drive, internal_step=longest)
         return {name: (float(np.ptp(run[name])), float(np.sqrt(np.mean(run[name] ** 2)))) for name in names}
 
     def where_residual_is_large(self, r: Array, names: Sequence[str]) -> tuple[str, str]:

@@ -58,10 +58,12 @@ def checked(
     measurements = tuple(_measurement(channel, reader, keep) for channel in recording.measurements)
     if time[0] != 0:
         reader.notes.append(f"time begins at {time[0]:g} s in the file and is counted from there")
-    time, time_notes = even_time(time - time[0])
+    stamps = time - time[0]
+    time, time_notes = even_time(stamps)
     return replace(
         recording,
         time=time,
+        stamps=stamps,
         drive=tuple(_from_first(replace(channel, values=channel.values[keep])) for channel in recording.drive),
         measurements=tuple(_from_first(channel) for channel in measurements),
         notes=(*recording.notes, *reader.notes, *time_notes),

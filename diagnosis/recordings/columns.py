@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from engine.errors import FlexarmError, Where, nearest
 from engine.files import missing
 from engine.readers.matlab import read_mat, simplified
-from engine.readers.objects import read_json
+from engine.readers.objects import LINES, read_json
 from engine.readers.regular import FileProblem, opened, problem, shown
 from engine.readers.text import LARGEST, Oddity, as_numbers, check_names, read_plain, read_table
 
 Vector = NDArray[np.float64]
 
-SUFFIXES = (".csv", ".mat", ".parquet", ".json", ".dat")
+SUFFIXES = (".csv", ".txt", ".mat", ".parquet", ".json", ".jsonl", ".ndjson", ".dat")
 FREE_CELLS, CELLS_A_BYTE = 10_000_000, 10
 """Rows times columns that a Parquet file may unpack to in any case, and for each of its bytes."""
 DEEPEST = 40
@@ -91,7 +91,7 @@ def read_columns(path: Path, where: Where | None = None, like: str = "") -> Colu
     of a MATLAB cell array ``name{1}``, and the columns of a .dat file, which has no header, ``[1]``, ``[2]``.
 
     Args:
-        path: a .csv, .mat (version 5), .parquet, .json or .dat file.
+        path: a .csv, .mat (version 5), .parquet, .json, .jsonl or .dat file.
         where: the place in the scenario that names it.
         like: column whose length the others must have, for files that hold several lengths; the most common otherwise.
 
@@ -103,7 +103,7 @@ def read_columns(path: Path, where: Where | None = None, like: str = "") -> Colu
         raise RecordingError(f"there is no recording '{path}'", where, nearest(path.name, beside) if beside else "")
     kind = path.suffix.lower()
     try:
-        if kind in (".mat", ".json"):
+        if kind in (".mat", ".json", *LINES):
             columns = _structure(path, like)
         elif kind in (".csv", ".txt", ".dat"):
             columns = _text(path)
@@ -127,7 +127,8 @@ def _text(path: Path) -> Columns:
 
 def _structure(path: Path, like: str) -> Columns:
     """Every vector and matrix of a MATLAB or JSON file that is as long as most, or as ``like``."""
-    content = read_json(path) if path.suffix.lower() == ".json" else simplified(read_mat(path))
+    matlab = path.suffix.lower() == ".mat"
+    content = simplified(read_mat(path)) if matlab else read_json(path, records=True)
     flat: dict[str, Vector] = {}
     _collect("", content, flat, path)
     if not flat:
@@ -145,6 +146,9 @@ def _collect(prefix: str, value: Any, flat: dict[str, Vector], path: Path, depth
     if isinstance(value, dict):
         for key, inner in value.items():
             _collect(f"{prefix}.{key}" if prefix else key, inner, flat, path, depth + 1)
+        return
+    if isinstance(value, list) and len(value) > 1 and all(isinstance(entry, dict) for entry in value):
+        _collect_records(prefix, value, flat, path, depth + 1)
         return
     try:
         array = np.asarray(value)
@@ -169,6 +173,23 @@ def _collect(prefix: str, value: Any, flat: dict[str, Vector], path: Path, depth
         array = array if array.shape[0] >= array.shape[1] else array.T
         for i in range(array.shape[1]):
             _add(flat, f"{prefix}[{i + 1}]", array[:, i], path)
+
+
+def _collect_records(
+    prefix: str, entries: list[dict[str, Any]], flat: dict[str, Vector], path: Path, depth: int
+) -> None:
+    """A list of records, one for each instant: a column for each number in them; NaN where a record lacks it."""
+    if depth > DEEPEST:
+        raise problem(path, f"structures are nested more than {DEEPEST} levels deep")
+    for key in dict.fromkeys(key for entry in entries for key in entry):
+        cells = [entry.get(key) for entry in entries]
+        name = f"{prefix}.{key}" if prefix else key
+        if all(cell is None or isinstance(cell, bool | int | float) for cell in cells):
+            _add(flat, name, np.array([np.nan if cell is None else float(cell) for cell in cells]), path)
+        elif all(isinstance(cell, dict) for cell in cells):
+            _collect_records(name, [cell for cell in cells if isinstance(cell, dict)], flat, path, depth + 1)
+        elif all(isinstance(cell, list) for cell in cells):
+            _collect(name, cells, flat, path, depth + 1)
 
 
 def _add(flat: dict[str, Vector], name: str, values: NDArray[Any], path: Path) -> None:

@@ -46,6 +46,10 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
     for end, column in described.drive.items():
         keys = ("drive", end)
         values = required[column.column] = reader.column(column.column, *keys)
+        values = values - reader.convert(column.offset, column.unit, *keys, "offset")
+        if column.enable is not None:
+            acts = required[column.enable] = reader.column(column.enable, *keys)
+            values = np.where(acts != 0, values, 0.0)
         scale, unit = reader.factor(column.unit, column.scale, *keys, "unit")
         drive.append(
             Channel(
@@ -68,7 +72,10 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
         time,
         tuple(drive),
         measurements,
-        tuple(described.initial.free),
+        tuple(scenario.resolve(signal) for signal in described.initial.free),
+        {scenario.resolve(signal): value for signal, value in described.initial.values.items()},
+        described.initial.state == "as_measured",
+        dict(described.set),
         described.loop,
         described.role,
         resample=resample,
@@ -92,15 +99,29 @@ def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario
         )
     else:
         scale, unit = reader.factor(column.unit, column.scale, *keys, "unit")
-    values = values * (scale * column.sign)
-    if column.wrap:
+    offset = reader.convert(column.offset, "" if column.unit == "count" else column.unit, *keys, "offset")
+    values = (values - offset) * (scale * column.sign)
+    if column.wrap is not False:
+        period = 2 * math.pi
+        if column.wrap is not True:
+            period = abs(scale) * reader.convert(
+                column.wrap, "" if column.unit == "count" else column.unit, *keys, "wrap"
+            )
+        if not period > 0:
+            raise RecordingError(f"a range of {column.wrap}", reader.where(*keys, "wrap"), "give one above zero")
         finite = np.isfinite(values)
-        values[finite] = np.unwrap(values[finite])
+        values[finite] = np.unwrap(values[finite], period=period)
     noise = None
     if column.noise != "auto":
         noise = abs(scale) * reader.convert(column.noise, column.unit, *keys, "noise")
     return Channel(
-        scenario.resolve(signal), unit, values, column.column, from_first=column.zero == "first", noise=noise
+        scenario.resolve(signal),
+        unit,
+        values,
+        column.column,
+        from_first=column.zero == "first",
+        noise=noise,
+        logged=abs(scale),
     )
 
 

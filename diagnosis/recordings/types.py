@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +22,11 @@ class Channel:
         unit: coherent SI unit of the values; empty if the file states none.
         values: shape (samples,); NaN where a measurement holds no number.
         column: the file's column.
-        hold: for a drive, ``zero_order`` or ``linear``.
+        hold: for a drive, ``zero_order``, ``linear`` or ``band_limited``.
         tap: for a drive, where it was logged.
         from_first: subtract the first sample; for a measurement, from the simulated signal too.
         noise: standard deviation in ``unit``; None if it is to be estimated.
+        logged: ``unit`` over a number as it was logged.
     """
 
     name: str
@@ -34,6 +37,7 @@ class Channel:
     tap: str = "after_limit"
     from_first: bool = False
     noise: float | None = None
+    logged: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,11 @@ class Recording:
         drive: inputs of the model.
         measurements: signals to compare with the simulation.
         free: states whose initial value a fit may estimate for this recording.
+        starts: starting values by name, as the scenario states them.
+        as_measured: begins where its first samples say, and a fit may move that within their noise.
+        settings: values of parameters that hold for this recording alone, as the scenario states them.
         loop, role: as the scenario states them.
+        stamps: instants as they were logged (s), before they were made even, shape (samples,); None for ``time``.
         resample: interval (s) at which measurements are compared; None compares every sample.
         notes: sentences that say how the data were changed.
     """
@@ -58,10 +66,14 @@ class Recording:
     drive: tuple[Channel, ...]
     measurements: tuple[Channel, ...]
     free: tuple[str, ...] = ()
+    starts: Mapping[str, Any] = field(default_factory=dict)
+    as_measured: bool = False
+    settings: Mapping[str, Any] = field(default_factory=dict)
     loop: str = "open"
     role: str = "train"
     notes: tuple[str, ...] = ()
     resample: float | None = None
+    stamps: Vector | None = None
 
     @property
     def noise_stated(self) -> bool:

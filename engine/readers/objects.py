@@ -11,14 +11,22 @@ from engine.readers.regular import content, problem, shown
 LARGEST = 200_000_000
 """Bytes; a JSON file takes some ten times its size of memory."""
 
+LINES = (".jsonl", ".ndjson")
+"""Endings of files that hold an object in each line."""
+
 LONGEST_INTEGER = 300
 """Digits; longer ones are beyond what a number in the computer can hold."""
 
 _REMEDY = 'write {"name": [...], ...}'
 
 
-def read_json(path: Path, largest: int = LARGEST) -> dict[str, Any]:
+def read_json(path: Path, largest: int = LARGEST, *, records: bool = False) -> dict[str, Any]:
     """The object of a JSON file, as plain Python values.
+
+    Args:
+        path: the file.
+        largest: bytes that are read at most.
+        records: a list of objects is taken too, and so are objects line by line (JSON Lines); it stands under "".
 
     Raises:
         FileProblem: no regular file, no JSON, no object, two entries of one name, or an integer beyond all numbers.
@@ -41,13 +49,18 @@ def read_json(path: Path, largest: int = LARGEST) -> dict[str, Any]:
 
     data = content(path, largest, "save it as .parquet or .csv, or a part of it")
     try:
-        found = json.loads(data.decode("utf-8-sig"), parse_int=whole, object_pairs_hook=once)
+        text = data.decode("utf-8-sig")
+        if records and path.suffix.lower() in LINES:
+            text = f"[{','.join(line for line in text.splitlines() if line.strip())}]"
+        found = json.loads(text, parse_int=whole, object_pairs_hook=once)
     except UnicodeDecodeError:
         raise problem(path, "the file is not UTF-8 text", "save it as UTF-8") from None
     except RecursionError:
         raise problem(path, "the JSON file is nested too deep", _REMEDY) from None
     except json.JSONDecodeError as error:
         raise problem(path, f"the file is not JSON: {error.msg}", _REMEDY, error.lineno) from None
+    if records and isinstance(found, list) and found and all(isinstance(entry, dict) for entry in found):
+        return {"": found}
     if not isinstance(found, dict):
         raise problem(path, "the file holds no JSON object", _REMEDY)
     return found

@@ -17,7 +17,7 @@ from flexarm.console.options import (
 )
 
 if TYPE_CHECKING:
-    from diagnosis.estimation.least_squares import Fit
+    from diagnosis.estimation.least_squares import Fit, Interval
 
 
 def fit(
@@ -42,8 +42,29 @@ def fit(
 
 
 def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
-    rows = {i.name: i.numbers() | {"start": i.start} for i in made.intervals()}
-    return {"parameters": rows, "chi2": scores, "converged": made.converged, "not_settled": list(made.weak)}
+    rows: dict[str, Any] = {}
+    starts: dict[str, dict[str, Any]] = {}
+    for name, unit, recording, i in _rows(made):
+        place = starts.setdefault(recording, {}) if recording else rows
+        place[name] = i.numbers() | {"start": i.start, "unit": unit}
+    return {
+        "parameters": rows,
+        "starts": starts,
+        "chi2": scores,
+        "converged": made.converged,
+        "not_settled": list(made.weak),
+    }
+
+
+def _rows(made: Fit) -> list[tuple[str, str, str, Interval]]:
+    """Name, unit and interval of what was fitted, and the recording that a starting value belongs to."""
+    from diagnosis.binding import starting_unit
+
+    problem = made.problem
+    return [
+        (i.name, starting_unit(problem.scenario, problem.model, i.name) if f.recording else i.unit, f.recording, i)
+        for f, i in zip(problem.free, made.intervals(), strict=True)
+    ]
 
 
 def fit_page(made: Fit, scores: dict[str, float]) -> str:
@@ -51,11 +72,20 @@ def fit_page(made: Fit, scores: dict[str, float]) -> str:
     from diagnosis.estimation.least_squares import interval_in_words
     from flexarm.console.text import columns, number
 
-    rows = [
-        [i.name, number(i.start), number(i.value), interval_in_words(i.numbers(), 6), i.unit.strip("*")]
-        for i in made.intervals()
-    ]
-    parts = [columns(["parameter", "given", "fitted", "95 % interval", "unit"], rows)]
+    def table(heads: list[str], wanted: list[tuple[list[str], str, Interval]]) -> str:
+        rows = [
+            [*named, number(i.start), number(i.value), interval_in_words(i.numbers(), 6), unit.strip("*")]
+            for named, unit, i in wanted
+        ]
+        return columns([*heads, "fitted", "95 % interval", "unit"], rows)
+
+    every = _rows(made)
+    parts = [table(["parameter", "given"], [([name], unit, i) for name, unit, recording, i in every if not recording])]
+    if starts := [([recording, name], unit, i) for name, unit, recording, i in every if recording]:
+        parts.append(table(["recording", "starting value", "first sample"], starts))
+        held = {e.name for e in made.problem.held_out}
+        if fitted := sorted({named[0] for named, _, _ in starts} & held):
+            parts.append(f"  held out, the start alone fitted: {', '.join(fitted)}")
     parts += [f"  {name}: mean squared error {value:.4g} times the noise variance" for name, value in scores.items()]
     if made.weak:
         parts.append("  the recordings do not settle: " + "; ".join(made.weak))

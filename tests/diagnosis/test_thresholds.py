@@ -22,10 +22,12 @@ NO_RULES = {
     ("verdict/figures.py", "PLACES"),
     ("verdict/write.py", "THINNED"),
     ("estimation/time_experiment.py", "WINDOW"),
+    ("estimation/initial_states.py", "_INDEPENDENT"),
+    ("estimation/initial_states.py", "_ROUNDS"),
     ("search/equivalent_effects.py", "GRAVITY"),
     ("search/dask_fitter.py", "STUDIES"),
 }
-"""What is drawn, printed, kept, or a constant of nature."""
+"""What is drawn, printed, kept, a rounding error, or a constant of nature."""
 
 
 def numbers_of(path: Path) -> Iterator[Any]:
