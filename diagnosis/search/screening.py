@@ -160,9 +160,9 @@ class _Linear:
 
 def _weights(e: Experiment, strengths: Mapping[tuple[int, int], float]) -> Array:
     """One over the standard deviation of each component of an experiment, shape (components, signals)."""
-    found = np.ones(e.measured.shape)
+    found: Array = np.ones(e.measured.shape)
     for band, rows in e.bands(EVIDENCE.fewest):
-        for k in range(found.shape[1]):
+        for k in range(e.measured.shape[1]):
             found[rows, k] = strengths.get((k, band), 1.0) ** -0.5
     return found
 
