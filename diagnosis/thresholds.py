@@ -272,13 +272,13 @@ class Evidence:
         4,
         "values",
         "Fewest cosines in a band of frequency: the strength of noise is not known from less.",
-        "the whitening of residuals; ADR 17",
+        "the whitening of residuals; ADR 18",
     )
     chance: float = number(
         3.0,
         "standard deviations",
         "A band that shows less than this beyond the sensor's noise shows nothing.",
-        "the whitening of residuals; ADR 17",
+        "the whitening of residuals; ADR 18",
     )
     stated: float = number(
         2.0,

@@ -113,6 +113,7 @@ def descend(
     only: Sequence[int] | None = None,
     iterations: int = 25,
     relative_drop: float = 0.0,
+    accelerated: bool = True,
 ) -> tuple[Array, float, bool]:
     """Gauss-Newton steps within a trust region, with geodesic acceleration, from ``x``.
 
@@ -129,6 +130,7 @@ def descend(
         only: numbers of the search variables that may move; all if None.
         iterations: at most.
         relative_drop: stop when a step reduces the cost by less than this fraction.
+        accelerated: whether steps are bent by geodesic acceleration.
 
     Returns:
         Search vector, cost, and whether it converged: a full step would gain no more than `FITTING.settled` of what
@@ -149,9 +151,10 @@ def descend(
             return x, cost, True
         for _ in range(12):
             step = local.step(radius)
-            bend = local.bent(stack.curvature(x, r, J, step))
-            if np.linalg.norm(bend) < 0.75 * np.linalg.norm(step):
-                step = step + bend / 2
+            if accelerated:
+                bend = local.bent(stack.curvature(x, r, J, step))
+                if np.linalg.norm(bend) < 0.75 * np.linalg.norm(step):
+                    step = step + bend / 2
             moved = stack.moved(x, step)
             there = stack.residual(moved)
             if float(there @ there) < cost:
