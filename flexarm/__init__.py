@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from engine.trim import Equilibrium
     from flexarm._version import version
     from flexarm.api import ExportOptions, compare, describe, export, linear_family, linearise, simulate, trim
+    from flexarm.design.margins import LoopMargins, margins
+    from flexarm.design.reduction import Reduction, reduce
     from flexarm.plotting.results import plot
     from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
@@ -59,6 +61,7 @@ _PLACES = {
     "FrequencyTable": "diagnosis.recordings.types",
     "LinearFamily": "engine.family",
     "LinearModel": "engine.linearise",
+    "LoopMargins": "flexarm.design.margins",
     "Model": "engine.model",
     "Motion": "engine.stamps",
     "Net": "engine.net",
@@ -66,6 +69,7 @@ _PLACES = {
     "Port": "engine.ports",
     "ROTATIONAL": "engine.ports",
     "Recording": "diagnosis.recordings.types",
+    "Reduction": "flexarm.design.reduction",
     "Result": "engine.simulate",
     "SameAs": "engine.quantity",
     "Scenario": "scenarios.load",
@@ -86,10 +90,12 @@ _PLACES = {
     "linear_family": "flexarm.api",
     "linearise": "flexarm.api",
     "load": "scenarios.load",
+    "margins": "flexarm.design.margins",
     "option": "engine.block",
     "parameter": "engine.block",
     "plot": "flexarm.plotting.results",
     "read": "flexarm.table",
+    "reduce": "flexarm.design.reduction",
     "signal_in": "engine.block",
     "signal_out": "engine.block",
     "simulate": "flexarm.api",
@@ -114,12 +120,14 @@ __all__ = [
     "FrequencyTable",
     "LinearFamily",
     "LinearModel",
+    "LoopMargins",
     "Model",
     "Motion",
     "Net",
     "ParameterError",
     "Port",
     "Recording",
+    "Reduction",
     "Result",
     "SameAs",
     "Scenario",
@@ -139,10 +147,12 @@ __all__ = [
     "linear_family",
     "linearise",
     "load",
+    "margins",
     "option",
     "parameter",
     "plot",
     "read",
+    "reduce",
     "signal_in",
     "signal_out",
     "simulate",

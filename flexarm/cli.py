@@ -27,6 +27,7 @@ from flexarm.commands.diagram import diagram
 from flexarm.commands.export import export
 from flexarm.commands.fit import fit
 from flexarm.commands.linearise import linearise
+from flexarm.commands.margins import margins
 from flexarm.commands.run import run
 from flexarm.commands.schema import schema
 from flexarm.commands.sweep import sweep
@@ -44,6 +45,7 @@ COMMANDS = (
     trim,
     linearise,
     describe,
+    margins,
     diagram,
     export,
     cosim,
