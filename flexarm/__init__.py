@@ -39,7 +39,18 @@ if TYPE_CHECKING:
     from engine.tangent import tangents
     from engine.trim import Equilibrium
     from flexarm._version import version
-    from flexarm.api import ExportOptions, compare, describe, export, linear_family, linearise, simulate, trim
+    from flexarm.api import (
+        ExportOptions,
+        compare,
+        describe,
+        export,
+        linear_family,
+        linearise,
+        simulate,
+        trim,
+        uncertain,
+    )
+    from flexarm.design.closing import close
     from flexarm.design.margins import LoopMargins, margins
     from flexarm.design.reduction import Reduction, reduce
     from flexarm.plotting.results import plot
@@ -80,6 +91,7 @@ _PLACES = {
     "Velocity": "engine.stamps",
     "batch": "engine.batch",
     "build": "engine.assemble",
+    "close": "flexarm.design.closing",
     "compare": "flexarm.api",
     "describe": "flexarm.api",
     "diagnose": "diagnosis.api",
@@ -102,6 +114,7 @@ _PLACES = {
     "sweep": "flexarm.sweeps.sweep",
     "tangents": "engine.tangent",
     "trim": "flexarm.api",
+    "uncertain": "flexarm.api",
     "version": "flexarm._version",
 }
 
@@ -137,6 +150,7 @@ __all__ = [
     "Velocity",
     "batch",
     "build",
+    "close",
     "compare",
     "describe",
     "diagnose",
@@ -159,6 +173,7 @@ __all__ = [
     "sweep",
     "tangents",
     "trim",
+    "uncertain",
     "version",
 ]
 

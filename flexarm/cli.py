@@ -18,6 +18,7 @@ from engine.errors import FlexarmError
 from flexarm._version import version
 from flexarm.commands.blocks import blocks
 from flexarm.commands.check import check
+from flexarm.commands.close import close
 from flexarm.commands.compare import compare
 from flexarm.commands.cosim import cosim
 from flexarm.commands.damping import damping
@@ -32,6 +33,7 @@ from flexarm.commands.run import run
 from flexarm.commands.schema import schema
 from flexarm.commands.sweep import sweep
 from flexarm.commands.trim import trim
+from flexarm.commands.uncertain import uncertain
 from flexarm.console.options import AUTOMATIC
 
 COMMANDS = (
@@ -46,6 +48,8 @@ COMMANDS = (
     linearise,
     describe,
     margins,
+    uncertain,
+    close,
     diagram,
     export,
     cosim,

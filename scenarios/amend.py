@@ -85,6 +85,14 @@ class Feed:
 
 
 @dataclass(frozen=True)
+class Wire:
+    """Join ends by one more connection."""
+
+    name: str
+    ends: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Set:
     """Give a parameter or option of a block."""
 
@@ -103,7 +111,7 @@ class Replace:
     drop: tuple[str, ...] = ()
 
 
-Edit = InSignal | AtFlange | Between | OnSensor | Feed | Set | Replace
+Edit = InSignal | AtFlange | Between | OnSensor | Feed | Wire | Set | Replace
 
 
 def amended(
@@ -263,6 +271,9 @@ def _node(document: Any, end: str, resolve: Callable[[str], str]) -> tuple[Any, 
 
 def _apply(document: Any, edit: Edit, resolve: Callable[[str], str]) -> None:
     blocks = document["blocks"]
+    if isinstance(edit, Wire):
+        document.setdefault("connect", []).append(_flow(list(edit.ends)))
+        return
     if isinstance(edit, Set | Replace):
         if edit.name not in blocks:
             raise FlexarmError(f"the scenario has no block '{edit.name}' of its own")

@@ -30,13 +30,12 @@ def plot_margins(found: LoopMargins, path: str | Path, title: str = "") -> Path:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 8), layout="constrained")
-    grid = figure.subplots(2, 2)
-    (gain, nyquist), (phase, low) = grid
+    grid = figure.add_gridspec(2, 4)
+    gain, nyquist = figure.add_subplot(grid[0, :2]), figure.add_subplot(grid[0, 2:])
+    phase = figure.add_subplot(grid[1, :2], sharex=gain)
+    sensitivity, step = figure.add_subplot(grid[1, 2]), figure.add_subplot(grid[1, 3])
     chosen = np.unique(np.linspace(0, len(found.loops) - 1, min(len(found.loops), MOST_DRAWN)).astype(int)).tolist()
     chosen = [*(k for k in chosen if k != found.worst), found.worst]
-    sensitivity = low.inset_axes((0, 0, 0.46, 1))
-    step = low.inset_axes((0.6, 0, 0.4, 1))
-    low.axis("off")
     crossings = [m.crossover for m in found.members if math.isfinite(m.crossover)]
     middle = float(np.median(crossings)) if crossings else 1.0
     reach = 1e3 / middle if not crossings else 1e2
