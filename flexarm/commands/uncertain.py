@@ -107,10 +107,17 @@ def uncertain_page(found: UncertainModel, name: str) -> str:
         parts.append("  no recording is held out, so that nothing says how far the models are off (--hold-out)")
     else:
         cells = [
-            [b.recording, f"{b.part[0]:.0%} ... {b.part[1]:.0%}", b.signal, str(len(b.frequency)), f"{b.coverage:.1%}"]
+            [
+                b.recording,
+                f"{b.part[0]:.0%} ... {b.part[1]:.0%}",
+                b.signal,
+                str(len(b.frequency)),
+                f"{b.coverage:.1%}",
+                f"{b.coverage_excited:.1%}",
+            ]
             for b in found.bands
         ]
-        parts.append(columns(["held out", "part", "signal", "bins", "within the bound"], cells))
+        parts.append(columns(["held out", "part", "signal", "bins", "within the bound", "where excited"], cells))
     for signal, weight in found.weights.items():
         corner = f", from {number(min((*weight.zeros, math.inf)))} rad/s on" if weight.zeros else ""
         parts.append(f"  unexplained of {signal}: {weight.gain:.2%} at rest{corner}, order {len(weight.poles)}")

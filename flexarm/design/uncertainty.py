@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,7 +94,7 @@ class Band:
         measured, predicted: amplitudes of the response, shape (k,).
         left: amplitude of measured - predicted, shape (k,).
         bound: on it, shape (k,); calibrated on other data.
-        parametric: what the draws and the noise alone predict, shape (k,).
+        parametric: what the draws alone predict, shape (k,).
     """
 
     recording: str
@@ -112,6 +112,12 @@ class Band:
     def coverage(self) -> float:
         """Share of the bins whose response lies within the bound."""
         return float(np.mean(self.left <= self.bound))
+
+    @property
+    def coverage_excited(self) -> float:
+        """The same over the bins in which the predicted response is within 40 dB of its peak."""
+        there = self.predicted >= 0.01 * self.predicted.max()
+        return float(np.mean((self.left <= self.bound)[there]))
 
 
 @dataclass(frozen=True)
@@ -224,7 +230,7 @@ def _draws(fit: Fit, x: NDArray[np.float64], count: int, seed: int) -> list[NDAr
 
 @dataclass(frozen=True)
 class _Piece:
-    """Spectra of a part of a held-out recording, shape (k,)."""
+    """Spectra of a part of a held-out recording, shape (k,); ``variance`` is that of the draws."""
 
     recording: str
     signal: str
@@ -253,14 +259,13 @@ def _bounds(
     weights: dict[str, Weight] = {}
     for signal in dict.fromkeys(piece.signal for piece in pieces):
         mine = [piece for piece in pieces if piece.signal == signal]
-        weight, _ = _calibrated(mine)
-        weights[signal] = weight
+        whole = _calibrated(mine)
+        weights[signal] = replace(whole.weight, gain=whole.weight.gain * whole.factor)
         for piece in mine:
             others = [other for other in mine if other is not piece]
             if not others:
                 continue
-            fitted, factor = _calibrated(others)
-            bands.append(_band(piece, fitted, factor))
+            bands.append(_band(piece, _calibrated(others)))
     return tuple(bands), weights
 
 
@@ -268,14 +273,14 @@ def _pieces(fit: Fit, draws: Sequence[NDArray[np.float64]], e: TimeExperiment, h
     """Spectra of a held-out recording, of its two halves where it is the only one."""
     from engine.errors import SimulationError
 
-    nominal = fit.problem.simulate(draws[0], e)
+    simulated = fit.problem.simulate(draws[0], e)
+    nominal, left = e.sampled(simulated), e.residual(simulated) * e.sigma
     spread = []
     for draw in draws[1:]:
         try:
-            spread.append(fit.problem.simulate(draw, e) - nominal)
+            spread.append(e.sampled(fit.problem.simulate(draw, e)) - nominal)
         except SimulationError:
             continue
-    left = e.residual(nominal) * e.sigma
     rows, step = len(e.time), float(np.median(np.diff(e.time)))
     ends = [(0, rows // 2), (rows // 2, rows)] if halves else [(0, rows)]
     made = []
@@ -296,7 +301,7 @@ def _pieces(fit: Fit, draws: Sequence[NDArray[np.float64]], e: TimeExperiment, h
 
         for k, variable in enumerate(fit.problem.model.outputs):
             changes = np.array([spectrum(row[first:last, k]) ** 2 for row in spread] or [np.zeros(len(omega))])
-            variance = changes.mean(axis=0) + float(e.sigma[k]) ** 2
+            variance = changes.mean(axis=0)
             made.append(
                 _Piece(
                     e.name,
@@ -319,20 +324,40 @@ def _smooth(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.convolve(values, kernel, "same") / np.convolve(np.ones(len(values)), kernel, "same"))
 
 
-def _calibrated(pieces: Sequence[_Piece]) -> tuple[Weight, float]:
-    """A weight that covers what pieces leave over, and the factor by which 95 % of their bins are held."""
+@dataclass(frozen=True)
+class _Calibration:
+    """What is predicted for the difference: draws, a weight on the response, and a white floor, times a factor."""
+
+    weight: Weight
+    floor: float
+    factor: float = 1.0
+
+    def bound(self, piece: _Piece) -> NDArray[np.float64]:
+        """On the amplitude of each bin."""
+        unexplained = (self.weight(piece.frequency) ** 2) * _smooth(piece.predicted**2)
+        return np.asarray(self.factor * np.sqrt(piece.variance + unexplained + self.floor))
+
+
+def _calibrated(pieces: Sequence[_Piece]) -> _Calibration:
+    """A weight and a floor that cover what pieces leave over, and the factor by which 95 % of their bins are held.
+
+    The floor is the typical square in the upper quarter of the bins, not the noise that is stated: that may be an
+    offset. Bins count by the logarithm of their frequency, so that the few about a resonance weigh as much as the many
+    in which there is noise alone.
+    """
     omega = np.concatenate([p.frequency for p in pieces])
-    over = np.concatenate([np.maximum(_smooth(p.left**2) - p.variance, 0.02 * _smooth(p.left**2)) for p in pieces])
+    upper = np.concatenate([p.left[3 * len(p.left) // 4 :] for p in pieces])
+    floor = float(np.median(upper**2)) / math.log(2)
+    squares = [_smooth(p.left**2) for p in pieces]
+    over = np.concatenate([np.maximum(s - p.variance - floor, 0.02 * s) for s, p in zip(squares, pieces, strict=True)])
     drive = np.concatenate([_smooth(p.predicted**2) + 1e-300 for p in pieces])
-    weight = _weight(pieces[0].signal, omega, np.sqrt(over / drive))
-    ratios = np.concatenate([p.left / _scale(p, weight) for p in pieces])
-    # A complex normal residual keeps within sqrt(-ln 0.05) of its deviation in 95 of 100 bins; the data say it better.
-    return weight, float(np.quantile(ratios, LEVEL))
-
-
-def _scale(piece: _Piece, weight: Weight) -> NDArray[np.float64]:
-    """Standard deviation that is predicted for each bin."""
-    return np.asarray(np.sqrt(piece.variance + weight(piece.frequency) ** 2 * _smooth(piece.predicted**2)))
+    rough = _Calibration(_weight(pieces[0].signal, omega, np.sqrt(over / drive)), floor)
+    ratios = np.concatenate([p.left / rough.bound(p) for p in pieces])
+    order = np.argsort(ratios)
+    share = np.cumsum((1 / omega)[order])
+    weighted = float(ratios[order][int(np.searchsorted(share, LEVEL * share[-1]))])
+    # Whichever asks for more: the bins as they are, or weighed by their frequency.
+    return replace(rough, factor=max(weighted, float(np.quantile(ratios, LEVEL))))
 
 
 def _weight(signal: str, omega: NDArray[np.float64], size: NDArray[np.float64]) -> Weight:
@@ -367,8 +392,9 @@ def _weight(signal: str, omega: NDArray[np.float64], size: NDArray[np.float64]) 
     return best
 
 
-def _band(piece: _Piece, weight: Weight, factor: float) -> Band:
-    bound, alone = factor * _scale(piece, weight), math.sqrt(-math.log(1 - LEVEL)) * np.sqrt(piece.variance)
+def _band(piece: _Piece, calibration: _Calibration) -> Band:
+    # The amplitude of a complex normal bin keeps within sqrt(-ln 0.05) of its deviation in 95 of 100.
+    bound, alone = calibration.bound(piece), math.sqrt(-math.log(1 - LEVEL)) * np.sqrt(piece.variance)
     return Band(
         piece.recording,
         piece.signal,
@@ -429,7 +455,7 @@ def write(made: UncertainModel, path: Path, name: str) -> list[Path]:
     def script(data: str) -> bytes:
         lines = [
             f"% {name}: uncertain model by flexarm. {plain}_nominal is the fitted model, {plain}_samples the draws",
-            "% from its covariance; measured = (1 + W * Delta) * predicted, Delta of gain 1 (ultidyn), for each signal.",
+            "% from its covariance; of each signal, measured = (1 + W * Delta) * predicted, Delta of gain 1 (ultidyn).",
             f"data = load('{data}');",
             f"{plain}_samples = ss(data.A, data.B, data.C, data.D);",
             f"{plain}_samples.SamplingGrid = data.sampling_grid;",

@@ -56,6 +56,8 @@ def plot_uncertain(found: UncertainModel, path: str | Path, title: str = "") -> 
         grid[0, 0].set_xscale("linear")
         grid[0, 0].plot(poles.real, poles.imag, "x", color=COLOURS[0], ms=5, alpha=0.5)
         grid[0, 0].set_ylabel("imaginary part [1/s]")
+        grid[0, 0].set_xlabel("real part [1/s]")
+        grid[1, 0].axis("off")
     grid[1, 0].set_xlabel("angular frequency [rad/s]")
     places = [grid[r, c] for c in range(1, grid.shape[1]) for r in range(2)]
     for axis, band in zip(places, bands, strict=False):
@@ -63,13 +65,11 @@ def plot_uncertain(found: UncertainModel, path: str | Path, title: str = "") -> 
         axis.loglog(band.frequency, band.predicted, color="#333333", lw=0.8, label="predicted")
         axis.fill_between(band.frequency, band.bound, band.bound.min() * 1e-3, color=COLOURS[0], alpha=0.2, lw=0)
         axis.loglog(band.frequency, band.bound, color=COLOURS[0], lw=1.2, label="bound on the difference, 95 %")
-        axis.loglog(
-            band.frequency, band.parametric, color=COLOURS[2], lw=1, ls="--", label="parameters and noise alone"
-        )
+        axis.loglog(band.frequency, band.parametric, color=COLOURS[2], lw=1, ls="--", label="parameters alone")
         axis.loglog(band.frequency, band.left, ".", color=COLOURS[1], ms=2.5, label="measured - predicted")
         part = "" if band.part == (0.0, 1.0) else f", {band.part[0]:.0%} to {band.part[1]:.0%}"
         axis.set_title(f"{band.recording}{part}: {band.signal}\n{band.coverage:.1%} of the bins within", fontsize=9)
-        axis.set_ylim(bottom=max(np.quantile(band.left, 0.01) / 3, 1e-12))
+        axis.set_ylim(bottom=max(float(np.quantile(band.left, 0.01)) / 3, 1e-12))
         axis.set_xlabel("angular frequency [rad/s]")
         axis.set_ylabel(f"spectrum [{band.unit}]")
         _clean(axis)
