@@ -46,7 +46,7 @@ def test_the_loop_is_that_of_the_design(axis: Path) -> None:
     expected = control.step_response(control.feedback(LEAD * PLANT, 1) * 0.1, run.time)
     np.testing.assert_allclose(run.values[:, 0], np.ravel(expected.outputs), atol=2e-5)
     found = margins(made, loop="motor.force").members[0]
-    gm, pm, *_ = control.stability_margins(LEAD * PLANT)
+    _, pm, *_ = control.stability_margins(LEAD * PLANT)
     assert found.phase == pytest.approx(pm, rel=1e-3)
 
 
