@@ -40,7 +40,20 @@ if TYPE_CHECKING:
     from engine.tangent import tangents
     from engine.trim import Equilibrium
     from flexarm._version import version
-    from flexarm.api import ExportOptions, compare, describe, export, linear_family, linearise, simulate, trim
+    from flexarm.api import (
+        ExportOptions,
+        compare,
+        describe,
+        export,
+        linear_family,
+        linearise,
+        simulate,
+        trim,
+        uncertain,
+    )
+    from flexarm.design.closing import close
+    from flexarm.design.margins import LoopMargins, margins
+    from flexarm.design.reduction import Reduction, reduce
     from flexarm.plotting.results import plot
     from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
@@ -60,6 +73,7 @@ _PLACES = {
     "FrequencyTable": "diagnosis.recordings.types",
     "LinearFamily": "engine.family",
     "LinearModel": "engine.linearise",
+    "LoopMargins": "flexarm.design.margins",
     "Model": "engine.model",
     "Motion": "engine.stamps",
     "Net": "engine.net",
@@ -68,6 +82,7 @@ _PLACES = {
     "ROTATIONAL": "engine.ports",
     "Recording": "diagnosis.recordings.types",
     "Relation": "engine.relations",
+    "Reduction": "flexarm.design.reduction",
     "Result": "engine.simulate",
     "SameAs": "engine.quantity",
     "Scenario": "scenarios.load",
@@ -78,6 +93,7 @@ _PLACES = {
     "Velocity": "engine.stamps",
     "batch": "engine.batch",
     "build": "engine.assemble",
+    "close": "flexarm.design.closing",
     "compare": "flexarm.api",
     "describe": "flexarm.api",
     "diagnose": "diagnosis.api",
@@ -88,16 +104,19 @@ _PLACES = {
     "linear_family": "flexarm.api",
     "linearise": "flexarm.api",
     "load": "scenarios.load",
+    "margins": "flexarm.design.margins",
     "option": "engine.block",
     "parameter": "engine.block",
     "plot": "flexarm.plotting.results",
     "read": "flexarm.table",
+    "reduce": "flexarm.design.reduction",
     "signal_in": "engine.block",
     "signal_out": "engine.block",
     "simulate": "flexarm.api",
     "sweep": "flexarm.sweeps.sweep",
     "tangents": "engine.tangent",
     "trim": "flexarm.api",
+    "uncertain": "flexarm.api",
     "version": "flexarm._version",
 }
 
@@ -116,12 +135,14 @@ __all__ = [
     "FrequencyTable",
     "LinearFamily",
     "LinearModel",
+    "LoopMargins",
     "Model",
     "Motion",
     "Net",
     "ParameterError",
     "Port",
     "Recording",
+    "Reduction",
     "Relation",
     "Result",
     "SameAs",
@@ -132,6 +153,7 @@ __all__ = [
     "Velocity",
     "batch",
     "build",
+    "close",
     "compare",
     "describe",
     "diagnose",
@@ -142,16 +164,19 @@ __all__ = [
     "linear_family",
     "linearise",
     "load",
+    "margins",
     "option",
     "parameter",
     "plot",
     "read",
+    "reduce",
     "signal_in",
     "signal_out",
     "simulate",
     "sweep",
     "tangents",
     "trim",
+    "uncertain",
     "version",
 ]
 

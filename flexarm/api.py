@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from engine.linearise import LinearModel
     from engine.trim import Equilibrium
     from flexarm.design.describing import Description
+    from flexarm.design.uncertainty import UncertainModel
 
 
 def simulate(
@@ -265,6 +266,59 @@ def describe(
     )
 
 
+def uncertain(
+    source: Source,
+    analysis: str | None = None,
+    *,
+    recordings: Sequence[str | Path] = (),
+    hold_out: Sequence[str | Path] = (),
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    modes: Mapping[str, int | str] | None = None,
+    at: Mapping[str, Any] | None = None,
+    trim: str | None = None,
+    samples: int | None = None,
+    seed: int | None = None,
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> UncertainModel:
+    """A family of linear models from what recordings say of the parameters, and a bound on held-out responses.
+
+    Args:
+        source: a scenario with recordings, its file or shipped name.
+        analysis: name of an analysis in the file; the first of kind ``uncertain`` if None.
+        recordings: to fit to, in place of those of the analysis; all but those held out by default.
+        hold_out: to judge on, beside those of that role.
+        inputs: of the linear models, in place of those of the analysis.
+        outputs: signals in place of those of the analysis.
+        modes: as of `linearise`, and the next two.
+        at: the point otherwise.
+        trim: an analysis of kind ``trim``.
+        samples: members of the family beside the fitted model; those of the analysis, or 50, if None.
+        seed: of the fit and the draws; that of the analysis, or 0, if None.
+        workers: threads; as many as cores if None.
+        progress: told the fraction of the held-out simulations done.
+
+    Raises:
+        FlexarmError: no recordings, or as of `diagnosis.api.fit` and `flexarm.design.uncertainty.uncertain`.
+    """
+    from diagnosis.api import fit
+    from flexarm.design.uncertainty import uncertain as run
+
+    made = cut(source, "uncertain", analysis, inputs=inputs, outputs=outputs)
+    options = made.settings.options
+    chosen = options.get("seed", 0) if seed is None else seed
+    found, _ = fit(
+        made.scenario,
+        recordings or options.get("recordings", ()),
+        hold_out=hold_out or options.get("hold_out", ()),
+        workers=workers,
+        seed=chosen,
+    )
+    count = options.get("samples", 50) if samples is None else samples
+    return run(made, found, samples=count, seed=chosen, modes=modes, at=at, trim=trim, progress=progress)
+
+
 def discretise(
     source: Source | Cut,
     analysis: str | None = None,
@@ -417,4 +471,4 @@ def compare(
     return run(as_scenario(source), recording, progress=progress)
 
 
-__all__ = ["compare", "describe", "discretise", "export", "linear_family", "linearise", "simulate", "trim"]
+__all__ = ["compare", "describe", "discretise", "export", "linear_family", "linearise", "simulate", "trim", "uncertain"]

@@ -236,7 +236,11 @@ class Statics:
         for j in extra:
             name = self.model.states[order * n + j].name
             values[name] = float(q[j])
-            follows[name] = {one: float(moved[j, i]) for i, one in enumerate(mine) if one in free and one in leads and moved[j, i] != 0}
+            follows[name] = {
+                one: float(moved[j, i])
+                for i, one in enumerate(mine)
+                if one in free and one in leads and moved[j, i] != 0
+            }
         return q
 
     def _wanted(self, stated: Sequence[tuple[str, float]], order: int) -> tuple[Array, Array, Array]:
