@@ -6,8 +6,8 @@
     result = flexarm.simulate(scenario)
     result["link.hub.angle"]
 
-A block of your own is a subclass of `Block`; the functions for its law are in `flexarm.symbolic`. Names are imported on
-first use, so that importing the package costs nothing.
+A block of your own is a subclass of `Block`; the functions for its law are in `flexarm.symbolic`. `flexarm.design` has
+those for designing controllers. Names are imported on first use, so that importing the package costs nothing.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from diagnosis.compare import Comparison
     from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.assemble import build
-    from engine.batch import batch
+    from engine.batch import Case, batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
+    from engine.discretise import DiscreteModel
     from engine.errors import FlexarmError, ParameterError
     from engine.linearise import LinearModel
     from engine.model import Model
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from engine.system import Connection, System
     from engine.tangent import tangents
     from flexarm._version import version
-    from flexarm.api import ExportOptions, compare, export, linearise, simulate
+    from flexarm.api import ExportOptions, compare, discretise, export, linearise, simulate
     from flexarm.plotting.results import plot
     from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
@@ -46,10 +47,12 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "Block": "engine.block",
+    "Case": "engine.batch",
     "Clock": "engine.stamps",
     "Comparison": "diagnosis.compare",
     "Connection": "engine.system",
     "DiagnosisOptions": "diagnosis.api",
+    "DiscreteModel": "engine.discretise",
     "Drive": "engine.simulate",
     "ExportOptions": "flexarm.api",
     "FlexarmError": "engine.errors",
@@ -74,6 +77,7 @@ _PLACES = {
     "build": "engine.assemble",
     "compare": "flexarm.api",
     "diagnose": "diagnosis.api",
+    "discretise": "flexarm.api",
     "export": "flexarm.api",
     "fit": "diagnosis.api",
     "flange": "engine.block",
@@ -92,14 +96,18 @@ _PLACES = {
     "version": "flexarm._version",
 }
 
+_MODULES = ("design", "symbolic")
+
 __all__ = [
     "ROTATIONAL",
     "TRANSLATIONAL",
     "Block",
+    "Case",
     "Clock",
     "Comparison",
     "Connection",
     "DiagnosisOptions",
+    "DiscreteModel",
     "Drive",
     "ExportOptions",
     "FlexarmError",
@@ -122,6 +130,7 @@ __all__ = [
     "build",
     "compare",
     "diagnose",
+    "discretise",
     "export",
     "fit",
     "flange",
@@ -146,8 +155,8 @@ def __getattr__(name: str) -> Any:
         from flexarm._version import version
 
         return version()
-    if name == "symbolic":
-        return importlib.import_module("flexarm.symbolic")
+    if name in _MODULES:
+        return importlib.import_module(f"flexarm.{name}")
     if name not in _PLACES:
         raise AttributeError(f"module 'flexarm' has no attribute '{name}'")
     found = getattr(importlib.import_module(_PLACES[name]), name)
@@ -156,4 +165,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__", "symbolic"]
+    return [*__all__, "__version__", *_MODULES]

@@ -75,8 +75,9 @@ def linearise(
     outputs: Iterable[str] | None = None,
     modes: Mapping[str, int | str] | None = None,
     at: Mapping[str, Any] | None = None,
+    discrete: bool | None = None,
 ) -> LinearModel:
-    """The linear model of a scenario.
+    """The linear model of a scenario: in discrete time where sampled blocks act, so that loops through them are closed.
 
     Args:
         source: a scenario, its file or shipped name, or the result of `cut`.
@@ -85,13 +86,17 @@ def linearise(
         outputs: signals in place of those of the analysis.
         modes: mode name -> label (``stuck``, ``inside``, ...), or -1, 0 or 1, over those of the analysis.
         at: states, motions and inputs at the point, over those of the analysis: SI numbers or texts with a unit.
+        discrete: True for a `DiscreteModel`; False for the continuous states alone, with what sampled blocks hold kept
+            as it is, and their loops open; None for a `DiscreteModel` if the model has sampled blocks.
 
     Raises:
         FlexarmError: a name, label or unit that does not fit, or the point lies between two modes and none is chosen.
     """
-    from engine.linearise import linearise as linear
+    from engine.discretise import discretise as sampled
+    from engine.linearise import linearise as continuous
 
     made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
+    linear = sampled if (bool(made.model.clocks) if discrete is None else discrete) else continuous
     found = linear(made.model, **_point(made, modes, at))
     if found.ambiguous:
         (mode, labels), *_ = found.ambiguous.items()
@@ -114,10 +119,11 @@ def discretise(
     at: Mapping[str, Any] | None = None,
 ) -> DiscreteModel:
     """The discrete-time linear model of a scenario with sampled blocks; arguments and errors as of `linearise`."""
-    from engine.discretise import discretise as discrete
+    from engine.discretise import DiscreteModel
 
-    made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
-    return discrete(made.model, **_point(made, modes, at))
+    found = linearise(source, analysis, inputs=inputs, outputs=outputs, modes=modes, at=at, discrete=True)
+    assert isinstance(found, DiscreteModel)
+    return found
 
 
 def _point(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:

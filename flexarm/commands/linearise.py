@@ -60,7 +60,7 @@ def linearise(
         check_suffix(plot, FIGURES)
     made = cut(loaded, "linearise", analysis, inputs=names(inputs), outputs=names(outputs))
     settings = {"modes": pairs(mode, "--mode"), "at": pairs(at, "--at")}
-    linear = linear_model(made, **settings)  # type: ignore[arg-type]
+    linear = linear_model(made, **settings, discrete=False)  # type: ignore[arg-type]
     discrete = discretise(made, **settings) if made.model.clocks else None  # type: ignore[arg-type]
     typer.echo(f"{loaded.name}, linearised")
     say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
