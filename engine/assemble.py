@@ -31,6 +31,7 @@ from engine.net import Net
 from engine.ports import MOTION, Expression
 from engine.quantity import Parameter
 from engine.stamps import Input, ModelParameter, Motion
+from engine.symbol_misuse import explained
 from engine.system import Formula, System, bypass
 from engine.wiring import Wiring, hash_symbol
 
@@ -164,7 +165,8 @@ class _Assembly:
                     bound[attribute] = self.net.inputs[endpoint].symbol
             try:
                 self.net.begin(name, physical=block.is_physical())
-                block.bind(bound).stamp(self.net)
+                with explained(name, type(block).__name__):
+                    block.bind(bound).stamp(self.net)
             except FlexarmError as error:
                 place = self.system.place(name)
                 raise (error.at(place) if place else error) from None
