@@ -6,8 +6,8 @@
     result = flexarm.simulate(scenario)
     result["link.hub.angle"]
 
-A block of your own is a subclass of `Block`; the functions for its law are in `flexarm.symbolic`. Names are imported on
-first use, so that importing the package costs nothing.
+A block of your own is a subclass of `Block`; the functions for its law are in `flexarm.symbolic`. `flexarm.design` has
+those for designing controllers. Names are imported on first use, so that importing the package costs nothing.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from diagnosis.compare import Comparison
     from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.assemble import build
-    from engine.batch import batch
+    from engine.batch import Case, batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
+    from engine.discretise import DiscreteModel
     from engine.errors import FlexarmError, ParameterError
     from engine.family import LinearFamily
     from engine.linearise import LinearModel
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
         ExportOptions,
         compare,
         describe,
+        discretise,
         export,
         linear_family,
         linearise,
@@ -62,10 +64,12 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "Block": "engine.block",
+    "Case": "engine.batch",
     "Clock": "engine.stamps",
     "Comparison": "diagnosis.compare",
     "Connection": "engine.system",
     "DiagnosisOptions": "diagnosis.api",
+    "DiscreteModel": "engine.discretise",
     "Drive": "engine.simulate",
     "Equilibrium": "engine.trim",
     "ExportOptions": "flexarm.api",
@@ -97,6 +101,7 @@ _PLACES = {
     "compare": "flexarm.api",
     "describe": "flexarm.api",
     "diagnose": "diagnosis.api",
+    "discretise": "flexarm.api",
     "export": "flexarm.api",
     "fit": "diagnosis.api",
     "flange": "engine.block",
@@ -120,14 +125,18 @@ _PLACES = {
     "version": "flexarm._version",
 }
 
+_MODULES = ("design", "symbolic")
+
 __all__ = [
     "ROTATIONAL",
     "TRANSLATIONAL",
     "Block",
+    "Case",
     "Clock",
     "Comparison",
     "Connection",
     "DiagnosisOptions",
+    "DiscreteModel",
     "Drive",
     "Equilibrium",
     "ExportOptions",
@@ -157,6 +166,7 @@ __all__ = [
     "compare",
     "describe",
     "diagnose",
+    "discretise",
     "export",
     "fit",
     "flange",
@@ -186,8 +196,8 @@ def __getattr__(name: str) -> Any:
         from flexarm._version import version
 
         return version()
-    if name == "symbolic":
-        return importlib.import_module("flexarm.symbolic")
+    if name in _MODULES:
+        return importlib.import_module(f"flexarm.{name}")
     if name not in _PLACES:
         raise AttributeError(f"module 'flexarm' has no attribute '{name}'")
     found = getattr(importlib.import_module(_PLACES[name]), name)
@@ -196,4 +206,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__", "symbolic"]
+    return [*__all__, "__version__", *_MODULES]

@@ -116,8 +116,9 @@ def linearise(
     modes: Mapping[str, int | str] | None = None,
     at: Mapping[str, Any] | None = None,
     trim: str | None = None,
+    discrete: bool | None = None,
 ) -> LinearModel:
-    """The linear model of a scenario.
+    """The linear model of a scenario: in discrete time where sampled blocks act, so that loops through them are closed.
 
     Where some input would move no output, since a joint is stuck there or a zone swallows the input, the model is that
     of the sliding joint or the open zone, unless ``modes`` says otherwise. A scenario that describes no analysis gives
@@ -133,15 +134,20 @@ def linearise(
         at: states, motions and inputs at the point, over those of the analysis: SI numbers or texts with a unit.
         trim: an analysis of kind ``trim``, at whose equilibrium to linearise, over that of the analysis; ``auto`` for
             the equilibrium nearest to the point.
+        discrete: True for a `DiscreteModel`; False for the continuous states alone, with what sampled blocks hold kept
+            as it is, and their loops open; None for a `DiscreteModel` if the model has sampled blocks.
 
     Raises:
         FlexarmError: a name, label or unit that does not fit, or the point lies between two modes and none is chosen.
     """
+    from engine.discretise import DiscreteModel
+    from engine.discretise import discretise as sampled
     from engine.linear_modes import audible
-    from engine.linearise import linearise as linear
+    from engine.linearise import linearise as continuous
     from flexarm.design.point import start_of, trimmed
 
     made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
+    linear = sampled if (bool(made.model.clocks) if discrete is None else discrete) else continuous
     asked = point(made, modes, at)
     there = start_of(made, asked, trim, at)
     found = linear(made.model, **there)
@@ -161,7 +167,8 @@ def linearise(
             "and the linear model of each is another",
             remedy=f"choose: {choices}; in a file, under 'modes:' of the analysis; or another point, by --at",
         )
-    heard = audible(made.model, found, **{**there, "modes": asked["modes"]})
+    sounds = isinstance(found, DiscreteModel)  # whose modes are those of the point
+    heard = found if sounds else audible(made.model, found, **{**there, "modes": asked["modes"]})
     if not made.settings.name:
         assumed = ("inputs are what the sources feed, outputs what the run records", *assumed)
     return replace(heard, assumed=(*heard.assumed, *assumed))
@@ -330,11 +337,12 @@ def discretise(
     trim: str | None = None,
 ) -> DiscreteModel:
     """The discrete-time linear model of a scenario with sampled blocks; arguments and errors as of `linearise`."""
-    from engine.discretise import discretise as discrete
-    from flexarm.design.point import start_of
+    from engine.discretise import DiscreteModel
 
-    made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
-    return discrete(made.model, **start_of(made, point(made, modes, at), trim, at))
+    given: dict[str, Any] = {"inputs": inputs, "outputs": outputs, "modes": modes, "at": at, "trim": trim}
+    found = linearise(source, analysis, **given, discrete=True)
+    assert isinstance(found, DiscreteModel)
+    return found
 
 
 class ExportKeywords(TypedDict, total=False):

@@ -110,7 +110,7 @@ def linearise(
             typer.echo(f"written: {plot_family(family, plot, f'{loaded.name}, a family of linear models')}")
         return
     settings = {"modes": pairs(mode, "--mode"), "at": pairs(at, "--at"), "trim": trim}
-    linear = linear_model(made, **settings)  # type: ignore[arg-type]
+    linear = linear_model(made, **settings, discrete=False)  # type: ignore[arg-type]
     discrete = discretise(made, **settings) if made.model.clocks else None  # type: ignore[arg-type]
     typer.echo(linear_head(linear, loaded.name))
     say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
