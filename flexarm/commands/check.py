@@ -84,11 +84,11 @@ def _page(found: Examination) -> str:
         rows = []
         for row in one.signals:
             sigma = row.stated if row.stated is not None else row.noise.sigma
-            source = "as stated" if row.stated is not None else row.noise.words
+            source = "as stated" if row.stated is not None else row.noise.source
             delay = "" if row.delay is None else f"{1e3 * row.delay:.3g}"
             like = f"{row.correlation:.3f}" if row.correlation == row.correlation else ""
             rows.append([row.name, number(row.span), number(sigma), row.unit.strip("*"), source, like, delay])
-        heads = ["signal", "range", "noise", "unit", "which is", "like the model", "behind it [ms]"]
+        heads = ["signal", "range", "noise", "unit", "from", "like the model", "behind it [ms]"]
         parts.append(columns(heads, rows))
     parts += [
         f"  {one} and {other}: {signal} apart by {a:.3g} times the noise" for one, other, signal, a in found.repeats

@@ -86,6 +86,7 @@ def _spectra(one: Examined) -> tuple[Panel, ...]:
 
 def _spectrum(row: SignalRow) -> Panel:
     there = np.isfinite(row.measured)
+    there[list(row.spikes)] = False
     count = len(row.time)
     even = np.linspace(row.time[0], row.time[-1], count)
     window = np.hanning(count) + 1e-12
