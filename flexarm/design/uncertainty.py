@@ -301,7 +301,7 @@ def _pieces(fit: Fit, draws: Sequence[NDArray[np.float64]], e: TimeExperiment, h
 
         for k, variable in enumerate(fit.problem.model.outputs):
             changes = np.array([spectrum(row[first:last, k]) ** 2 for row in spread] or [np.zeros(len(omega))])
-            variance = changes.mean(axis=0)
+            variance: NDArray[np.float64] = changes.mean(axis=0)
             made.append(
                 _Piece(
                     e.name,
