@@ -264,7 +264,7 @@ def amended(fitter: CandidateFitter, effects: Sequence[Sequence[Candidate]]) -> 
     before: tuple[Candidate, ...] = ()
     built: tuple[Sizes, ...] = ()
     for ways in effects:
-        tried = []
+        tried: list[Any] = []
         for effect, group in [(one, group) for one in ways for group in one.structures()]:
             try:
                 for made, x, sizes in fitter.placed((*before, effect), [(*built, s) for s in group], {}):

@@ -7,6 +7,7 @@ import pytest
 from engine.errors import FlexarmError
 from scenarios.amend import AtFlange, Between, Edit, Feed, InSignal, OnSensor, ReadAt, Replace, Set, amended
 from scenarios.load import Scenario, load
+from scenarios.schema import TimeRecording
 from scenarios.variant import edited, renamed
 
 ARM = """\
@@ -119,7 +120,9 @@ recordings:
     ):
         text = amended(recorded, EDITS[name], resolve=given.resolve)
         made = load(path, text=text)
-        assert list(made.recordings["run"].measurements) == [signal] == renamed(["load.shaft.angle"], EDITS[name])
+        run = made.recordings["run"]
+        assert isinstance(run, TimeRecording)
+        assert list(run.measurements) == [signal] == renamed(["load.shaft.angle"], EDITS[name])
         behind = [c.ends for c in made.system.connections if "found_scale.in" in c.ends]
         assert behind == ([("spring.b.angle", "found_scale.in")] if signal == "found_scale.out" else [])
 
