@@ -94,6 +94,8 @@ def layout(path: Path) -> Layout | None:
         notes.append(f"the file is taken to be in {encoding}")
     if decimal == ",":
         notes.append("commas are taken for decimal points")
+    if delimiter in (" ", "|"):
+        notes.append(f"{'blanks' if delimiter == ' ' else 'bars'} are taken to separate the columns")
     names, units, header = _header(lines, delimiter, first, wide, notes)
     if header > 0:
         notes.append(
