@@ -272,13 +272,13 @@ class Evidence:
         4,
         "values",
         "Fewest cosines in a band of frequency: the strength of noise is not known from less.",
-        "the whitening of residuals; ADR 17",
+        "the whitening of residuals; ADR 18",
     )
     chance: float = number(
         3.0,
         "standard deviations",
         "A band that shows less than this beyond the sensor's noise shows nothing.",
-        "the whitening of residuals; ADR 17",
+        "the whitening of residuals; ADR 18",
     )
     stated: float = number(
         2.0,
@@ -388,6 +388,12 @@ class Search:
         "The same beside effects that are in already.",
         "random rigs",
     )
+    beside: int = number(
+        30,
+        "effects",
+        "Effects that are looked at beside others, those that promised most alone.",
+        "random rigs",
+    )
     retries: int = number(
         6,
         "fits",
@@ -437,9 +443,9 @@ class Search:
         "random rigs",
     )
     finer: tuple[float, ...] = number(
-        (0.5, 0.25, 0.125, 0.0625, 0.03125),
-        "samples",
-        "Distances at which a size that is only chosen, a delay, is looked for next to the best.",
+        (0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125),
+        "distances between starting sizes",
+        "How close to the best a size that is only chosen, a delay, is looked for.",
         "delays of suite 'core' (ad31092)",
     )
     lines: int = number(
