@@ -388,6 +388,12 @@ class Search:
         "The same beside effects that are in already.",
         "random rigs",
     )
+    beside: int = number(
+        30,
+        "effects",
+        "Effects that are looked at beside others, those that promised most alone.",
+        "random rigs",
+    )
     retries: int = number(
         6,
         "fits",
@@ -437,9 +443,9 @@ class Search:
         "random rigs",
     )
     finer: tuple[float, ...] = number(
-        (0.5, 0.25, 0.125, 0.0625, 0.03125),
-        "samples",
-        "Distances at which a size that is only chosen, a delay, is looked for next to the best.",
+        (0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125),
+        "distances between starting sizes",
+        "How close to the best a size that is only chosen, a delay, is looked for.",
         "delays of suite 'core' (ad31092)",
     )
     lines: int = number(

@@ -34,6 +34,7 @@ from engine.ports import MOTION, Expression
 from engine.quantity import Parameter
 from engine.relations import Relation
 from engine.stamps import Input, ModelParameter, Motion
+from engine.symbol_misuse import explained
 from engine.system import Formula, System, bypass
 from engine.wiring import Wiring, hash_symbol
 
@@ -167,7 +168,8 @@ class _Assembly:
                     bound[attribute] = self.net.inputs[endpoint].symbol
             try:
                 self.net.begin(name, physical=block.is_physical())
-                block.bind(bound).stamp(self.net)
+                with explained(name, type(block).__name__):
+                    block.bind(bound).stamp(self.net)
                 self._relate(block, bound)
             except FlexarmError as error:
                 place = self.system.place(name)

@@ -12,7 +12,7 @@ import json
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -53,7 +53,7 @@ class Failure:
 
 def batch(
     model: Model,
-    cases: Iterable[Case],
+    cases: Iterable[Case | Mapping[str, float]],
     stop: float,
     step: float = 1e-3,
     *,
@@ -66,7 +66,7 @@ def batch(
 
     Args:
         model: the model.
-        cases: read as they are needed, so they may be a generator of any length.
+        cases: read as they are needed, so they may be a generator of any length; a mapping of parameters is a case too.
         stop: end of every run (s).
         step: time between rows (s).
         internal_step: longest integration step (s); chosen for each case if None.
@@ -113,7 +113,8 @@ def batch(
     source, done = iter(cases), 0
     with ThreadPoolExecutor(count, thread_name_prefix="flexarm-batch") as pool:
         try:
-            for case in source:
+            for given in source:
+                case = given if isinstance(given, Case) else Case(parameters=dict(given))
                 waiting.append(pool.submit(one, case))
                 if len(waiting) >= 4 * count:
                     yield waiting.popleft().result()

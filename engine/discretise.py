@@ -25,7 +25,7 @@ _LARGEST = 100_000
 _MOST_STATES = 3000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DiscreteModel(LinearModel):
     """``x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k]`` for deviations from a point.
 
@@ -41,6 +41,14 @@ class DiscreteModel(LinearModel):
     dt: float = 0.0
     continuous: tuple[str, ...] = ()
     drift: dict[str, float] = field(default_factory=dict)
+
+    def stable(self) -> bool:
+        """Whether every pole lies inside the unit circle."""
+        return bool((np.abs(self.poles()) < 1).all())
+
+    @property
+    def _kind(self) -> str:
+        return f"linear model in discrete time, every {self.dt:g} s"
 
     def gain(self, frequency: float) -> NDArray[np.complex128]:
         """Frequency response at ``frequency`` (rad/s), shape (outputs, inputs)."""

@@ -6,24 +6,49 @@ import io
 import re
 import zipfile
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from engine.discretise import DiscreteModel
-from engine.files import json_text
-from engine.linearise import LinearModel, Matrix
+from engine.files import json_text, writing
+
+Matrix = NDArray[np.float64]
+LinearModel = Any
+"""`engine.linearise.LinearModel`, which saves itself by this module and so is not imported here."""
+
+KINDS = (".json", ".npz", ".mat", ".m")
 
 _MAT_TEXT = b"MATLAB 5.0 MAT-file, written by flexarm"
-_KINDS = ("states", "inputs", "outputs")
+_NAMES = ("states", "inputs", "outputs")
+
+
+def write(path: Path, linear: LinearModel, name: str = "", discrete: LinearModel | None = None) -> None:
+    """Write a linear model, and the discrete-time one if given, as .json, .npz, .mat or a MATLAB script.
+
+    Raises:
+        FlexarmError: an unknown kind of file, or it cannot be written.
+    """
+    with writing(path, KINDS) as temporary:
+        kind = path.suffix.lower()
+        if kind == ".json":
+            made = as_json(linear, name, discrete)
+        elif kind == ".npz":
+            made = as_npz(linear, discrete)
+        elif kind == ".mat":
+            made = as_mat(linear, discrete)
+        else:
+            made = script(linear, name or path.stem, discrete).encode()
+        temporary.write_bytes(made)
 
 
 def content(linear: LinearModel) -> dict[str, Any]:
     """Matrices, names, units, modes, operating point and its check, poles and zeros, as plain lists and texts."""
     made: dict[str, Any] = {key: getattr(linear, key).tolist() for key in "ABCD"}
-    if isinstance(linear, DiscreteModel):
+    if hasattr(linear, "dt"):
         made["dt"] = linear.dt
-    made |= {key: list(getattr(linear, key)) for key in _KINDS}
+    made |= {key: list(getattr(linear, key)) for key in _NAMES}
     made |= {"units": linear.units, "modes": linear.modes, "assumed": list(linear.assumed), "point": linear.point}
     made |= {"equilibrium": not linear.moving, "moving": linear.moving}
     zeros: Iterable[complex] = linear.zeros() if linear.inputs and linear.outputs else []
@@ -34,7 +59,7 @@ def _pairs(roots: Iterable[complex]) -> list[list[float]]:
     return [[float(root.real), float(root.imag)] for root in roots]
 
 
-def as_json(linear: LinearModel, name: str = "", discrete: DiscreteModel | None = None) -> bytes:
+def as_json(linear: LinearModel, name: str = "", discrete: LinearModel | None = None) -> bytes:
     """Everything of `content`; the discrete-time model under ``discrete``."""
     made = ({"name": name} if name else {}) | content(linear)
     if discrete is not None:
@@ -42,7 +67,7 @@ def as_json(linear: LinearModel, name: str = "", discrete: DiscreteModel | None 
     return (json_text(made, indent=1) + "\n").encode()
 
 
-def as_npz(linear: LinearModel, discrete: DiscreteModel | None = None) -> bytes:
+def as_npz(linear: LinearModel, discrete: LinearModel | None = None) -> bytes:
     """Arrays by name, without pickles; those of the discrete-time model as ``discrete_A``, ``discrete_dt``, ..."""
     arrays: dict[str, Any] = {}
     for prefix, model in (("", linear), ("discrete_", discrete)):
@@ -59,7 +84,7 @@ def as_npz(linear: LinearModel, discrete: DiscreteModel | None = None) -> bytes:
 
 def _arrays(linear: LinearModel) -> dict[str, Any]:
     made: dict[str, Any] = {key: getattr(linear, key) for key in "ABCD"}
-    for key in _KINDS:
+    for key in _NAMES:
         names = getattr(linear, key)
         made[key] = np.array(names, dtype=str)
         made[f"{key[:-1]}_units"] = np.array([linear.units.get(name, "") for name in names], dtype=str)
@@ -68,12 +93,12 @@ def _arrays(linear: LinearModel) -> dict[str, Any]:
     made["point"] = np.array(list(linear.point.values()), dtype=float)
     made["poles"] = linear.poles()
     made["zeros"] = linear.zeros() if linear.inputs and linear.outputs else np.zeros(0, dtype=complex)
-    if isinstance(linear, DiscreteModel):
+    if hasattr(linear, "dt"):
         made["dt"] = linear.dt
     return made
 
 
-def as_mat(linear: LinearModel, discrete: DiscreteModel | None = None) -> bytes:
+def as_mat(linear: LinearModel, discrete: LinearModel | None = None) -> bytes:
     """The same for MATLAB, texts as cells, with a fixed header in place of the date; ``discrete`` is a struct."""
     from scipy.io import savemat
 
@@ -98,7 +123,7 @@ def identifier(name: str) -> str:
     return plain if plain[:1].isalpha() else f"x{plain}"
 
 
-def script(linear: LinearModel, name: str, discrete: DiscreteModel | None = None) -> str:
+def script(linear: LinearModel, name: str, discrete: LinearModel | None = None) -> str:
     """A MATLAB or Octave script that needs no other file: ``NAME_linear``, a named ``ss``, and ``NAME_discrete``."""
     lines = [
         f"% {name}: linear model by flexarm, for deviations from the operating point; x' = A x + B u, y = C x + D u"

@@ -8,6 +8,8 @@ gain of 1 (`engine.roundings`).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -15,6 +17,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from engine.display import counts, roots
+from engine.display import table as html_table
 from engine.errors import ParameterError, nearest
 from engine.model import FRICTION, TIME, Mode, Model, Vector
 from engine.roundings import has_rounding, jacobian
@@ -29,7 +33,7 @@ _EDGE = 1e-14
 """A guard this close to zero is on the edge between two modes."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LinearModel:
     """``x' = A x + B u, y = C x + D u`` for deviations from a point.
 
@@ -66,8 +70,68 @@ class LinearModel:
     rounded: bool = False
 
     def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of A (1/s), by magnitude."""
+        """Eigenvalues of A (1/s; of a `DiscreteModel` in the z-plane), by magnitude."""
         return _by_magnitude(np.linalg.eigvals(self.A))
+
+    def stable(self) -> bool:
+        """Whether every pole lies left of the imaginary axis; of a `DiscreteModel`, inside the unit circle."""
+        return bool((self.poles().real < 0).all())
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as .json, .npz, .mat or .m (a MATLAB or Octave script); returns the path.
+
+        Raises:
+            FlexarmError: an unknown kind of file, or it cannot be written.
+        """
+        from engine import linear_files
+
+        linear_files.write(Path(path), self)
+        return Path(path)
+
+    def to_pandas(self) -> dict[str, Any]:
+        """The matrices A, B, C and D as data frames with names of states, inputs and outputs."""
+        import pandas
+
+        names = {"A": ("states", "states"), "B": ("states", "inputs"), "C": ("outputs", "states")}
+        names["D"] = ("outputs", "inputs")
+        made = {}
+        for key, (rows, columns) in names.items():
+            index, heads = list(getattr(self, rows)), list(getattr(self, columns))
+            made[key] = pandas.DataFrame(getattr(self, key), index=index, columns=heads)
+        return made
+
+    def to_xarray(self) -> Any:
+        """The matrices as an `xarray.Dataset`; a dimension cannot stand twice, so columns of A are ``state_from``.
+
+        Raises:
+            ParameterError: xarray is not installed.
+        """
+        from engine.arrays import xarray
+
+        found = xarray()
+        dims = {"A": ("state", "state_from"), "B": ("state", "input"), "C": ("output", "state_from")}
+        dims["D"] = ("output", "input")
+        names = {"state": self.states, "state_from": self.states, "input": self.inputs, "output": self.outputs}
+        attributes = {"rate": self.rate, **{f"mode {name}": label for name, label in self.modes.items()}}
+        return found.Dataset(
+            {key: (axes, getattr(self, key)) for key, axes in dims.items()},
+            coords={name: list(values) for name, values in names.items()},
+            attrs=attributes,
+        )
+
+    @property
+    def _kind(self) -> str:
+        return "linear model"
+
+    def __repr__(self) -> str:
+        sizes = counts(states=len(self.states), inputs=len(self.inputs), outputs=len(self.outputs))
+        return f"<{self._kind}: {sizes}, {'stable' if self.stable() else 'not stable'}; poles {roots(self.poles(), 6)}>"
+
+    def _repr_html_(self) -> str:
+        rows = [["states", escape(", ".join(self.states))], ["inputs", escape(", ".join(self.inputs))]]
+        rows += [["outputs", escape(", ".join(self.outputs))], ["poles", escape(roots(self.poles()))]]
+        rows += [[f"mode {escape(name)}", escape(label)] for name, label in self.modes.items()]
+        return html_table(["", ""], rows, self._kind)
 
     def zeros(self, output: str | None = None, input: str | None = None) -> NDArray[np.complex128]:
         """Invariant zeros (1/s) of one input-output pair (the first by default).

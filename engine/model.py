@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.display import counts
 from engine.errors import ParameterError, Where, nearest
 from engine.ports import Expression
 from engine.quantity import Parameter
@@ -187,7 +188,7 @@ class Equations:
         return [self.t, self.x, self.u, self.d, self.m, self.p]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """Equations with names. The model is frozen; a simulation may replace parameter values and initial values.
 
@@ -230,6 +231,10 @@ class Model:
     def count(self, kind: str) -> int:
         """How many modes there are of a kind."""
         return sum(mode.kind == kind for mode in self.modes)
+
+    def __repr__(self) -> str:
+        sizes = counts(states=len(self.states), inputs=len(self.inputs), outputs=len(self.outputs))
+        return f"<model '{self.name}': {sizes}, {counts(parameters=len(self.parameters), modes=len(self.modes))}>"
 
     @property
     def parameter_values(self) -> Vector:

@@ -7,12 +7,16 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from html import escape
+from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engine import external, interpret, native
+from engine import external, interpret, native, result_files
+from engine.arrays import xarray
+from engine.display import counts, number, spark, table
 from engine.errors import CompilerUnavailable, ParameterError, SimulationError, nearest
 from engine.model import TIME, Model, Vector
 from engine.native import Job, Outcome
@@ -47,7 +51,7 @@ class Drive:
     hold: str | tuple[str, ...] = "zero_order"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Result:
     """What a simulation gave.
 
@@ -100,6 +104,54 @@ class Result:
         if name not in names:
             raise ParameterError(f"no output '{name}' was recorded", remedy=nearest(name, names))
         return np.asarray(self.values[:, names.index(name)])
+
+    def to_pandas(self) -> Any:
+        """A `pandas.DataFrame`: a row for each instant, a column for each output; units in ``attrs["units"]``."""
+        import pandas
+
+        frame = pandas.DataFrame(self.values, index=pandas.Index(self.time, name="time"), columns=self.names)
+        frame.attrs["units"] = {"time": "s", **self.units}
+        return frame
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` over ``time``, with the unit of each variable in its attribute ``units``.
+
+        Raises:
+            ParameterError: xarray is not installed.
+        """
+        found = xarray()
+        docs = {variable.name: variable.doc for variable in self.model.outputs}
+        columns = {
+            name: ("time", self.values[:, k], {"units": unit, "long_name": docs[name] or name})
+            for k, (name, unit) in enumerate(self.units.items())
+        }
+        return found.Dataset(columns, coords={"time": ("time", self.time, {"units": "s"})}, attrs=self._source())
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as .csv, .parquet or .mat; returns the path. `flexarm.read` reads it back.
+
+        Raises:
+            FlexarmError: an unknown kind of file, or it cannot be written.
+        """
+        result_files.write(Path(path), self, self._source())
+        return Path(path)
+
+    def _source(self) -> dict[str, str]:
+        changed = " ".join(f"{name}={value!r}" for name, value in self.parameters.items())
+        return {"scenario": self.model.name, "model": self.model.signature, "parameters": changed}
+
+    def __repr__(self) -> str:
+        end = self.time[-1] if len(self.time) else 0.0
+        sizes = counts(signals=len(self.names))
+        switches = f"{self.event_count} switch{'' if self.event_count == 1 else 'es'}"
+        return f"<result of '{self.model.name}': {len(self.time)} rows to {end:g} s, {sizes}, {switches}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            [escape(name), escape(unit), *(number(float(v)) for v in (y[-1], y.min(), y.max())), spark(y)]
+            for (name, unit), y in zip(self.units.items(), self.values.T, strict=True)
+        ]
+        return table(["signal", "unit", "end", "least", "greatest", ""], rows, repr(self).strip("<>"))
 
 
 def rational(value: float) -> Fraction:

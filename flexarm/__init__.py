@@ -6,8 +6,8 @@
     result = flexarm.simulate(scenario)
     result["link.hub.angle"]
 
-A block of your own is a subclass of `Block`; the functions for its law are in `flexarm.symbolic`. Names are imported on
-first use, so that importing the package costs nothing.
+A block of your own is a subclass of `Block`; the functions for its law are in `flexarm.symbolic`. `flexarm.design` has
+those for designing controllers. Names are imported on first use, so that importing the package costs nothing.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from diagnosis.compare import Comparison
     from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.assemble import build
-    from engine.batch import batch
+    from engine.batch import Case, batch
     from engine.block import Block, flange, option, parameter, signal_in, signal_out
+    from engine.discretise import DiscreteModel
     from engine.errors import FlexarmError, ParameterError
     from engine.family import LinearFamily
     from engine.linearise import LinearModel
@@ -40,7 +41,21 @@ if TYPE_CHECKING:
     from engine.tangent import tangents
     from engine.trim import Equilibrium
     from flexarm._version import version
-    from flexarm.api import ExportOptions, compare, describe, export, linear_family, linearise, simulate, trim
+    from flexarm.api import (
+        ExportOptions,
+        compare,
+        describe,
+        discretise,
+        export,
+        linear_family,
+        linearise,
+        simulate,
+        trim,
+        uncertain,
+    )
+    from flexarm.design.closing import close
+    from flexarm.design.margins import LoopMargins, margins
+    from flexarm.design.reduction import Reduction, reduce
     from flexarm.plotting.results import plot
     from flexarm.sweeps.sweep import SweepOptions, sweep
     from flexarm.table import read
@@ -49,10 +64,12 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "Block": "engine.block",
+    "Case": "engine.batch",
     "Clock": "engine.stamps",
     "Comparison": "diagnosis.compare",
     "Connection": "engine.system",
     "DiagnosisOptions": "diagnosis.api",
+    "DiscreteModel": "engine.discretise",
     "Drive": "engine.simulate",
     "Equilibrium": "engine.trim",
     "ExportOptions": "flexarm.api",
@@ -60,6 +77,7 @@ _PLACES = {
     "FrequencyTable": "diagnosis.recordings.types",
     "LinearFamily": "engine.family",
     "LinearModel": "engine.linearise",
+    "LoopMargins": "flexarm.design.margins",
     "Model": "engine.model",
     "Motion": "engine.stamps",
     "Net": "engine.net",
@@ -68,6 +86,7 @@ _PLACES = {
     "ROTATIONAL": "engine.ports",
     "Recording": "diagnosis.recordings.types",
     "Relation": "engine.relations",
+    "Reduction": "flexarm.design.reduction",
     "Result": "engine.simulate",
     "SameAs": "engine.quantity",
     "Scenario": "scenarios.load",
@@ -78,9 +97,11 @@ _PLACES = {
     "Velocity": "engine.stamps",
     "batch": "engine.batch",
     "build": "engine.assemble",
+    "close": "flexarm.design.closing",
     "compare": "flexarm.api",
     "describe": "flexarm.api",
     "diagnose": "diagnosis.api",
+    "discretise": "flexarm.api",
     "export": "flexarm.api",
     "fit": "diagnosis.api",
     "flange": "engine.block",
@@ -88,27 +109,34 @@ _PLACES = {
     "linear_family": "flexarm.api",
     "linearise": "flexarm.api",
     "load": "scenarios.load",
+    "margins": "flexarm.design.margins",
     "option": "engine.block",
     "parameter": "engine.block",
     "plot": "flexarm.plotting.results",
     "read": "flexarm.table",
+    "reduce": "flexarm.design.reduction",
     "signal_in": "engine.block",
     "signal_out": "engine.block",
     "simulate": "flexarm.api",
     "sweep": "flexarm.sweeps.sweep",
     "tangents": "engine.tangent",
     "trim": "flexarm.api",
+    "uncertain": "flexarm.api",
     "version": "flexarm._version",
 }
+
+_MODULES = ("design", "symbolic")
 
 __all__ = [
     "ROTATIONAL",
     "TRANSLATIONAL",
     "Block",
+    "Case",
     "Clock",
     "Comparison",
     "Connection",
     "DiagnosisOptions",
+    "DiscreteModel",
     "Drive",
     "Equilibrium",
     "ExportOptions",
@@ -116,12 +144,14 @@ __all__ = [
     "FrequencyTable",
     "LinearFamily",
     "LinearModel",
+    "LoopMargins",
     "Model",
     "Motion",
     "Net",
     "ParameterError",
     "Port",
     "Recording",
+    "Reduction",
     "Relation",
     "Result",
     "SameAs",
@@ -132,9 +162,11 @@ __all__ = [
     "Velocity",
     "batch",
     "build",
+    "close",
     "compare",
     "describe",
     "diagnose",
+    "discretise",
     "export",
     "fit",
     "flange",
@@ -142,16 +174,19 @@ __all__ = [
     "linear_family",
     "linearise",
     "load",
+    "margins",
     "option",
     "parameter",
     "plot",
     "read",
+    "reduce",
     "signal_in",
     "signal_out",
     "simulate",
     "sweep",
     "tangents",
     "trim",
+    "uncertain",
     "version",
 ]
 
@@ -161,8 +196,8 @@ def __getattr__(name: str) -> Any:
         from flexarm._version import version
 
         return version()
-    if name == "symbolic":
-        return importlib.import_module("flexarm.symbolic")
+    if name in _MODULES:
+        return importlib.import_module(f"flexarm.{name}")
     if name not in _PLACES:
         raise AttributeError(f"module 'flexarm' has no attribute '{name}'")
     found = getattr(importlib.import_module(_PLACES[name]), name)
@@ -171,4 +206,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__", "symbolic"]
+    return [*__all__, "__version__", *_MODULES]

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from engine.linearise import LinearModel
     from engine.trim import Equilibrium
     from flexarm.design.describing import Description
+    from flexarm.design.uncertainty import UncertainModel
 
 
 def simulate(
@@ -115,8 +116,9 @@ def linearise(
     modes: Mapping[str, int | str] | None = None,
     at: Mapping[str, Any] | None = None,
     trim: str | None = None,
+    discrete: bool | None = None,
 ) -> LinearModel:
-    """The linear model of a scenario.
+    """The linear model of a scenario: in discrete time where sampled blocks act, so that loops through them are closed.
 
     Where some input would move no output, since a joint is stuck there or a zone swallows the input, the model is that
     of the sliding joint or the open zone, unless ``modes`` says otherwise. A scenario that describes no analysis gives
@@ -132,15 +134,20 @@ def linearise(
         at: states, motions and inputs at the point, over those of the analysis: SI numbers or texts with a unit.
         trim: an analysis of kind ``trim``, at whose equilibrium to linearise, over that of the analysis; ``auto`` for
             the equilibrium nearest to the point.
+        discrete: True for a `DiscreteModel`; False for the continuous states alone, with what sampled blocks hold kept
+            as it is, and their loops open; None for a `DiscreteModel` if the model has sampled blocks.
 
     Raises:
         FlexarmError: a name, label or unit that does not fit, or the point lies between two modes and none is chosen.
     """
+    from engine.discretise import DiscreteModel
+    from engine.discretise import discretise as sampled
     from engine.linear_modes import audible
-    from engine.linearise import linearise as linear
+    from engine.linearise import linearise as continuous
     from flexarm.design.point import start_of, trimmed
 
     made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
+    linear = sampled if (bool(made.model.clocks) if discrete is None else discrete) else continuous
     asked = point(made, modes, at)
     there = start_of(made, asked, trim, at)
     found = linear(made.model, **there)
@@ -160,7 +167,8 @@ def linearise(
             "and the linear model of each is another",
             remedy=f"choose: {choices}; in a file, under 'modes:' of the analysis; or another point, by --at",
         )
-    heard = audible(made.model, found, **{**there, "modes": asked["modes"]})
+    sounds = isinstance(found, DiscreteModel)  # whose modes are those of the point
+    heard = found if sounds else audible(made.model, found, **{**there, "modes": asked["modes"]})
     if not made.settings.name:
         assumed = ("inputs are what the sources feed, outputs what the run records", *assumed)
     return replace(heard, assumed=(*heard.assumed, *assumed))
@@ -265,6 +273,59 @@ def describe(
     )
 
 
+def uncertain(
+    source: Source,
+    analysis: str | None = None,
+    *,
+    recordings: Sequence[str | Path] = (),
+    hold_out: Sequence[str | Path] = (),
+    inputs: Iterable[str] | None = None,
+    outputs: Iterable[str] | None = None,
+    modes: Mapping[str, int | str] | None = None,
+    at: Mapping[str, Any] | None = None,
+    trim: str | None = None,
+    samples: int | None = None,
+    seed: int | None = None,
+    workers: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> UncertainModel:
+    """A family of linear models from what recordings say of the parameters, and a bound on held-out responses.
+
+    Args:
+        source: a scenario with recordings, its file or shipped name.
+        analysis: name of an analysis in the file; the first of kind ``uncertain`` if None.
+        recordings: to fit to, in place of those of the analysis; all but those held out by default.
+        hold_out: to judge on, beside those of that role.
+        inputs: of the linear models, in place of those of the analysis.
+        outputs: signals in place of those of the analysis.
+        modes: as of `linearise`, and the next two.
+        at: the point otherwise.
+        trim: an analysis of kind ``trim``.
+        samples: members of the family beside the fitted model; those of the analysis, or 50, if None.
+        seed: of the fit and the draws; that of the analysis, or 0, if None.
+        workers: threads; as many as cores if None.
+        progress: told the fraction of the held-out simulations done.
+
+    Raises:
+        FlexarmError: no recordings, or as of `diagnosis.api.fit` and `flexarm.design.uncertainty.uncertain`.
+    """
+    from diagnosis.api import fit
+    from flexarm.design.uncertainty import uncertain as run
+
+    made = cut(source, "uncertain", analysis, inputs=inputs, outputs=outputs)
+    options = made.settings.options
+    chosen = options.get("seed", 0) if seed is None else seed
+    found, _ = fit(
+        made.scenario,
+        recordings or options.get("recordings", ()),
+        hold_out=hold_out or options.get("hold_out", ()),
+        workers=workers,
+        seed=chosen,
+    )
+    count = options.get("samples", 50) if samples is None else samples
+    return run(made, found, samples=count, seed=chosen, modes=modes, at=at, trim=trim, progress=progress)
+
+
 def discretise(
     source: Source | Cut,
     analysis: str | None = None,
@@ -276,11 +337,12 @@ def discretise(
     trim: str | None = None,
 ) -> DiscreteModel:
     """The discrete-time linear model of a scenario with sampled blocks; arguments and errors as of `linearise`."""
-    from engine.discretise import discretise as discrete
-    from flexarm.design.point import start_of
+    from engine.discretise import DiscreteModel
 
-    made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
-    return discrete(made.model, **start_of(made, point(made, modes, at), trim, at))
+    given: dict[str, Any] = {"inputs": inputs, "outputs": outputs, "modes": modes, "at": at, "trim": trim}
+    found = linearise(source, analysis, **given, discrete=True)
+    assert isinstance(found, DiscreteModel)
+    return found
 
 
 class ExportKeywords(TypedDict, total=False):
@@ -417,4 +479,4 @@ def compare(
     return run(as_scenario(source), recording, progress=progress)
 
 
-__all__ = ["compare", "describe", "discretise", "export", "linear_family", "linearise", "simulate", "trim"]
+__all__ = ["compare", "describe", "discretise", "export", "linear_family", "linearise", "simulate", "trim", "uncertain"]

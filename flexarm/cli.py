@@ -18,6 +18,7 @@ from engine.errors import FlexarmError
 from flexarm._version import version
 from flexarm.commands.blocks import blocks
 from flexarm.commands.check import check
+from flexarm.commands.close import close
 from flexarm.commands.compare import compare
 from flexarm.commands.cosim import cosim
 from flexarm.commands.damping import damping
@@ -27,10 +28,12 @@ from flexarm.commands.diagram import diagram
 from flexarm.commands.export import export
 from flexarm.commands.fit import fit
 from flexarm.commands.linearise import linearise
+from flexarm.commands.margins import margins
 from flexarm.commands.run import run
 from flexarm.commands.schema import schema
 from flexarm.commands.sweep import sweep
 from flexarm.commands.trim import trim
+from flexarm.commands.uncertain import uncertain
 from flexarm.console.options import AUTOMATIC
 
 COMMANDS = (
@@ -44,6 +47,9 @@ COMMANDS = (
     trim,
     linearise,
     describe,
+    margins,
+    uncertain,
+    close,
     diagram,
     export,
     cosim,

@@ -75,7 +75,7 @@ def find_mode(model: Model, name: str) -> Mode | None:
     return found[0] if found else None
 
 
-DEFAULTED = ("linearise", "trim")
+DEFAULTED = ("linearise", "trim", "uncertain")
 """Kinds of analysis that choose their own inputs and outputs where the file describes no analysis."""
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.files import json_text, writing
+from engine import linear_files
+from engine.linear_files import KINDS as LINEAR
+from engine.result_files import TABLES, write
 from flexarm._version import version
 
 if TYPE_CHECKING:
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from engine.linearise import LinearModel
     from engine.simulate import Result
     from scenarios.load import Scenario
-
-TABLES = (".csv", ".parquet", ".mat")
-LINEAR = (".json", ".npz", ".mat", ".m")
 
 
 def provenance(scenario: Scenario) -> dict[str, str]:
@@ -44,55 +41,7 @@ def write_result(path: Path, result: Result, scenario: Scenario) -> None:
     Raises:
         FlexarmError: an unknown kind of file, or it cannot be written.
     """
-    with writing(path, TABLES) as temporary:
-        writer = {".csv": _csv, ".parquet": _parquet, ".mat": _mat}[path.suffix.lower()]
-        writer(temporary, result, scenario)
-
-
-def _csv(path: Path, result: Result, scenario: Scenario) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time [s]", *(f"{name} [{unit}]" for name, unit in result.units.items())])
-        for start in range(0, len(result.time), 10_000):
-            rows = slice(start, start + 10_000)
-            writer.writerows(np.column_stack([result.time[rows], result.values[rows]]).tolist())
-
-
-def _parquet(path: Path, result: Result, scenario: Scenario) -> None:
-    import pyarrow
-    import pyarrow.parquet
-
-    columns = {"time": result.time, **{name: result[name] for name in result.names}}
-    units = {"time": "s", **result.units}
-    described = {"units": units, **provenance(scenario)}
-    table = pyarrow.table(columns)
-    metadata = {**(table.schema.metadata or {}), b"flexarm": json_text(described).encode()}
-    pyarrow.parquet.write_table(table.replace_schema_metadata(metadata), path)
-
-
-def flat_names(names: Sequence[str]) -> list[str]:
-    """Names that MATLAB accepts: letters, digits and underscores, at most 63, all different."""
-    made: list[str] = []
-    for name in names:
-        plain = "".join(c if c.isascii() and c.isalnum() else "_" for c in name)[:60]
-        plain = plain if plain[:1].isalpha() else f"x{plain}"
-        unique, count = plain, 2
-        while unique in made:
-            unique, count = f"{plain}_{count}", count + 1
-        made.append(unique)
-    return made
-
-
-def _mat(path: Path, result: Result, scenario: Scenario) -> None:
-    from scipy.io import savemat
-
-    names = flat_names(result.names)
-    content: dict[str, Any] = {"time": result.time[:, None]}
-    content |= {flat: result[name][:, None] for flat, name in zip(names, result.names, strict=True)}
-    content["flexarm_names"] = np.array(["time", *result.names], dtype=object)
-    content["flexarm_units"] = np.array(["s", *result.units.values()], dtype=object)
-    content["flexarm_source"] = provenance(scenario)
-    savemat(path, content, do_compression=True, long_field_names=True)
+    write(path, result, provenance(scenario))
 
 
 def write_family(path: Path, family: LinearFamily, name: str) -> list[Path]:
@@ -122,16 +71,7 @@ def write_linear(path: Path, linear: LinearModel, name: str, discrete: DiscreteM
     Raises:
         FlexarmError: an unknown kind of file, or it cannot be written.
     """
-    from engine import linear_files
+    linear_files.write(path, linear, name, discrete)
 
-    with writing(path, LINEAR) as temporary:
-        kind = path.suffix.lower()
-        if kind == ".json":
-            made = linear_files.as_json(linear, name, discrete)
-        elif kind == ".npz":
-            made = linear_files.as_npz(linear, discrete)
-        elif kind == ".mat":
-            made = linear_files.as_mat(linear, discrete)
-        else:
-            made = linear_files.script(linear, name, discrete).encode()
-        temporary.write_bytes(made)
+
+__all__ = ["LINEAR", "TABLES", "provenance", "write_linear", "write_result"]

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from fmu.plan import Plan
 from fmu.units import definition
 from fmu.variables import (
+    CLOCK,
     COORDINATE,
     DERIVATIVE,
     INDICATOR,
@@ -85,7 +86,8 @@ def fmi2(plan: Plan, guid: str) -> str:
     _common(root, plan)
     listed = ET.SubElement(root, "ModelVariables")
     for variable in plan.variables:
-        _variable(listed, variable, plan)
+        if variable.kind != CLOCK:
+            _variable(listed, variable, plan)
     _structure(ET.SubElement(root, "ModelStructure"), plan)
     return text(root)
 
@@ -116,6 +118,8 @@ def fmi3(plan: Plan, token: str) -> str:
         "canHandleVariableCommunicationStepSize": "true",
         "fixedInternalStepSize": number(plan.step),
         "maxOutputDerivativeOrder": "1",
+        "hasEventMode": "true",
+        "mightReturnEarlyFromDoStep": "true",
     }
     ET.SubElement(root, "ModelExchange", both | {"needsCompletedIntegratorStep": "false"})
     ET.SubElement(root, "CoSimulation", both | slave)
@@ -217,6 +221,10 @@ def _variable(parent: ET.Element, variable: FmuVariable, plan: Plan) -> None:
 
 
 def _variable3(parent: ET.Element, variable: FmuVariable, plan: Plan) -> None:
+    if variable.kind == CLOCK:
+        named = {"name": variable.name, "valueReference": str(variable.reference), "description": variable.doc}
+        ET.SubElement(parent, "Clock", named | {"causality": "output", "intervalVariability": "triggered"})
+        return
     attributes = {"name": variable.name, "valueReference": str(variable.reference)}
     attributes |= _role(variable) | _numbers(variable)
     if variable.kind == DERIVATIVE:
@@ -271,9 +279,14 @@ def _unknown_list(parent: ET.Element, heading: str, rows: list[tuple[int, list[t
 
 def _structure3(parent: ET.Element, plan: Plan) -> None:
     names = {OUTPUT: "Output", DERIVATIVE: "ContinuousStateDerivative"}
-    for kind, reference, known in _unknowns(plan):
+    unknowns = list(_unknowns(plan))
+    place = next((k for k, (kind, _, _) in enumerate(unknowns) if kind == DERIVATIVE), len(unknowns))
+    unknowns[place:place] = [(OUTPUT, variable.reference, []) for variable in plan.variables if variable.kind == CLOCK]
+    for kind, reference, known in unknowns:
         ET.SubElement(parent, names[kind], {"valueReference": str(reference), **_dependencies(known, 0)})
-    for reference, known in _initial_unknowns(plan):
+    clocks: list[tuple[int, list[tuple[int, str]]]]
+    clocks = [(variable.reference, []) for variable in plan.variables if variable.kind == CLOCK]
+    for reference, known in [*_initial_unknowns(plan), *clocks]:
         ET.SubElement(parent, "InitialUnknown", {"valueReference": str(reference), **_dependencies(known, 0)})
     for variable in plan.variables:
         if variable.kind == INDICATOR:

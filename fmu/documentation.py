@@ -40,6 +40,12 @@ _INDICATORS = (
     "<h2>Event indicators</h2>\n"
     "<p>For Model Exchange, two for each mode and in this order; positive while the mode holds.</p>"
 )
+_EVENTS = (
+    "<h2>Event mode</h2>",
+    "<p>Co-Simulation has event mode, and steps return early where that is allowed: before switches, knots of tables, "
+    "edges of sources and ticks of clocks. Values before event mode are limits from the left. The clocks "
+    "<code>sample_clock_1</code> and so on tick by themselves.</p>",
+)
 _SLOPES = ", or follow the slope given by fmi2SetRealInputDerivatives for one step"
 
 
@@ -126,6 +132,7 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
         f"between communication points{_SLOPES if version == 2 and not python else ''}.</p>",
         f"<p>Sample clocks: {html.escape('; '.join(clocks)) or 'none'}. A clock that is due at a communication point "
         "uses the inputs set there: set inputs first, then read outputs.</p>",
+        *(_EVENTS if version == 3 else ()),
         *(_PYTHON if python else _DERIVATIVES),
         ""
         if python

@@ -2,8 +2,8 @@
 
 Inputs and outputs have flat names (``link.hub.angle`` is ``link_hub_angle``), because importers turn dots into buses.
 Parameters, states, memories and modes keep their path. References count in the order of the C enumeration in
-``heads/common.c``: time, parameters, inputs, outputs, states, derivatives, memories, modes, event indicators, and the
-coordinates in whose place states are twists.
+``heads/common.c``: time, parameters, inputs, outputs, states, derivatives, memories, modes, event indicators,
+coordinates in whose place states are twists, and clocks, which FMI 2 does not have.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from engine.model import TIME, Model
 from engine.quantity import Parameter
 from fmu.twists import Twist
 
-TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR, COORDINATE = (
+TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR, COORDINATE, CLOCK = (
     "time",
     "parameter",
     "input",
@@ -32,6 +32,7 @@ TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR,
     "mode",
     "indicator",
     "coordinate",
+    "clock",
 )
 _PART = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\[\d+(,\d+)*\])?")
 
@@ -44,7 +45,7 @@ class FmuVariable:
         name: unique in the FMU.
         source: the model's name for it.
         kind: ``time``, ``parameter``, ``input``, ``output``, ``state``, ``derivative``, ``memory``, ``mode``,
-            ``indicator`` or ``coordinate``, which is a coordinate of the model that a twist stands for.
+            ``indicator``, ``coordinate``, which is one of the model that a twist stands for, or ``clock``.
         reference: value reference; also the position in the list.
         unit: coherent SI unit, empty if unknown.
         doc: one sentence.
@@ -69,8 +70,8 @@ class FmuVariable:
 
     @property
     def is_real(self) -> bool:
-        """Modes are whole numbers, everything else is real."""
-        return self.kind != MODE
+        """Modes are whole numbers and clocks tick, everything else is real."""
+        return self.kind not in (MODE, CLOCK)
 
 
 def flat(name: str) -> str:
@@ -206,6 +207,9 @@ def _fields(
         yield {"name": name, "source": entry.name, "kind": COORDINATE, "unit": entry.unit, "doc": doc} | {
             "start": starts.get(entry.name)
         }
+    for k, clock in enumerate(model.clocks, 1):
+        doc = f"sample instants, every {clock.period:.12g} s from {clock.offset:.12g} s on"
+        yield {"name": f"sample_clock_{k}", "source": f"clock {k}", "kind": CLOCK, "doc": doc}
 
 
 def per_second(unit: str) -> str:

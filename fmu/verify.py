@@ -80,8 +80,8 @@ def slave(path: str | Path, name: str = "instance") -> Iterator[tuple[Any, Any, 
 
 
 def references(description: Any, causality: str) -> list[int]:
-    """Value references of the variables of a causality, in the order of the description."""
-    return [v.valueReference for v in description.modelVariables if v.causality == causality]
+    """Value references of the variables of a causality, clocks aside, in the order of the description."""
+    return [v.valueReference for v in description.modelVariables if v.causality == causality and v.type != "Clock"]
 
 
 def reference(description: Any, name: str) -> int:

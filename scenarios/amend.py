@@ -99,6 +99,14 @@ class Feed:
 
 
 @dataclass(frozen=True)
+class Wire:
+    """Join ends by one more connection."""
+
+    name: str
+    ends: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Set:
     """Give a parameter or option of a block."""
 
@@ -117,7 +125,7 @@ class Replace:
     drop: tuple[str, ...] = ()
 
 
-Edit = InSignal | AtFlange | Between | OnSensor | ReadAt | Feed | Set | Replace
+Edit = InSignal | AtFlange | Between | OnSensor | ReadAt | Feed | Wire | Set | Replace
 
 
 def followed(edits: Sequence[Edit]) -> list[Edit]:
@@ -286,6 +294,9 @@ def _apply(document: Any, edit: Edit, resolve: Callable[[str], str]) -> None:
     blocks = document["blocks"]
     if isinstance(edit, ReadAt):
         _rename(document, edit.name, edit.target, ("measurements", "response"), "")
+        return
+    if isinstance(edit, Wire):
+        document.setdefault("connect", []).append(_flow(list(edit.ends)))
         return
     if isinstance(edit, Set | Replace):
         if edit.name not in blocks:

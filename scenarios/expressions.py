@@ -11,10 +11,10 @@ A value that holds a ``$name`` and more than it, or that begins with ``=``, is a
       rope: {type: Pulley, radius: $radius - 2 mm}
       plate: {type: Mass, mass: "= 7850 kg/m3 * 0.2 m * 0.3 m * 5 mm"}
 
-It knows ``+ - * / ^`` (or ``**``), brackets, numbers with or without a unit, ``pi`` and the `FUNCTIONS`; ``2 m^3`` is two
-cubic metres, ``(2 m)^3`` eight. Sums need one unit, exponents and functions pure numbers; angles count as pure numbers,
-and a frequency in hertz is in rad/s as everywhere. The parser is a recursive descent over these and nothing else: no
-names but parameters, no code.
+It knows ``+ - * / ^`` (or ``**``), brackets, numbers with or without a unit, ``pi`` and the `FUNCTIONS`; ``2 m^3`` is
+two cubic metres, ``(2 m)^3`` eight. Sums need one unit, exponents and functions pure numbers; angles count as pure
+numbers, and a frequency in hertz is in rad/s as everywhere. The parser is a recursive descent over these and nothing
+else: no names but parameters, no code.
 """
 
 from __future__ import annotations

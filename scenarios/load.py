@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from engine.display import counts
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.files import is_file
 from engine.ports import MOTION
@@ -54,7 +55,7 @@ class AnalysisSettings:
     options: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass
+@dataclass(repr=False)
 class Scenario:
     """A scenario, checked and ready to be built.
 
@@ -79,6 +80,9 @@ class Scenario:
     document: Node
     overrides: tuple[str, ...] = ()
     flat: Flat = field(repr=False, default_factory=lambda: Flat(System({}, [])))
+
+    def __repr__(self) -> str:
+        return f"<scenario '{self.name}': {counts(blocks=len(self.system.blocks))}, from {self.path}>"
 
     @property
     def name(self) -> str:

@@ -232,6 +232,10 @@ def api_page() -> str:
                 parts += _members(made)
     rows = [[code(name), code(repr(value)), "kind of a flange"] for name, value in constants.items()]
     parts += ["## Constants", "", table(["name", "value", "meaning"], rows), ""]
+    parts += ["## Designing controllers", "", google(inspect.getdoc(flexarm.design) or ""), ""]
+    for name in flexarm.design.__all__:
+        made = getattr(flexarm.design, name)
+        parts += [f"### design.{name}", "", _signature(name, made), "", google(inspect.getdoc(made) or ""), ""]
     parts += ["## Functions for laws", "", google(inspect.getdoc(flexarm.symbolic) or ""), ""]
     laws = {name: getattr(flexarm.symbolic, name) for name in flexarm.symbolic.__all__}
     rows = [

@@ -25,6 +25,9 @@ SHARES = (0.06, 0.16)
 SENSOR_DRIFT = (0.1, 0.3)
 """Drift of a sensor that does not count, in floors."""
 
+FARTHEST = 0.003
+"""The same at most, as a share of what the signal moves: a sensor that drifts by more is a fault of its own."""
+
 MOST = math.hypot(*(3 * [SHARES[1]]), SENSOR_DRIFT[1])
 """What all of them together leave at most, in floors."""
 
@@ -35,7 +38,8 @@ def nuisance(bench: Bench, base: Truth, rng: Generator, level: float) -> Nuisanc
     The amplifier's gain is off by up to 5 %. Half of the plants with a winding have an inductance. Two torque ripples
     of no whole order, friction that warms up and a slow torque are each scaled until a refit leaves 0.06 to 0.16 floors
     of them over all recordings; sensors that do not count drift by 0.1 to 0.3 floors; a fifth of the noise's power is
-    coloured.
+    coloured. An inductance that a sensor shows more of than all other disturbances together, such as an accelerometer on
+    the rotor, is left out.
 
     Args:
         bench: the recordings.
@@ -68,13 +72,18 @@ def nuisance(bench: Bench, base: Truth, rng: Generator, level: float) -> Nuisanc
             warm_up=one.warm_up if one.warm_up[0] else scaled.warm_up,
             drift=scaled.drift or one.drift,
         )
+    inductance = base.plant.inductance * float(winding)
+    if inductance and small.size(bench.outputs(replace(base, nuisance=Nuisance(inductance=inductance)))) > level * MOST:
+        inductance = 0.0
+    spans = np.ptp(np.concatenate(bench.outputs(base)), axis=0)
     still = [base.plant.sensor(s).quantum > 0 for s in bench.signals]
     return replace(
         scaled,
         gain=gain,
-        inductance=base.plant.inductance * float(winding),
+        inductance=inductance,
         sensor_drift=tuple(
-            0.0 if s else level * float(d * sigma) for s, d, sigma in zip(still, drifts, bench.sigma, strict=True)
+            0.0 if s else float(sigma) * min(level * float(d), FARTHEST * float(span))
+            for s, d, sigma, span in zip(still, drifts, bench.sigma, spans, strict=True)
         ),
         coloured=(0.2, 0.02),
     )

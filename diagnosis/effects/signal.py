@@ -18,6 +18,9 @@ FEW = (1e-3, 5e-3, 0.02, 0.08, 0.2)
 CORNERS = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Time constants of the lags that are tried, in samples."""
 
+SPACING = 0.4
+"""Distance between the delays that are tried, as a share of the delay."""
+
 POSITIONS, OTHERS = 0.05, 0.2
 """Standard deviation of the logarithm of a sensor's gain: of encoders and scales, which count, and of all others."""
 
@@ -53,8 +56,9 @@ def _delay(place: Place, sample: float) -> Candidate:
         return [InSignal(name, "Delay", place.target, {"delay": wait, "period": with_unit(sample, "s")})]
 
     def finer(best: Sizes, share: float) -> list[Sizes]:
-        step = share * sample
-        return [{"delay": w} for w in (best["delay"] - step, best["delay"] + step) if w > sample / 50]
+        step = share * max(sample, SPACING * best["delay"])
+        near = (best["delay"] - step, best["delay"] + step)
+        return [{"delay": w} for w in near if w > sample / 50 and step > sample / 50]
 
     waits = combinations(delay=shares(sample, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64))
     return Candidate(

@@ -213,10 +213,13 @@ class Statics:
             q = q - left @ (_flexible(left.T @ stiffness @ left) @ (left.T @ (stiffness @ q)))
         said, sure = _row_space(rows), _row_space(rows[stated])
         spread = np.linalg.pinv(rows / sigma[:, None])
+        leads: set[str] = set()
         for name in mine:
             row, shift = self._placed(name, order)
             values[name] = given.get(name, float(np.dot(row, q)) + shift)
             unsaid = float(np.linalg.norm(row - said @ (said.T @ row)) / np.linalg.norm(row))
+            # A free one that nothing measures is freed because the machine is out of equilibrium: it moves alone.
+            leads.update([name] if unsaid < 1 - _INDEPENDENT else [])
             usual = max(0.1 * abs(values[name]), FITTING.usual_start)
             known = 0.0 if name in given else float(np.linalg.norm(row @ spread))
             deviations[name] = usual if name in given else float(np.hypot(known, unsaid * usual)) or usual
@@ -233,7 +236,11 @@ class Statics:
         for j in extra:
             name = self.model.states[order * n + j].name
             values[name] = float(q[j])
-            follows[name] = {one: float(moved[j, i]) for i, one in enumerate(mine) if one in free and moved[j, i] != 0}
+            follows[name] = {
+                one: float(moved[j, i])
+                for i, one in enumerate(mine)
+                if one in free and one in leads and moved[j, i] != 0
+            }
         return q
 
     def _wanted(self, stated: Sequence[tuple[str, float]], order: int) -> tuple[Array, Array, Array]:

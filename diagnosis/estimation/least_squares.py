@@ -20,10 +20,16 @@ from engine.threads import Threads
 
 Progress = Callable[[str], None]
 
+UNDETERMINED = 100.0
+"""Ratio of the ends of an interval beyond which recordings do not determine a parameter."""
+
 
 @dataclass(frozen=True)
 class Interval:
-    """A fitted parameter with its 95 % interval, whose ends are infinite where the recordings set no bound."""
+    """A fitted parameter with its 95 % interval, whose ends are infinite where the recordings set no bound.
+
+    Where the ends are more than two decades apart, or the fit has not converged, the recordings set none.
+    """
 
     name: str
     value: float
@@ -43,7 +49,7 @@ def interval_in_words(row: Mapping[str, Any], digits: int = 4) -> str:
     low, high = ("" if row[key] is None else f"{row[key]:.{digits}g}" for key in ("low", "high"))
     if low and high:
         return f"{low} to {high}"
-    return f"at least {low}" if low else f"at most {high}" if high else "without bound"
+    return f"at least {low}" if low else f"at most {high}" if high else "not determined by these recordings"
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,8 @@ class Fit:
             half = 1.96 * math.sqrt(max(self.covariance[i, i], 0.0))
             ends = bounded.get(i, [self.x[i] - half, self.x[i] + half])
             low, high = sorted(_end_value(f, end) for end in ends)
+            if not self.converged or (low * high > 0 and max(low / high, high / low) > UNDETERMINED):
+                low, high = -math.inf, math.inf
             rows.append(Interval(f.name, f.value(self.x[i]), low, high, units.get(f.name, ""), f.start))
         return rows
 

@@ -31,11 +31,18 @@ class Leftover:
         energy: sum of squared residuals, in variances of the sensors' noise, shape (bands,).
         count: independent values in it, shape (bands,).
         noise: strength of the noise that the sensors alone leave, shape (bands,).
+        names: signal and number of each band.
     """
 
     energy: Array
     count: Array
     noise: Array
+    names: tuple[tuple[int, int], ...]
+
+    @property
+    def by_band(self) -> dict[tuple[int, int], float]:
+        """Strength by signal and number of the band."""
+        return dict(zip(self.names, self.strength.tolist(), strict=True))
 
     @property
     def strength(self) -> Array:
@@ -51,7 +58,8 @@ class Leftover:
     def unexplained(self) -> float:
         """By how much the logarithm of the likelihood could still rise if only the sensors' noise were left."""
         ratio = np.maximum(self.energy / self.count / self.noise, 1.0)
-        chance = 1 + EVIDENCE.chance * np.sqrt(2 / self.count)
+        # The cube root of a chi-square is nearly normal, however few its freedoms [Wilson 1931].
+        chance = (1 - 2 / (9 * self.count) + EVIDENCE.chance * np.sqrt(2 / (9 * self.count))) ** 3
         return float(0.5 * np.sum(np.where(ratio > chance, self.count * np.log(ratio), 0.0)))
 
 
@@ -73,7 +81,8 @@ def leftover(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> L
         energies.append(sums)
         counts.append(sizes)
         noises.append(np.full(len(sums), _noise(sums, sizes)))
-    return Leftover(*(np.concatenate(rows) for rows in (energies, counts, noises)))
+    names = tuple((k, band) for k in range(signals) for band in sorted(total[k]))
+    return Leftover(np.concatenate(energies), np.concatenate(counts), np.concatenate(noises), names)
 
 
 def _noise(energy: Array, count: Array) -> float:
@@ -98,7 +107,7 @@ def information(problem: Problem, x: Array, left: Leftover) -> tuple[Array, Arra
     weights = problem.prior(x)[1]
     own = weights.T @ weights
     data = np.zeros_like(own)
-    strengths = _by_band(problem, left)
+    strengths = left.by_band
     for e in problem.training:
         _, J = problem.linearised(x, e)
         slopes = J.reshape(len(e.measured), -1, len(x))
@@ -109,18 +118,6 @@ def information(problem: Problem, x: Array, left: Leftover) -> tuple[Array, Arra
                 if strength:
                     data += rows[part].T @ rows[part] / strength
     return data, own
-
-
-def _by_band(problem: Problem, left: Leftover) -> dict[tuple[int, int], float]:
-    found, place = dict[tuple[int, int], float](), 0
-    for k in range(len(problem.model.outputs)):
-        seen = sorted(
-            {b for e in problem.experiments if np.isfinite(e.measured[:, k]).any() for b, _ in e.bands(EVIDENCE.fewest)}
-        )
-        for band in seen:
-            found[k, band] = float(left.strength[place])
-            place += 1
-    return found
 
 
 def evidence(problem: Problem, x: Array, left: Leftover) -> float:

@@ -215,7 +215,12 @@ class CandidateFitter:
         point = hashlib.sha256(np.ascontiguousarray(model.fit.x).tobytes()).hexdigest()[:16]
 
         def compute() -> PartialFit:
-            made = StartingPoint(model.fit.cost, model.fit.problem, model.fit.x, model.sizes, model.sizes)
+            began = {f.name: f.start for f in model.fit.problem.free}
+            built = tuple(
+                {key: began.get(f"{c.name}.{key}", value) for key, value in sizes.items()}
+                for c, sizes in zip(model.effects, model.sizes, strict=True)
+            )
+            made = StartingPoint(model.fit.cost, model.fit.problem, model.fit.x, model.sizes, built)
             best = PartialFit(model.effects, made, model.fit.converged)
             random = np.random.default_rng(self.seed)
             for _ in range(SEARCH.retries):

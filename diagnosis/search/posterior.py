@@ -133,8 +133,8 @@ def floor(model: ScoredModel) -> float:
 
 
 def explained(refit: ScoredModel, model: ScoredModel) -> float:
-    """Share of the held-out excess that a model explains; where there is no excess, the share of the strain."""
-    left = refit.hold_out - floor(model)
-    if left * model.left.count.sum() > refit.strain:
-        return min(max((refit.hold_out - model.hold_out) / left, 0.0), 1.0)
-    return min(max(1 - model.strain / max(refit.strain, 1e-9), 0.0), 1.0)
+    """Share of the held-out excess that a model explains, or of the strain that it relieves if that is more."""
+    excess, strain = refit.hold_out - floor(model), refit.strain
+    of_excess = (refit.hold_out - model.hold_out) / excess if excess > 0 else 0.0
+    of_strain = 1 - model.strain / strain if strain > 0 else 0.0
+    return min(max(of_excess, of_strain, 0.0), 1.0)

@@ -9,16 +9,18 @@ Two that are missing may hide each other, so that neither promises much alone.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes
+from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
+from diagnosis.search.evidence import leftover
 from diagnosis.search.partial_fit import Builder, StartingPoint, place_of
-from diagnosis.thresholds import FITTING, SEARCH
+from diagnosis.thresholds import EVIDENCE, FITTING, SEARCH
 from engine.errors import FlexarmError
 
 
@@ -30,13 +32,15 @@ class Course:
         effect, sizes: which.
         values: change of the residual, training recordings and prior stacked, less what the parameters can make good.
         gain: how much of the cost it takes away with a factor within `SEARCH.factor` of one.
-        change: of the search vector that goes with that.
+        whitened: the same of the cost with each band of frequency in units of what the origin leaves there.
+        change: of the search vector that goes with the first.
     """
 
     effect: Candidate
     sizes: Sizes
     values: Array
     gain: float
+    whitened: float
     change: Array
 
 
@@ -59,21 +63,39 @@ class Origin:
         self.effects, self.built = tuple(effects), tuple(built)
         self.values = {place_of(f): f.value(v) for f, v in zip(problem.free, x, strict=True)}
         self.kept: dict[str, list[Course]] = {}
+        self.refused: dict[str, str] = {}
+        """Effects that could not be put in here, and why."""
         self.every = max(1, sum(len(e.time) for e in problem.training) // SEARCH.samples)
-        parts = []
-        for e in problem.training:
+        strengths = leftover(problem, x, problem.training).by_band
+        self._weights = [_weights(e, strengths) for e in problem.training]
+        plain, white = [], []
+        for e, weights in zip(problem.training, self._weights, strict=True):
             r, J = problem.linearised(x, e)
-            rows = r.reshape(e.measured.shape)[:: self.every].ravel()
-            parts.append((rows, J.reshape(*e.measured.shape, -1)[:: self.every].reshape(len(rows), -1)))
-        own = problem.prior(x)
-        # Of thinned recordings each row stands for several.
-        whole = np.sqrt(self.every)
-        self.r = np.concatenate([*(whole * r for r, _ in parts), own[0]])
-        self.J = np.vstack([*(whole * J for _, J in parts), own[1]])
-        self.basis, self.upper = np.linalg.qr(self.J)
-        self.rest = self.r - self.basis @ (self.basis.T @ self.r)
-        self.cost = float(self.rest @ self.rest)
+            r, J = r.reshape(e.measured.shape), J.reshape(*e.measured.shape, -1)
+            plain.append((self._thinned(r), self._thinned(J).reshape(-1, J.shape[-1])))
+            flat = e.components(J.reshape(len(J), -1)).reshape(J.shape) * weights[:, :, None]
+            white.append(((e.components(r) * weights).ravel(), flat.reshape(-1, J.shape[-1])))
+        self.own = problem.prior(x)
+        self.plain, self.white = _Linear(plain, self.own), _Linear(white, self.own)
+
+    @property
+    def cost(self) -> float:
         """What is left after a step of the model's own parameters."""
+        return self.plain.cost
+
+    def _thinned(self, rows: Array) -> Array:
+        """Some of the rows, each of which stands for several, stacked."""
+        kept = rows[:: self.every] * np.sqrt(self.every)
+        return np.asarray(kept.reshape(-1, *kept.shape[2:]))
+
+    def freed(self, effect: Candidate) -> Course:
+        """What it gains to free a parameter of its tolerance."""
+        assert effect.freed is not None
+        i, weaker = [f.name for f in self.problem.free].index(effect.freed.name), 1 / effect.freed.spread
+        gain, change = self.plain.with_weaker_prior(i, len(self.own[0]), weaker)
+        whitened, _ = self.white.with_weaker_prior(i, len(self.own[0]), weaker)
+        change = np.clip(change, -SEARCH.farthest, SEARCH.farthest)
+        return Course(effect, effect.starts[0], np.zeros(len(self.plain.r)), gain, whitened, change)
 
     def course(self, made: Problem, x: Array, effect: Candidate, sizes: Sizes) -> Course | None:
         """What a size adds; None where it cannot be simulated, or adds nothing.
@@ -84,17 +106,65 @@ class Origin:
             effect: which.
             sizes: its own.
         """
-        rows = [made.residual(x, e)[:: self.every].ravel() for e in made.training]
-        added = np.sqrt(self.every) * np.concatenate(rows) - self.r[: sum(len(r) for r in rows)]
-        if np.abs(added).max() > FITTING.huge / 10 or not float(added @ added) > 0:
+        rows = [made.residual(x, e) for e in made.training]
+        pairs = zip(made.training, rows, self._weights, strict=True)
+        plain = self.plain.added([self._thinned(r).ravel() for r in rows])
+        white = self.white.added([(e.components(r) * weights).ravel() for e, r, weights in pairs])
+        if np.abs(plain).max() > FITTING.huge / 10 * np.sqrt(self.every) or not float(plain @ plain) > 0:
             return None
-        added = np.concatenate([added, np.zeros(len(self.r) - len(added))])
+        gain, factor, values = self.plain.gain(plain)
+        change = self.plain.change(factor * plain)
+        return Course(effect, sizes, values, gain, self.white.gain(white)[0], change)
+
+
+class _Linear:
+    """A linear least-squares problem: residuals, the tangents of a model's own parameters, and their prior.
+
+    Args:
+        parts: residual and tangents of each recording.
+        own: residual and tangents of the prior.
+    """
+
+    def __init__(self, parts: Sequence[tuple[Array, Array]], own: tuple[Array, Array]) -> None:
+        self.r: Array = np.concatenate([*(r for r, _ in parts), own[0]])
+        self.J: Array = np.vstack([*(J for _, J in parts), own[1]])
+        self.basis, self.upper = np.linalg.qr(self.J)
+        self.rest = self.r - self.basis @ (self.basis.T @ self.r)
+        self.cost = float(self.rest @ self.rest)
+
+    def added(self, rows: Sequence[Array]) -> Array:
+        """What other residuals are more than these; the prior stays."""
+        there = np.concatenate(rows)
+        return np.concatenate([there - self.r[: len(there)], np.zeros(len(self.r) - len(there))])
+
+    def gain(self, added: Array) -> tuple[float, float, Array]:
+        """What a course takes away of the cost, its factor, and its part that the parameters cannot make good."""
         values = added - self.basis @ (self.basis.T @ added)
         power, pull = float(values @ values), -float(values @ self.rest)
         factor = min(max(pull / power if power > 0 else 1.0, 0.1 / SEARCH.factor), SEARCH.factor)
-        gain = factor * (2 * pull - factor * power)
-        change = -np.linalg.lstsq(self.upper, self.basis.T @ (self.r + factor * added), rcond=1e-10)[0]
-        return Course(effect, sizes, values, gain, np.clip(change, -SEARCH.farthest, SEARCH.farthest))
+        return factor * (2 * pull - factor * power), factor, values
+
+    def change(self, added: Array) -> Array:
+        """The parameters' answer to a course."""
+        found = -np.linalg.lstsq(self.upper, self.basis.T @ (self.r + added), rcond=1e-10)[0]
+        return np.asarray(np.clip(found, -SEARCH.farthest, SEARCH.farthest))
+
+    def with_weaker_prior(self, i: int, rows: int, weaker: float) -> tuple[float, Array]:
+        """What it takes away of the cost to weaken the prior of parameter ``i``, one of ``rows`` at the end."""
+        r, J = self.r.copy(), self.J.copy()
+        J[len(r) - rows + i] *= weaker
+        r[len(r) - rows + i] *= weaker
+        change = np.asarray(np.linalg.lstsq(J, -r, rcond=None)[0])
+        return self.cost - float(np.sum((r + J @ change) ** 2)), change
+
+
+def _weights(e: Experiment, strengths: Mapping[tuple[int, int], float]) -> Array:
+    """One over the standard deviation of each component of an experiment, shape (components, signals)."""
+    found: Array = np.ones(e.measured.shape)
+    for band, rows in e.bands(EVIDENCE.fewest):
+        for k in range(e.measured.shape[1]):
+            found[rows, k] = strengths.get((k, band), 1.0) ** -0.5
+    return found
 
 
 def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]:
@@ -108,7 +178,7 @@ def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]
     key = f"{effect.key} {effect.option} {effect.starts}"
     if key in origin.kept:
         return origin.kept[key]
-    found = []
+    found = [origin.freed(effect)] if effect.freed else []
     for group in effect.structures():
         try:
             made = builder.placed((*origin.effects, effect), [(*origin.built, sizes) for sizes in group], origin.values)
@@ -116,8 +186,10 @@ def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]
                 course = origin.course(model, x, effect, sizes[-1])
                 if course is not None:
                     found.append(course)
-        except FlexarmError:
-            continue
+        except FlexarmError as error:
+            origin.refused[effect.key] = error.message
+    if found:
+        origin.refused.pop(effect.key, None)
     origin.kept[key] = sorted(found, key=lambda course: -course.gain)
     return origin.kept[key]
 
@@ -159,7 +231,7 @@ def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[
     if len(found) < 2:
         return []
     table = np.column_stack([course.values for course in found])
-    gram, pull = table.T @ table, -table.T @ origin.rest
+    gram, pull = table.T @ table, -table.T @ origin.plain.rest
     return list(itertools.islice(_ranked(found, *_gains(gram, pull)), count))
 
 

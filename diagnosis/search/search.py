@@ -27,7 +27,6 @@ from engine.spread import Spread
 
 Progress = Callable[[str, int, int], None]
 Values = dict[str, float]
-LOG: list[tuple[str, float]] = []
 
 
 def study(
@@ -100,6 +99,7 @@ class _Search:
         self.failures: list[tuple[str, str]] = []
         self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
         self._done: set[tuple[str, ...]] = set()
+        self._order: list[Candidate] = []
 
     @property
     def models(self) -> list[ScoredModel]:
@@ -185,19 +185,21 @@ class _Search:
         origins = [o for values in parents if (o := self.fitter.origin(kept, values)) is not None]
         names = {c.key for c in kept}
         blocks = {c.name for c in kept}
-        able = [c for c in self.listed if c.key not in names and c.name not in blocks]
-        promised = self._screened(origins, able)
+        among = self._order[: SEARCH.beside] if kept else self.listed
+        promised = self._screened(origins, [c for c in among if c.key not in names and c.name not in blocks])
+        self._order = self._order or promised
         self._fit([((*kept, c), parents) for c in promised[:begin]], finish)
 
     def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
-        """Effects, those that promise the lowest cost first."""
+        """Effects, those first that promise the lowest cost, and the lowest one of a whitened residual, by turns."""
 
-        def one(effect: Candidate) -> float:
-            left = math.inf
+        def one(effect: Candidate) -> tuple[float, float]:
+            plain = white = math.inf
             for origin in origins:
-                found = courses(self.fitter, origin, effect)
-                left = min([left, *(origin.cost - course.gain for course in found)])
-            return left
+                for course in courses(self.fitter, origin, effect):
+                    plain = min(plain, origin.cost - course.gain)
+                    white = min(white, origin.white.cost - course.whitened)
+            return plain, white
 
         with Spread(self.fitter.workers, threads=True) as pool:
             promise = []
@@ -205,12 +207,13 @@ class _Search:
                 promise.append(left)
                 if self.progress:
                     self.progress("looking at effects", done, len(able))
-        order = sorted(range(len(able)), key=lambda k: promise[k])
-        if not LOG:
-            LOG.extend((able[k].key, promise[k]) for k in order)
+        orders = [sorted(range(len(able)), key=lambda k: promise[k][which]) for which in (0, 1)]
+        order = list(dict.fromkeys(k for both in zip(*orders, strict=True) for k in both))
+        whys = {key: why for origin in origins if not origin.effects for key, why in origin.refused.items()}
+        self.failures += [pair for pair in whys.items() if pair not in self.failures]
         found: dict[str, Candidate] = {}
         for k in order:  # of several ways to put an effect in at a place, the one that promises most
-            if promise[k] < math.inf:
+            if promise[k][0] < math.inf:
                 found.setdefault(able[k].key, able[k])
         return list(found.values())
 
@@ -249,11 +252,19 @@ class _Search:
                     self.failures.append(found)
                 if self.progress:
                     self.progress("trying effects", done, len(tasks))
-            partials.sort(key=lambda partial: partial.point.cost)
-            gains = [self.refit.fit.cost - partial.point.cost for partial in partials]
-            able = [p for p, gain in zip(partials, gains, strict=True) if gain > SEARCH.promising * gains[0]]
-            for made in pool.map(self.fitter.finish, able[:finish]):
+            for made in pool.map(self.fitter.finish, self._able(partials, finish)):
                 self._keep(made)
+
+    def _able(self, partials: Sequence[PartialFit], finish: int) -> list[PartialFit]:
+        """The partial fits of the lowest cost, and of the greatest likelihood of coloured noise, by turns."""
+        cost = sorted(partials, key=lambda partial: partial.point.cost)
+        likely = sorted(partials, key=self._unlikely)
+        found = {id(p): p for both in zip(cost, likely, strict=True) for p in both}
+        return list(found.values())[:finish]
+
+    def _unlikely(self, partial: PartialFit) -> float:
+        made, x = partial.point.problem, partial.point.x
+        return 0.5 * made.prior_cost(x) - leftover(made, x, made.training).log_likelihood
 
     def _keep(self, made: ScoredModel) -> None:
         known = self._models.get(made.keys)

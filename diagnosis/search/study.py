@@ -11,6 +11,9 @@ from diagnosis.search.posterior import place_odds
 from diagnosis.search.scored_model import ScoredModel
 from scenarios.load import Scenario
 
+LEAST_ODDS = 0.001
+"""Odds below this are not told, nor a probability closer to one: no model of noise is that exact."""
+
 
 @dataclass(frozen=True)
 class Study:
@@ -26,7 +29,7 @@ class Study:
         odds: how probable each believed model is, by its effects.
         tried: number of effects at places.
         scales: sizes at the places.
-        failures: candidates that could not be built, with the reason.
+        failures: effects that were not tried, with the reason.
         notes: what was done differently from what was asked, in sentences.
     """
 
@@ -45,4 +48,4 @@ class Study:
     @property
     def place_odds(self) -> dict[str, float]:
         """How probable it is that something acts at each place, the most probable first."""
-        return place_odds(self.trials, self.odds)
+        return {place: share for place, share in place_odds(self.trials, self.odds).items() if share >= LEAST_ODDS}

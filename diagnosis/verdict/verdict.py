@@ -14,7 +14,7 @@ from diagnosis.estimation.least_squares import Fit, with_covariance
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
 from diagnosis.search.posterior import credible, explained, floor, misses, probability, value
 from diagnosis.search.scored_model import ScoredModel
-from diagnosis.search.study import Study
+from diagnosis.search.study import LEAST_ODDS, Study
 from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH
 from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
@@ -73,6 +73,8 @@ class Diagnosis:
             "fit": fit_table(study),
             "next_experiment": self.proposal.numbers() if self.proposal else None,
             "warnings": list(self.warnings),
+            "remaining": dict(zip(("when", "frequency"), traits(study.chosen), strict=True)),
+            "not_tried": [{"effect": effect, "reason": why} for effect, why in study.failures],
             "recovered_force": self.recovered.numbers() if self.recovered else None,
             "trials": [
                 {"effects": [c.key for c in t.effects], "train_chi2": t.fit.chi2, "hold_out_chi2": t.hold_out}
@@ -182,8 +184,8 @@ def _finding(
         "conditional_on": _conditional(study.chosen.fit, effect.name),
         "when": when,
         "frequency": frequency,
-        "sentence": finding_sentence(effect.effect, effect.place, status, share, study, others),
-        "probability": odds,
+        "sentence": finding_sentence(effect, status, share, study, others),
+        "probability": min(odds, 1 - LEAST_ODDS),
         "explained": share,
         "remaining": 1 - share,
         "parameters": parameters,
@@ -215,7 +217,7 @@ def _nothing(study: Study, status: str, near: Candidate | None) -> dict[str, Any
         "when": when if status == "unknown" else "",
         "frequency": frequency if status == "unknown" else "",
         "sentence": nothing_sentence(study, status, near),
-        "probability": sum(share for keys, share in study.odds.items() if not keys),
+        "probability": min(sum(share for keys, share in study.odds.items() if not keys), 1 - LEAST_ODDS),
         "explained": 0.0,
         "remaining": 1.0 if status == "unknown" else 0.0,
         "parameters": {},

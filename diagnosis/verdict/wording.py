@@ -50,18 +50,18 @@ def name_of(effect: str) -> str:
 
 
 def finding_sentence(
-    effect: str, place: str, status: str, explained: float, study: Study, rivals: Sequence[ScoredModel]
+    found: Candidate, status: str, explained: float, study: Study, rivals: Sequence[ScoredModel]
 ) -> str:
     """The finding as a sentence, with the held-out error before and after.
 
     Args:
-        effect: machine name of what was found.
-        place: where it was found.
+        found: what was found.
         status: of the finding.
         explained: share of the held-out excess that it explains.
         study: what was tried.
         rivals: that the recordings cannot tell from it.
     """
+    effect, place = found.effect, found.place + (f" ({found.option})" if found.option else "")
     what = name_of(effect)
     before, after = study.refit.hold_out, study.chosen.hold_out
     numbers = f"the held-out error falls from {before:.3g} to {after:.3g} times the noise floor"
@@ -79,7 +79,7 @@ def finding_sentence(
             f"see the warnings."
         )
     if status == "unknown":
-        return f"Something is missing near {place}; the best effect, {what}, explains only {explained:.0%} of it."
+        return f"Something is missing near {place}; the best effect, {what}, explains {explained:.0%} of it."
     return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."
 
 

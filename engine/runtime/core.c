@@ -41,6 +41,9 @@ typedef struct {
 #ifdef FA_CANCELLABLE
   const volatile int32_t *cancel;                                /* not 0 once the run is to end; or NULL */
 #endif
+#ifdef FA_PAUSABLE
+  int pausing, paused;                                           /* stop before events; whether that happened */
+#endif
 } fa_sim;
 
 static int fa_finite(const double *a, int n) {
@@ -322,6 +325,9 @@ static int fa_step(fa_sim *s, double h) {
     fa_accept(s, &b);
     s->t = end - s->t - b.h > 1e-13 * h ? s->t + b.h : end;
     if (!fa_finite(s->x, FA_NX)) return fa_not_finite(s);
+#ifdef FA_PAUSABLE
+    if (s->pausing && b.h > 1e-3 * h) { s->paused = 1; return FA_OK; } /* closer ones are one event to the caller */
+#endif
     fa_switch(s);
     s->events++;
     if (fa_settle(s)) return s->status;
@@ -378,8 +384,17 @@ static int fa_integrate_to(fa_sim *s, double t_end) {
 #endif
       FA_ON_TARGET(s, event, i, n);
       if (fa_step(s, to - s->t)) return s->status;
+#ifdef FA_PAUSABLE
+      if (s->paused) return FA_OK;
+#endif
       s->t = to;
     }
+#ifdef FA_PAUSABLE
+    if (s->pausing && fa_next_knot(s, &event) <= s->t + FA_SNAP * fmax(1, fabs(s->t))) {
+      s->paused = 1;
+      return FA_OK;
+    }
+#endif
     const int knots = fa_table_knots(s), events = FA_NT ? fa_time_events(s) : 0;
     if (s->status) return s->status;
     if ((knots || events) && fa_settle(s)) return s->status;

@@ -134,8 +134,11 @@ def page(found: Diagnosis) -> str:
     parts.append("  (mean squared error over noise variance; 1 is the noise floor)")
     odds = list(study.place_odds.items())[:3]
     if study.chosen.effects and odds:
-        parts.append("  places: " + ", ".join(f"{place} {value:.2g}" for place, value in odds))
+        parts.append("  places: " + ", ".join(f"{place} {min(value, 0.999):.3f}" for place, value in odds))
     if found.proposal:
         parts.append(f"  next experiment: {found.proposal.sentence} ({found.proposal.kind})")
+    if study.failures:
+        kinds = {why: [effect for effect, other in study.failures if other == why] for _, why in study.failures}
+        parts += [f"  not tried: {', '.join(effects)}: {why}" for why, effects in kinds.items()]
     parts += [f"  warning: {text}" for text in found.warnings]
     return "\n".join(parts)

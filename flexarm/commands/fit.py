@@ -53,6 +53,27 @@ def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
         "chi2": scores,
         "converged": made.converged,
         "not_settled": list(made.weak),
+        "spread": _spread(made),
+    }
+
+
+def _spread(made: Fit) -> dict[str, Any]:
+    """What the fit leaves uncertain, for `flexarm sweep --from-fit`: of the logarithm where that was searched.
+
+    Parameters that the data only bound have no standard deviation, and are left out.
+    """
+    import numpy as np
+
+    bounded = {i for i, *_ in made.flat}
+    kept = [i for i in range(len(made.problem.free)) if i not in bounded and made.covariance[i, i] > 0]
+    free = [made.problem.free[i] for i in kept]
+    part = made.covariance[np.ix_(kept, kept)]
+    deviation = np.sqrt(np.diag(part))
+    return {
+        "names": [f.name for f in free],
+        "logarithmic": [f.logarithmic for f in free],
+        "deviation": [float(d * abs(f.scale)) for f, d in zip(free, deviation, strict=True)],
+        "correlation": (part / np.outer(deviation, deviation)).tolist(),
     }
 
 

@@ -47,6 +47,10 @@ def linearise(
         str | None,
         typer.Option(metavar="TIME", help="A family along the scenario's run, at this interval and at mode changes."),
     ] = None,
+    reduce: Annotated[
+        int | None, typer.Option(min=0, help="Reduce to this many states, with the error bound stated.")
+    ] = None,
+    method: Annotated[str, typer.Option(help="Of the reduction: balanced or modal.")] = "balanced",
     every_mode: Annotated[
         bool, typer.Option("--modes", help="A family over all combinations of modes that can occur.")
     ] = False,
@@ -68,7 +72,7 @@ def linearise(
     from engine.files import check_suffix
     from flexarm.api import discretise
     from flexarm.api import linearise as linear_model
-    from flexarm.console.text import discrete_page, linear_head, linear_page
+    from flexarm.console.text import discrete_page, linear_head, linear_page, reduction_page
     from flexarm.cut import cut
     from flexarm.output import LINEAR, write_linear
     from flexarm.plotting.results import FIGURES
@@ -106,11 +110,17 @@ def linearise(
             typer.echo(f"written: {plot_family(family, plot, f'{loaded.name}, a family of linear models')}")
         return
     settings = {"modes": pairs(mode, "--mode"), "at": pairs(at, "--at"), "trim": trim}
-    linear = linear_model(made, **settings)  # type: ignore[arg-type]
+    linear = linear_model(made, **settings, discrete=False)  # type: ignore[arg-type]
     discrete = discretise(made, **settings) if made.model.clocks else None  # type: ignore[arg-type]
     typer.echo(linear_head(linear, loaded.name))
     say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
     typer.echo(linear_page(linear))
+    if reduce is not None:
+        from flexarm.design.reduction import reduce as reduced
+
+        smaller = reduced(linear, reduce, method=method)
+        typer.echo(reduction_page(smaller, linear))
+        linear = smaller.model
     if discrete is not None:
         typer.echo(discrete_page(discrete))
     for path in output or []:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from flexarm.console import completion
 from flexarm.console.options import OutputsOption, ScenarioArgument, SetOption, load, names, seconds
+
+if TYPE_CHECKING:
+    from flexarm.sweeps.metrics import Metric
 
 
 def sweep(
@@ -22,7 +25,8 @@ def sweep(
             "--vary",
             "-v",
             metavar="KEY=...",
-            help="KEY=START:STOP:N, KEY=A,B,C, KEY~tolerance, KEY~10% or KEY~LOW:HIGH; repeatable.",
+            help="KEY=START:STOP:N, KEY=A,B,C, KEY~tolerance, KEY~10%, KEY~LOW:HIGH, KEY~normal(10%), "
+            "KEY~lognormal(10%) or KEY~triangular(LOW, PEAK, HIGH); repeatable.",
             autocompletion=completion.keys,
         ),
     ] = None,
@@ -40,6 +44,22 @@ def sweep(
         str | None, typer.Option(metavar="ADDRESS", help="A dask scheduler whose workers are used instead.")
     ] = None,
     restart: Annotated[bool, typer.Option("--restart", help="Throw away what is there, and begin again.")] = False,
+    metric: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--metric",
+            "-m",
+            metavar="NAME=...",
+            help="Number of each run: overshoot(SIGNAL), settling_time(SIGNAL, band=2%), rms(SIGNAL, after=1 s) "
+            "or FILE.py:FUNCTION; repeatable.",
+        ),
+    ] = None,
+    from_fit: Annotated[
+        Path | None, typer.Option(metavar="FIT.json", help="Draw what 'flexarm fit --json' left uncertain, as it is.")
+    ] = None,
+    figures: Annotated[
+        bool, typer.Option("--figures", help="Draw tornado.png and scatter.png beside the table.")
+    ] = False,
 ) -> None:
     """Run a scenario over grids of values and draws within tolerances; a table with a row for each run.
 
@@ -75,19 +95,26 @@ def sweep(
                 scheduler=scheduler,
                 restart=restart,
                 progress=progress,
+                metrics=metric or (),
+                from_fit=from_fit,
             )
             made = run(loaded, vary or [], output, options)
     except KeyboardInterrupt:
         sys.stderr.write(f"interrupted after {at[0]} of {at[1]} runs; the same command goes on from there\n")
         raise typer.Exit(130) from None
     typer.echo(f"{loaded.name}: {plural(made.plan.total, 'run')}, {made.computed} of them computed now")
-    typer.echo(_ranges(made.table, made.plan.outputs))
-    for path in (made.table, made.trajectories):
+    typer.echo(_ranges(made.table, made.plan.outputs, made.plan.metrics))
+    drawn: tuple[Path, ...] = ()
+    if figures:
+        from flexarm.plotting.sweeps import plot_sweep
+
+        drawn = plot_sweep(made)
+    for path in (made.table, made.trajectories, *drawn):
         if path is not None:
             typer.echo(f"written: {path}")
 
 
-def _ranges(table: Path, outputs: tuple[tuple[str, str], ...]) -> str:
+def _ranges(table: Path, outputs: tuple[tuple[str, str], ...], metrics: tuple[Metric, ...]) -> str:
     """What the runs span, output by output, and how many failed."""
     import numpy as np
 
@@ -103,6 +130,12 @@ def _ranges(table: Path, outputs: tuple[tuple[str, str], ...]) -> str:
             spans += [number(values.min()), number(values.max())] if len(values) else ["-", "-"]
         rows.append([name, unit, f"{spans[0]} ... {spans[1]}", spans[2], spans[5]])
     parts = [columns(["signal", "unit", "end", "least", "greatest"], rows)]
+    for metric in metrics:
+        values = read(table, [metric.name])[metric.name]
+        values = values[np.isfinite(values)]
+        if len(values):
+            low, middle, high = (number(v) for v in np.quantile(values, [0.05, 0.5, 0.95]))
+            parts.append(f"  {metric.name}: median {middle} {metric.unit}, 5 to 95 % {low} to {high}")
     reasons = [reason for reason in read(table, ["failure"])["failure"] if reason is not None]
     if reasons:
         parts.append(f"  {plural(len(reasons), 'run')} failed; the first: {reasons[0]}")

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from engine.discretise import DiscreteModel
     from engine.family import LinearFamily
     from engine.linearise import LinearModel
+    from flexarm.design.reduction import Reduction
 
 
 def number(value: float) -> str:
@@ -154,6 +155,24 @@ def linear_page(linear: LinearModel) -> str:
     for output in linear.outputs:
         for driven in linear.inputs:
             parts.append(f"  zeros of {output} / {driven} [1/s]:  {_roots(linear.zeros(output, driven))}")
+    return "\n".join(parts)
+
+
+def reduction_page(made: Reduction, whole: LinearModel) -> str:
+    """What a reduction keeps, and the bound on its error."""
+    parts = [
+        f"reduced from {len(whole.states)} to {len(made.model.states)} states; the gain of the difference is at most "
+        f"{number(made.bound)} at any frequency"
+    ]
+    if made.kept:
+        parts.append(
+            f"  {plural(made.kept, 'state')} kept because it does not decay"
+            if made.kept == 1
+            else f"  {made.kept} states kept because they do not decay"
+        )
+    if len(made.hankel):
+        parts.append("  Hankel singular values: " + ", ".join(number(float(v)) for v in made.hankel[:12]))
+    parts.append("  poles [1/s]:  " + _roots(made.model.poles()))
     return "\n".join(parts)
 
 

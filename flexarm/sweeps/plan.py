@@ -15,6 +15,8 @@ import numpy as np
 
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.quantity import coherent, convert, factor, split
+from flexarm.sweeps.metrics import Metric
+from flexarm.sweeps.samples import USAGE, Sample, correlated, read_law
 
 if TYPE_CHECKING:
     from engine.model import Model
@@ -47,33 +49,6 @@ class Axis:
     numbers: tuple[float, ...]
     unit: str
     names: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Sample:
-    """A parameter drawn for each run, uniform from ``low`` to ``high``.
-
-    Attributes:
-        name: of the model's parameter.
-        low, high: bounds in ``unit``, or, where ``relative``, multiples of the model's own value.
-        unit: of the parameter.
-        relative: the drawn number multiplies the model's own value.
-        floor, ceiling: bounds that the block declares; an interval that reaches beyond is cut there.
-    """
-
-    name: str
-    low: float
-    high: float
-    unit: str
-    relative: bool
-    floor: float = -math.inf
-    ceiling: float = math.inf
-
-    def at(self, share: float, own: float) -> float:
-        """The value at a share of the interval, for a model whose own value is ``own``."""
-        ends = sorted((self.low * own, self.high * own)) if self.relative else [self.low, self.high]
-        low, high = max(ends[0], self.floor), min(ends[1], self.ceiling)
-        return low + (high - low) * share
 
 
 @dataclass(frozen=True)
@@ -110,6 +85,8 @@ class SweepPlan:
         outputs: signals that are summed up, with their units.
         stop, step, keep: times in seconds; None for those of the scenario, and for no trajectories.
         version: of flexarm.
+        metrics: further numbers of each run.
+        correlation: of the normal numbers behind the first samples, those of a fit.
         files: the scenario's files by relative path, the main one first, where workers do not share the disk.
     """
 
@@ -125,6 +102,8 @@ class SweepPlan:
     step: float | None
     keep: float | None
     version: str
+    metrics: tuple[Metric, ...] = ()
+    correlation: tuple[tuple[float, ...], ...] = ()
     files: tuple[tuple[str, bytes], ...] = field(default=(), repr=False)
 
     @property
@@ -158,6 +137,7 @@ class SweepPlan:
         shares: tuple[float, ...] = ()
         if self.samples:
             shares = tuple(np.random.default_rng([self.seed, draw]).random(len(self.samples)).tolist())
+            shares = tuple(correlated(shares, self.correlation))
         return Run(number, tuple(structure), parameters, shares, point)
 
 
@@ -338,7 +318,7 @@ def _samples(model: Model, key: str, text: str, stated: Mapping[str, float]) -> 
     for name in chosen:
         parameter = model.parameters[model.parameter_index(name)]
         declared, own = parameter.declared, parameter.value
-        bounds = _inside(declared)
+        bounds = inside(declared)
         tolerance = stated.get(name, declared.tolerance)
         if text == "tolerance":
             if wild and (not tolerance or own == 0):
@@ -353,12 +333,12 @@ def _samples(model: Model, key: str, text: str, stated: Mapping[str, float]) -> 
             if share <= 0:
                 raise ParameterError(f"'{text}' is no share to vary by", remedy=f"write for example {key}~10%")
             made.append(Sample(name, 1 - share, 1 + share, declared.unit, True, *bounds))
+        elif (law := read_law(name, text, declared, own, bounds)) is not None:
+            made.append(law)
         else:
             low, colon, high = text.partition(":")
             if not colon:
-                raise ParameterError(
-                    f"'{text}' is no range to draw from", remedy=f"write {key}~tolerance, {key}~10% or {key}~LOW:HIGH"
-                )
+                raise ParameterError(f"'{text}' is no range to draw from", remedy=USAGE.replace("KEY", key))
             ends = (declared.check(_plain(low.strip())), declared.check(_plain(high.strip())))
             if not ends[0] < ends[1]:
                 raise ParameterError(f"'{text}' is empty: {low.strip()} is not below {high.strip()}")
@@ -370,7 +350,7 @@ def _samples(model: Model, key: str, text: str, stated: Mapping[str, float]) -> 
     return made
 
 
-def _inside(declared: Any) -> tuple[float, float]:
+def inside(declared: Any) -> tuple[float, float]:
     """The least and greatest value that a parameter accepts."""
     low, high = declared.bounds
     if declared.gt is not None:

@@ -276,6 +276,9 @@ class SweepStore:
             for kind in SUMMARIES:
                 fields.append((f"{name}.{kind}", pyarrow.float64()))
                 units[f"{name}.{kind}"] = unit
+        for metric in plan.metrics:
+            fields.append((metric.name, pyarrow.float64()))
+            units[metric.name] = metric.unit
         fields.append(("failure", pyarrow.string()))
         return pyarrow.schema(fields, metadata=self._metadata({"run": "", **units, "failure": ""}, "sweep"))
 

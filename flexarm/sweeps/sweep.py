@@ -12,7 +12,9 @@ from engine.errors import FlexarmError, ParameterError, nearest
 from engine.spread import MOST_WORKERS, Spread
 from flexarm._version import version
 from flexarm.output import provenance
-from flexarm.sweeps.plan import MOST_RUNS, SweepPlan, make_axes
+from flexarm.sweeps.metrics import read_metrics
+from flexarm.sweeps.plan import MOST_RUNS, SweepPlan, inside, make_axes
+from flexarm.sweeps.samples import from_fit
 from flexarm.sweeps.store import SweepStore
 from flexarm.sweeps.work import build, compute, digest
 from scenarios.files import packed
@@ -55,6 +57,8 @@ class SweepKeywords(TypedDict, total=False):
     scheduler: str | None
     restart: bool
     progress: Callable[[int, int], None] | None
+    metrics: Iterable[str]
+    from_fit: str | Path | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +76,9 @@ class SweepOptions:
         scheduler: address of a dask scheduler whose workers are used instead.
         restart: throw away what an earlier sweep left in the output.
         progress: called with runs done and runs in all.
+        metrics: further numbers of each run: ``NAME=overshoot(SIGNAL)``, ``NAME=FILE.py:FUNCTION``; see
+            `flexarm.sweeps.metrics`.
+        from_fit: a file of ``flexarm fit --json``: its parameters are drawn as uncertain and as correlated as it says.
     """
 
     runs: int | None = None
@@ -84,6 +91,8 @@ class SweepOptions:
     scheduler: str | None = None
     restart: bool = False
     progress: Callable[[int, int], None] | None = None
+    metrics: Iterable[str] = ()
+    from_fit: str | Path | None = None
 
 
 def sweep(
@@ -103,7 +112,7 @@ def sweep(
         source: a scenario, its file or shipped name.
         vary: texts ``KEY=START:STOP:N[:log]`` and ``KEY=A,B,C`` (axes of a grid, the first slowest, after those that
             need models of their own), ``KEY~tolerance``, ``KEY~10%`` and ``KEY~LOW:HIGH`` (drawn uniformly; the key may
-            hold ``*``).
+            hold ``*``), and the laws of `flexarm.sweeps.samples`, such as ``KEY~normal(10%)``.
         output: a .parquet file, or a folder, made if need be, in which it is called ``runs.parquet``.
         options: what each run is, and where the runs are done.
         **given: fields of `SweepOptions` as keywords, over those of ``options``, such as ``runs=1000``.
@@ -169,7 +178,7 @@ def make_plan(
 ) -> SweepPlan:
     """The plan of a sweep; arguments and errors as of `sweep`."""
     o = replace(options or SweepOptions(), **given)
-    if not vary:
+    if not vary and o.from_fit is None:
         raise FlexarmError("nothing is varied", remedy="give --vary, for example --vary gear.ratio=14:70:5")
     if o.runs is not None and o.runs < 1:
         raise ParameterError(f"{o.runs} runs are none", remedy="give --runs 1 or more")
@@ -189,6 +198,18 @@ def make_plan(
         return None if load_only else made.build(outputs=wanted)
 
     axes, samples = make_axes(scenario, model, vary, rebuild)
+    correlation: tuple[tuple[float, ...], ...] = ()
+    if o.from_fit is not None:
+        known = {p.name: (p.declared, inside(p.declared)) for p in model.parameters}
+        fitted, correlation = from_fit(Path(o.from_fit), known)
+        taken = {sample.name for sample in samples} | {name for axis in axes for name in axis.names}
+        twice = next((sample.name for sample in fitted if sample.name in taken), None)
+        if twice:
+            raise ParameterError(f"'{twice}' is drawn from the fit and varied as well", remedy="leave out that --vary")
+        samples = (*fitted, *samples)
+    metrics = read_metrics(tuple(o.metrics), dict(chosen))
+    if o.scheduler and any(metric.digest for metric in metrics):
+        raise ParameterError("a Python function is not sent to a cluster", remedy="use --workers, or a named metric")
     if samples and o.runs is None:
         raise ParameterError(
             f"'{samples[0].name}' is drawn at random, and how often is not said", remedy="add for example --runs 1000"
@@ -208,6 +229,8 @@ def make_plan(
         step=o.step,
         keep=o.keep,
         version=version(),
+        metrics=metrics,
+        correlation=correlation,
     )
     if plan.total > MOST_RUNS:
         raise ParameterError(f"{plan.total:.3g} runs are too many", remedy=f"at most {MOST_RUNS:.0e} are done")

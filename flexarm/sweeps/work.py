@@ -119,6 +119,11 @@ def _row(plan: SweepPlan, run: Run, result: Result | str, drawn: list[float]) ->
         found = [math.nan] * len(SUMMARIES) if isinstance(result, str) else _summary(result[name])
         row |= {f"{name}.{kind}": value for kind, value in zip(SUMMARIES, found, strict=True)}
     row["failure"] = result if isinstance(result, str) else None
+    for metric in plan.metrics:
+        try:
+            row[metric.name] = math.nan if isinstance(result, str) else metric.of(result)
+        except FlexarmError as error:
+            row[metric.name], row["failure"] = math.nan, error.message
     return row
 
 

@@ -14,6 +14,7 @@ typedef struct fa_instance {
   int64_t alive;
   fa_core core;
   int exchange;                      /* Model Exchange */
+  int hybrid, early;                 /* Co-Simulation with event mode; whether its steps may return early */
   int logging, last;                 /* a bit for each category; status of the last step */
   void (*log_message)(struct fa_instance *, int status, const char *category, const char *line);
   void *(*allocate)(struct fa_instance *, size_t size);
@@ -195,8 +196,18 @@ static int fa_enter_state(fa_instance *i, const char *f, int fmi_state) {
   return FA_STATUS_OK;
 }
 
+static int fa_leave_initialization(fa_instance *i, const char *f) {
+  fa_core *c = &i->core;
+  const int status = fa_enter_state(i, f, i->exchange || i->hybrid ? FA_EVENT_MODE : FA_STEP_MODE);
+  if (status || !(i->exchange || i->hybrid)) return status;
+  double fire[FA_SIZE(FA_NC)];
+  fa_due_clocks(0, fire);
+  for (int k = 0; k < FA_NC; k++) c->now.ticking[k] = c->before.ticking[k] = fire[k] != 0;
+  return status;
+}
+
 static int fa_reset(fa_instance *i) {
-  fa_reset_core(&i->core, i->exchange);
+  fa_reset_core(&i->core, i->exchange, i->hybrid, i->early);
   i->last = FA_STATUS_OK;
   return FA_STATUS_OK;
 }
@@ -211,7 +222,7 @@ static int fa_get_values(fa_instance *i, const char *f, const unsigned *vr, size
   if (!vr || !(real || whole)) return fa_error(i, f, "the references or values are NULL");
   for (size_t k = 0; k < n; k++) {
     const int is_mode = vr[k] >= FA_VR_M && vr[k] < FA_VR_G;
-    if (vr[k] >= FA_VR_END || is_mode == (real != 0))
+    if (vr[k] >= FA_VR_C || is_mode == (real != 0))
       return fa_invalid_reference(i, f, "no variable of this type", vr[k]);
     given &= fa_is_given(&c->now, vr[k]);
   }
@@ -329,7 +340,10 @@ static int fa_set_fmu_state(fa_instance *i, const char *f, const void *state) {
   if (why) return fa_error(i, f, why);
   if (((const fa_fmu_state *)state)->state.exchange != i->exchange)
     return fa_error(i, f, "it is a state of the other kind: Co-Simulation and Model Exchange do not mix");
+  if (((const fa_fmu_state *)state)->state.hybrid != i->hybrid)
+    return fa_error(i, f, "it is a state of the other kind: Co-Simulation with and without event mode do not mix");
   fa_restore(&i->core, state);
+  i->core.now.early = i->early;
   return FA_STATUS_OK;
 }
 
@@ -434,11 +448,41 @@ static int fa_update_discrete_states(fa_instance *i, const char *f, int *moved, 
   *moved = starting || s->moved || memcmp(x, sim->x, sizeof x) || memcmp(d, sim->d, sizeof d) ||
            memcmp(m, sim->m, sizeof m) || memcmp(cursor, sim->cursor, sizeof cursor);
   s->moved = 0;
+  memset(s->ticking, 0, sizeof s->ticking);
   *next = fa_next_event_time(s);
   return FA_STATUS_OK;
 }
 
+/* Enter event mode from the modes of Model Exchange, or from step mode. */
+static int fa_enter_event_mode(fa_instance *i, const char *f) {
+  fa_core *c = &i->core;
+  if (!i->exchange && !i->hybrid) return fa_error(i, f, "not allowed in step mode: the instance was made without event mode");
+  if (!i->exchange) fa_undo_evaluation(c);
+  if (c->now.fmi_state != FA_EVENT_MODE) fa_note_clocks(&c->now);
+  c->now.fmi_state = FA_EVENT_MODE;
+  return FA_STATUS_OK;
+}
+
+static int fa_enter_step_mode(fa_instance *i, const char *f) {
+  fa_core *c = &i->core;
+  if (!i->hybrid) return fa_error(i, f, "the instance was not made for Co-Simulation with event mode");
+  if (fa_evaluated(i, f)) return FA_STATUS_ERROR;
+  c->kept = 0;
+  c->now.fmi_state = FA_STEP_MODE;
+  memset(c->now.ticking, 0, sizeof c->now.ticking);
+  return FA_STATUS_OK;
+}
+
+static int fa_get_clocks(fa_instance *i, const char *f, const unsigned *vr, size_t n, unsigned char *ticks) {
+  if (n && (!vr || !ticks)) return fa_error(i, f, "the references or values are NULL");
+  for (size_t k = 0; k < n; k++)
+    if (vr[k] < FA_VR_C || vr[k] >= FA_VR_END) return fa_invalid_reference(i, f, "not a clock", vr[k]);
+  for (size_t k = 0; k < n; k++) ticks[k] = i->core.now.ticking[vr[k] - FA_VR_C];
+  return FA_STATUS_OK;
+}
+
 static int fa_enter_continuous_time_mode(fa_instance *i, const char *f) {
+  if (!i->exchange) return fa_error(i, f, "not for Co-Simulation");
   if (fa_evaluated(i, f)) return FA_STATUS_ERROR;
   i->core.kept = 0;
   i->core.now.fmi_state = FA_CONTINUOUS_TIME_MODE;
@@ -447,6 +491,7 @@ static int fa_enter_continuous_time_mode(fa_instance *i, const char *f) {
 
 static int fa_set_time(fa_instance *i, const char *f, double time) {
   fa_state *s = &i->core.now;
+  if (!i->exchange) return fa_error(i, f, "not for Co-Simulation");
   if (!(time - time == 0) || time + FA_STEP == time)
     return fa_error(i, f, "the time is not finite, or so large that a step is lost in rounding");
   if (s->sim.t != time) s->stale = 1;

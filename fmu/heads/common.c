@@ -6,16 +6,21 @@
  *
  * At a communication point the model stands just before the instant: inputs set there, tuned parameters and clocks that
  * are due wait in `pending` until a value is asked for or the next step begins. A value set after one was read takes
- * the instant back (`before`) and the instant is evaluated afresh, so the order of reading and setting is immaterial. */
+ * the instant back (`before`) and the instant is evaluated afresh, so the order of reading and setting is immaterial.
+ *
+ * Co-Simulation with event mode (FMI 3) returns from a step before a switch, knot, time event or clock: these wait in
+ * `pending` too, and values that are asked for before event mode are the limits from the left. */
 
-enum { FA_PENDING_START = 1, FA_PENDING_PARAMETERS = 2, FA_PENDING_INPUTS = 4, FA_PENDING_CLOCKS = 8 };
-/* FA_STEP_MODE is Co-Simulation's step mode, FA_EVENT_MODE and FA_CONTINUOUS_TIME_MODE are those of Model Exchange. */
+enum { FA_PENDING_START = 1, FA_PENDING_PARAMETERS = 2, FA_PENDING_INPUTS = 4, FA_PENDING_CLOCKS = 8,
+       FA_PENDING_EVENT = 16 };
+/* FA_STEP_MODE is Co-Simulation's step mode, FA_CONTINUOUS_TIME_MODE is of Model Exchange, FA_EVENT_MODE of both. */
 enum { FA_INSTANTIATED, FA_INITIALIZATION_MODE, FA_STEP_MODE, FA_TERMINATED, FA_ERROR_STATE, FA_EVENT_MODE,
        FA_CONTINUOUS_TIME_MODE };
 enum { FA_OPEN_MIN = 1, FA_OPEN_MAX = 2, FA_TUNABLE = 4 };
 
 /* Value references: time, parameters, inputs, outputs, states, derivatives, memories; then the modes, whole numbers; then
- * the event indicators, two for each mode; then the coordinates in whose place a twist is shown as a state. */
+ * the event indicators, two for each mode; then the coordinates in whose place a twist is shown as a state; then the
+ * clocks, which only FMI 3 shows. */
 enum {
   FA_VR_P = 1,
   FA_VR_U = FA_VR_P + FA_NP,
@@ -26,7 +31,8 @@ enum {
   FA_VR_M = FA_VR_D + FA_ND,
   FA_VR_G = FA_VR_M + FA_NF + FA_NS,
   FA_VR_Q = FA_VR_G + FA_NG,
-  FA_VR_END = FA_VR_Q + FA_NR
+  FA_VR_C = FA_VR_Q + FA_NR,
+  FA_VR_END = FA_VR_C + FA_NC
 };
 
 typedef struct {
@@ -39,6 +45,9 @@ typedef struct {
   int32_t stop_defined, fmi_state, pending, stale;                        /* stale: sim.full is not that of t and x */
   int32_t moved, exchange;                                            /* moved: inputs or parameters changed since the
                                                                          last event; exchange: Model Exchange */
+  int32_t hybrid, early;                                              /* Co-Simulation with event mode; whether its
+                                                                         steps may return early */
+  unsigned char ticking[FA_SIZE(FA_NC)];                              /* clocks that tick at the present event */
 } fa_state;
 
 typedef struct {
@@ -78,9 +87,11 @@ static double fa_spectral_radius(int n, double *a) {
 
 /* -- start ------------------------------------------------------------------------------------------------------ */
 
-static void fa_reset_core(fa_core *c, int exchange) {
+static void fa_reset_core(fa_core *c, int exchange, int hybrid, int early) {
   memset(c, 0, sizeof *c);
   c->now.exchange = exchange;
+  c->now.hybrid = hybrid;
+  c->now.early = early;
   memcpy(c->now.p, fa_p_default, sizeof(double) * FA_NP);
   memcpy(c->now.u, fa_u_start, sizeof(double) * FA_NU);
   c->now.pending = FA_PENDING_START;
@@ -184,6 +195,13 @@ static int fa_apply_pending(fa_state *s) {
     if (fa_initialize(s)) return sim->status;
     return fa_tick_clocks(s);
   }
+  if (what & FA_PENDING_EVENT) {
+    fa_switch(sim);
+    sim->events++;
+    fa_table_knots(sim);
+    if (fa_time_events(sim) && sim->status) return sim->status;
+    if (fa_settle(sim)) return sim->status;
+  }
   if (what & FA_PENDING_PARAMETERS) {
     memcpy(sim->p, s->p, sizeof(double) * FA_NP);
     fa_parameters_changed(sim);
@@ -196,9 +214,27 @@ static int fa_apply_pending(fa_state *s) {
   return sim->status;
 }
 
+/* An event waits for event mode. */
+static int fa_event_waits(const fa_state *s) {
+  return s->hybrid && s->fmi_state == FA_STEP_MODE && s->pending & (FA_PENDING_EVENT | FA_PENDING_CLOCKS);
+}
+
+/* Values just before an event that waits, with the inputs as they are set. */
+static int fa_limit_from_the_left(fa_core *c) {
+  fa_state *s = &c->now;
+  if (!c->kept) c->before = *s;
+  c->kept = 1;
+  if (s->pending & FA_PENDING_INPUTS) {
+    c->read = s->sim.rated = 0;
+    for (int i = 0; i < FA_NU; i++) fa_set_input(&s->sim, i, s->u[i], s->slope[i]);
+  }
+  return fa_update_derivative(&s->sim);
+}
+
 /* Values at the present instant are wanted. */
 static int fa_ensure_evaluated(fa_core *c) {
   fa_state *s = &c->now;
+  if (fa_event_waits(s)) return fa_limit_from_the_left(c);
   if (s->stale) {
     s->stale = c->read = 0;
     fa_evaluate(&s->sim);
@@ -237,6 +273,8 @@ static int fa_advance(fa_core *c, double from, double length) {
   const double began = s->sim.t, own = began + length, given = from + length;
   const double low = fmin(own, given), high = fmax(own, given);
   const double snap = 1e-6 * FA_STEP + 4 * 2.220446049250313e-16 * fabs(high);
+  s->sim.pausing = s->hybrid && s->early;
+  s->sim.paused = 0;
   for (;;) {
     const int64_t next = fa_next_tick(s->tick);
     const double at = fa_tick_time(s, next);
@@ -245,14 +283,16 @@ static int fa_advance(fa_core *c, double from, double length) {
       break;
     }
     if (fa_integrate(&s->sim, at)) return s->sim.status;
+    if (s->sim.paused) break;
     s->tick = next;
-    if (at >= low - snap) {
-      double fire[FA_SIZE(FA_NC)];
-      if (fa_due_clocks(next, fire)) s->pending |= FA_PENDING_CLOCKS;
-      break;
-    }
-    if (fa_tick_clocks(s)) return s->sim.status;
+    double fire[FA_SIZE(FA_NC)];
+    const int due = fa_due_clocks(next, fire), last = at >= low - snap;
+    if (due && (last || s->sim.pausing)) s->pending |= FA_PENDING_CLOCKS;
+    if (last || s->pending & FA_PENDING_CLOCKS) break;
+    if (due && fa_tick(&s->sim, fire)) return s->sim.status;
   }
+  if (s->sim.paused) s->pending |= FA_PENDING_EVENT;
+  s->sim.pausing = s->sim.paused = 0;
   for (int i = 0; i < FA_NU; i++)
     if (s->slope[i] != 0) {                                  /* a slope lasts one step; then the input holds */
       s->u[i] += s->slope[i] * (s->sim.t - began);
@@ -305,6 +345,16 @@ static int fa_process_events(fa_core *c) {
   return FA_OK;
 }
 
+/* Note which clocks tick at the event that begins. */
+static void fa_note_clocks(fa_state *s) {
+  double fire[FA_SIZE(FA_NC)] = {0};
+  int64_t tick = s->tick;
+  int now = s->pending & (FA_PENDING_CLOCKS | FA_PENDING_START);
+  if (s->exchange && !(s->pending & FA_PENDING_START)) now = fa_next_clock_time(s, &tick) <= s->sim.t + 1e-9 * FA_STEP;
+  if (now) fa_due_clocks(tick, fire);
+  for (int k = 0; k < FA_NC; k++) s->ticking[k] = now && fire[k] != 0;
+}
+
 static double fa_next_event_time(const fa_state *s) {
   int event;
   int64_t tick;
@@ -320,7 +370,7 @@ static int fa_is_input(unsigned vr) { return vr >= FA_VR_U && vr < FA_VR_Y; }
 static int fa_start_index(unsigned vr) {
   int k = -1;
   if (vr >= FA_VR_X && vr < FA_VR_DX && fa_state_twist[vr - FA_VR_X] < 0) k = (int)vr - FA_VR_X;
-  if (vr >= FA_VR_Q && vr < FA_VR_END) k = fa_twist_coordinate[vr - FA_VR_Q];
+  if (vr >= FA_VR_Q && vr < FA_VR_C) k = fa_twist_coordinate[vr - FA_VR_Q];
   return k >= 0 && fa_x_exact[k] ? k : -1;
 }
 
@@ -360,7 +410,7 @@ static double fa_get_value(fa_core *c, unsigned vr) {
     c->read = 1;
     return c->y[vr - FA_VR_Y];
   }
-  if (vr < FA_VR_DX || vr >= FA_VR_Q) {
+  if (vr < FA_VR_DX || (vr >= FA_VR_Q && vr < FA_VR_C)) {
     const int r = vr < FA_VR_DX ? fa_state_twist[vr - FA_VR_X] : -1;
     if (r >= 0) return fa_twist_value(s->sim.x, r);
     const int k = vr < FA_VR_DX ? (int)vr - FA_VR_X : fa_twist_coordinate[vr - FA_VR_Q];
@@ -549,8 +599,13 @@ static int fa_sound_run(const fa_state *s) {
 /* Whether every field of a state is one that an instance can have; a checksum can be forged. */
 static int fa_sound(const fa_state *s) {
   if (s->fmi_state < FA_INSTANTIATED || s->fmi_state > FA_CONTINUOUS_TIME_MODE || s->fmi_state == FA_ERROR_STATE) return 0;
-  if (s->exchange ? s->exchange != 1 || s->fmi_state == FA_STEP_MODE : s->fmi_state >= FA_EVENT_MODE) return 0;
-  if (s->pending & ~(FA_PENDING_START | FA_PENDING_PARAMETERS | FA_PENDING_INPUTS | FA_PENDING_CLOCKS)) return 0;
+  if ((s->exchange & ~1) || (s->hybrid & ~1) || (s->early & ~1) || (s->exchange && (s->hybrid || s->early))) return 0;
+  if (s->exchange ? s->fmi_state == FA_STEP_MODE : s->fmi_state >= (s->hybrid ? FA_CONTINUOUS_TIME_MODE : FA_EVENT_MODE))
+    return 0;
+  if (s->pending & ~(FA_PENDING_START | FA_PENDING_PARAMETERS | FA_PENDING_INPUTS | FA_PENDING_CLOCKS |
+                     (s->hybrid ? FA_PENDING_EVENT : 0))) return 0;
+  for (int k = 0; k < FA_NC; k++)
+    if (s->ticking[k] > 1) return 0;
   if (s->fmi_state == FA_INSTANTIATED && !(s->pending & FA_PENDING_START)) return 0;
   if (!(s->start - s->start == 0) || s->stop != s->stop) return 0;
   if (!fa_finite(s->u, FA_NU) || !fa_finite(s->slope, FA_NU)) return 0;

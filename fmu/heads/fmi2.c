@@ -52,7 +52,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   i->allocate = fa_allocate;
   i->release = fa_free;
   snprintf(i->name, sizeof i->name, "%s", name);
-  fa_reset_core(&i->core, i->exchange);
+  fa_reset_core(&i->core, i->exchange, 0, 0);
   return made;
 }
 
@@ -84,7 +84,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
   FA_ALLOWED_IN(FA_BIT(FA_INITIALIZATION_MODE))
-  return fa_enter_state(i, __func__, i->exchange ? FA_EVENT_MODE : FA_STEP_MODE);
+  return fa_leave_initialization(i, __func__);
 }
 
 fmi2Status fmi2Terminate(fmi2Component c) {

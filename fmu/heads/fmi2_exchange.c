@@ -3,8 +3,7 @@
 
 fmi2Status fmi2EnterEventMode(fmi2Component c) {
   FA_ALLOWED_IN(FA_MODEL_EXCHANGE_MODES)
-  i->core.now.fmi_state = FA_EVENT_MODE;
-  return fmi2OK;
+  return fa_enter_event_mode(i, __func__);
 }
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {

@@ -1,4 +1,4 @@
-/* FMI 3.0, Co-Simulation and Model Exchange. Functions for what this FMU has not, such as other types and clocks, are in
+/* FMI 3.0, Co-Simulation and Model Exchange. Functions for what this FMU has not, such as other types, are in
  * fmi3_refused.c. */
 
 #include "fmi3Functions.h"
@@ -36,7 +36,7 @@ static fmi3Instance fa_instantiation_failed(fmi3LogMessageCallback log, fmi3Inst
 
 static fmi3Instance fa_instantiate(const char *function, const char *wrong, fmi3String name, fmi3String token,
                             fmi3Boolean logging, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
-                            int exchange) {
+                            int exchange, int hybrid, int early) {
   if (!wrong) wrong = fa_instantiation_error(name, token);
   fa_fmi3 *made = wrong ? 0 : calloc(1, sizeof *made);
   if (!made) return fa_instantiation_failed(log, environment, function, wrong ? wrong : "out of memory");
@@ -45,12 +45,14 @@ static fmi3Instance fa_instantiate(const char *function, const char *wrong, fmi3
   made->log = log;
   i->alive = FA_ALIVE;
   i->exchange = exchange;
+  i->hybrid = hybrid;
+  i->early = early;
   i->logging = logging ? -1 : 0;
   i->log_message = fa_log_message;
   i->allocate = fa_allocate;
   i->release = fa_free;
   snprintf(i->name, sizeof i->name, "%s", name);
-  fa_reset_core(&i->core, i->exchange);
+  fa_reset_core(&i->core, exchange, hybrid, early);
   return made;
 }
 
@@ -59,17 +61,17 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          const fmi3ValueReference intermediate[], size_t n_intermediate,
                                          fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
                                          fmi3IntermediateUpdateCallback update) {
-  (void)resources; (void)visible; (void)early_return; (void)intermediate; (void)update;
-  const char *wrong = event_mode ? "Co-Simulation has no event mode here"
-                      : n_intermediate ? "this FMU has no intermediate updates" : 0;
-  return fa_instantiate(__func__, wrong, name, token, logging, environment, log, 0);
+  (void)resources; (void)visible; (void)intermediate; (void)update;
+  const char *wrong = n_intermediate ? "this FMU has no intermediate updates" : 0;
+  const int hybrid = event_mode != 0;
+  return fa_instantiate(__func__, wrong, name, token, logging, environment, log, 0, hybrid, hybrid && early_return);
 }
 
 fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                           fmi3Boolean logging, fmi3InstanceEnvironment environment,
                                           fmi3LogMessageCallback log) {
   (void)resources; (void)visible;
-  return fa_instantiate(__func__, 0, name, token, logging, environment, log, 1);
+  return fa_instantiate(__func__, 0, name, token, logging, environment, log, 1, 0, 0);
 }
 
 void fmi3FreeInstance(fmi3Instance c) {
@@ -95,7 +97,7 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean with_toleranc
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c) {
   FA_ALLOWED_IN(FA_BIT(FA_INITIALIZATION_MODE))
-  return fa_enter_state(i, __func__, i->exchange ? FA_EVENT_MODE : FA_STEP_MODE);
+  return fa_leave_initialization(i, __func__);
 }
 
 fmi3Status fmi3Terminate(fmi3Instance c) {
@@ -202,20 +204,44 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 now, fmi3Float64 length, fmi3B
                       fmi3Boolean *end, fmi3Boolean *early, fmi3Float64 *last) {
   (void)no_return;
   FA_ALLOWED_IN(FA_BIT(FA_STEP_MODE))
-  const int status = fa_do_step(i, __func__, now, length);
-  if (event) *event = fmi3False;
+  const int status = fa_do_step(i, __func__, now, length), waits = !status && fa_event_waits(&i->core.now);
+  if (event) *event = waits;
   if (end) *end = fmi3False;
-  if (early) *early = fmi3False;
+  if (early) *early = waits && fa_time(i) < now + length - fa_time_tolerance(now);
   if (last) *last = fa_time(i);
   return status;
 }
 
-/* -- Model Exchange --------------------------------------------------------------------------------------------- */
+/* -- events ----------------------------------------------------------------------------------------------------- */
 
 fmi3Status fmi3EnterEventMode(fmi3Instance c) {
-  FA_ALLOWED_IN(FA_MODEL_EXCHANGE_MODES)
-  i->core.now.fmi_state = FA_EVENT_MODE;
+  FA_ALLOWED_IN(FA_MODEL_EXCHANGE_MODES | FA_BIT(FA_STEP_MODE))
+  return fa_enter_event_mode(i, __func__);
+}
+
+fmi3Status fmi3EnterStepMode(fmi3Instance c) {
+  FA_ALLOWED_IN(FA_BIT(FA_EVENT_MODE))
+  return fa_enter_step_mode(i, __func__);
+}
+
+/* Clocks tick by themselves; which of them tick at an event is known in event mode, until it is processed. */
+fmi3Status fmi3GetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Clock values[]) {
+  FA_ALLOWED_IN(FA_BIT(FA_EVENT_MODE))
+  unsigned char ticks;
+  if (n && !values) return fa_error(i, __func__, "values is NULL");
+  for (size_t k = 0; k < n; k++) {
+    if (fa_get_clocks(i, __func__, vr ? vr + k : 0, 1, &ticks)) return fmi3Error;
+    values[k] = ticks != 0;
+  }
   return fmi3OK;
+}
+
+fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Clock values[]) {
+  (void)values;
+  FA_ALLOWED_IN(FA_ANY_STATE)
+  if (!n) return fmi3OK;
+  return vr ? fa_invalid_reference(i, __func__, "clocks tick by themselves and cannot be set", vr[0])
+            : fa_error(i, __func__, "the references are NULL");
 }
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *again, fmi3Boolean *end, fmi3Boolean *nominals,
@@ -232,6 +258,13 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance c, fmi3Boolean *again, fmi3Bool
   *time = next < HUGE_VAL ? next : 0;
   return fmi3OK;
 }
+
+fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) {
+  FA_ALLOWED_IN(FA_BIT(FA_INITIALIZATION_MODE) | FA_BIT(FA_EVENT_MODE))
+  return fa_evaluated(i, __func__);
+}
+
+/* -- Model Exchange --------------------------------------------------------------------------------------------- */
 
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance c) {
   FA_ALLOWED_IN(FA_BIT(FA_EVENT_MODE))

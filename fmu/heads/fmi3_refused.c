@@ -50,11 +50,6 @@ fmi3Status fmi3GetBinary(fmi3Instance c, const fmi3ValueReference vr[], size_t n
   return fa_unsupported_type(c, __func__, vr, n);
 }
 
-fmi3Status fmi3GetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Clock v[]) {
-  (void)v;
-  return fa_unsupported_type(c, __func__, vr, n);
-}
-
 fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Int32 v[], size_t m) {
   (void)v; (void)m;
   return fa_unsupported_type(c, __func__, vr, n);
@@ -63,11 +58,6 @@ fmi3Status fmi3SetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n,
 fmi3Status fmi3SetBinary(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const size_t valueSizes[],
                          const fmi3Binary v[], size_t m) {
   (void)valueSizes; (void)v; (void)m;
-  return fa_unsupported_type(c, __func__, vr, n);
-}
-
-fmi3Status fmi3SetClock(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Clock v[]) {
-  (void)v;
   return fa_unsupported_type(c, __func__, vr, n);
 }
 
@@ -138,14 +128,6 @@ fmi3Status fmi3SetShiftFraction(fmi3Instance c, const fmi3ValueReference vr[], s
                                 const fmi3UInt64 resolutions[]) {
   (void)counters; (void)resolutions;
   return fa_unsupported_type(c, __func__, vr, n);
-}
-
-fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance c) {
-  return fa_unsupported_function(c, __func__, "Co-Simulation has no event mode here, and no model has clocks");
-}
-
-fmi3Status fmi3EnterStepMode(fmi3Instance c) {
-  return fa_unsupported_function(c, __func__, "Co-Simulation has no event mode here, and no model has clocks");
 }
 
 fmi3Status fmi3ActivateModelPartition(fmi3Instance c, fmi3ValueReference clockReference, fmi3Float64 activationTime) {

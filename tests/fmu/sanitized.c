@@ -12,6 +12,7 @@
 #include <string.h>
 
 enum { OK = 0, DISCARD = 2, ERROR = 3 };
+enum { SLAVE, EXCHANGE, EVENTS, EARLY };              /* Co-Simulation; with event mode; with early return too */
 enum { GIVE_X, TAKE_X, TAKE_RATES, TAKE_GUARDS, TAKE_NOMINALS };
 
 static long messages;
@@ -220,7 +221,7 @@ static void states_and_bytes(void) {
 
 #define SLOTS 4
 
-typedef struct { instance c; int exchange; void *state[SLOTS]; } patient;
+typedef struct { instance c; void *state[SLOTS]; } patient;
 
 static unsigned char *bytes_of;                                 /* of a state that was written out */
 static size_t size_of;
@@ -273,7 +274,7 @@ static void act(patient *p) {
     }
     case 18: call(event_mode(c)); break;
     case 19: case 20: call(discrete(c)); break;
-    case 21: call(continuous(c)); break;
+    case 21: call(chance(2) ? continuous(c) : step_mode(c)); break;
     case 22: call(chance(2) ? completed(c) : set_time(c, chance(9) ? near : odd() * 1e-3)); break;
     case 23: {
       const int what = (int)chance(5);
@@ -286,8 +287,7 @@ static void act(patient *p) {
       if (chance(50)) break;
       forget_all(p);
       release(c);
-      p->exchange = (int)chance(2);
-      p->c = make("again", guid, p->exchange, 1);
+      p->c = make("again", guid, (int)chance(4), 1);
       must(p->c);
   }
   tidy();
@@ -301,7 +301,7 @@ int main(int count, char **word) {
   no_instances();
   bad_arguments();
   states_and_bytes();
-  patient all[3] = {{make("a", guid, 0, 1), 0, {0}}, {make("b", guid, 1, 1), 1, {0}}, {make("c", guid, 0, 1), 0, {0}}};
+  patient all[3] = {{make("a", guid, SLAVE, 1), {0}}, {make("b", guid, EXCHANGE, 1), {0}}, {make("c", guid, EARLY, 1), {0}}};
   for (long k = strtol(word[7], 0, 10); k > 0; k--) act(&all[chance(3)]);
   for (int i = 0; i < 3; i++) forget_all(&all[i]), release(all[i].c);
   free(bytes_of);

@@ -17,8 +17,8 @@ static void *nothing(size_t n, size_t size) { (void)n; (void)size; return 0; }
 static const fmi2CallbackFunctions calls = {logger, calloc, free, 0, 0}, own_memory = {logger, 0, 0, 0, 0},
                                    silent = {0, calloc, free, 0, 0}, full = {logger, nothing, free, 0, 0};
 
-static instance make(const char *name, const char *token, int exchange, int logging) {
-  return fmi2Instantiate(name, exchange ? fmi2ModelExchange : fmi2CoSimulation, token, 0, &calls, 0, logging);
+static instance make(const char *name, const char *token, int kind, int logging) {
+  return fmi2Instantiate(name, kind == EXCHANGE ? fmi2ModelExchange : fmi2CoSimulation, token, 0, &calls, 0, logging);
 }
 
 static void no_more_instances(void) {
@@ -70,6 +70,7 @@ static int directional(instance c, const unsigned *of, size_t n, const unsigned 
   return fmi2GetDirectionalDerivative(c, of, n, by, m, along, v);
 }
 static int event_mode(instance c) { return fmi2EnterEventMode(c); }
+static int step_mode(instance c) { return fmi2EnterContinuousTimeMode(c); }
 static int discrete(instance c) {
   fmi2EventInfo *info = room(sizeof *info);
   return fmi2NewDiscreteStates(c, info);

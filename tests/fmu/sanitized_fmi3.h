@@ -10,16 +10,16 @@ static void logger(fmi3InstanceEnvironment e, fmi3Status status, fmi3String cate
   said(text);
 }
 
-static instance make(const char *name, const char *token, int exchange, int logging) {
-  return exchange ? fmi3InstantiateModelExchange(name, token, 0, 0, logging, 0, logger)
-                  : fmi3InstantiateCoSimulation(name, token, 0, 0, logging, 0, 0, 0, 0, 0, logger, 0);
+static instance make(const char *name, const char *token, int kind, int logging) {
+  const int events = kind >= EVENTS;
+  return kind == EXCHANGE ? fmi3InstantiateModelExchange(name, token, 0, 0, logging, 0, logger)
+                          : fmi3InstantiateCoSimulation(name, token, 0, 0, logging, events, kind == EARLY, 0, 0, 0, logger, 0);
 }
 
 static void everything_else(instance c, const unsigned *vr, size_t n, double *values);
 
 static void no_more_instances(void) {
   const unsigned vr = 0;
-  must(!fmi3InstantiateCoSimulation("x", guid, 0, 0, 1, 1, 0, 0, 0, 0, logger, 0));
   must(!fmi3InstantiateCoSimulation("x", guid, 0, 0, 1, 0, 0, &vr, 1, 0, logger, 0));
   must(!fmi3InstantiateScheduledExecution("x", guid, 0, 0, 1, 0, logger, 0, 0, 0));
   must(!fmi3InstantiateCoSimulation(0, guid, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0));
@@ -58,6 +58,7 @@ static int directional(instance c, const unsigned *of, size_t n, const unsigned 
   return fmi3GetDirectionalDerivative(c, of, n, by, m, along, m, v, n);
 }
 static int event_mode(instance c) { return fmi3EnterEventMode(c); }
+static int step_mode(instance c) { return fmi3EnterStepMode(c); }
 static int discrete(instance c) {
   fmi3Boolean *flags = room(5 * sizeof *flags);
   return fmi3UpdateDiscreteStates(c, &flags[0], &flags[1], &flags[2], &flags[3], &flags[4], room(8));

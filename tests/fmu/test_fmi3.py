@@ -175,7 +175,7 @@ def test_refusals(switching_model: Model, exported3: Any, tmp_path: Path) -> Non
         refuses(3, "step", instance.doStep, 0.5, 1e-3)
         refuses(3, "step", instance.doStep, 0.0, -1e-3)
         refuses(3, "step mode", instance.enterEventMode)
-        refuses(3, "event mode", instance.enterStepMode)
+        refuses(3, "step mode", instance.enterStepMode)
         values = (ctypes.c_double * 2)()
         vr = (ctypes.c_uint * 1)(*u)
         refuses(3, "one value", instance.fmi3GetFloat64, instance.component, vr, 1, values, 2)

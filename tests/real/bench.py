@@ -9,6 +9,7 @@ from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
 from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.partial_fit import standing
 from diagnosis.search.scored_model import ScoredModel
 from scenarios.load import load
 
@@ -27,8 +28,8 @@ class Bench:
         return next(c for c in there if c.place == place) if exact else there[0]
 
     def put_in(self, *effects: Candidate) -> ScoredModel:
-        """The model with effects in it, fitted from the refit."""
-        return self.fitter.polish(self.fitter.finish(self.fitter.partial_fit(effects, self.refit.fit)))
+        """The model with effects in it, fitted from the refit; all but the last begin at the first of their sizes."""
+        return self.fitter.finish(self.fitter.partial_fit(effects, [standing(self.refit.fit)]))
 
 
 def bench(name: str, *overrides: str) -> Bench:

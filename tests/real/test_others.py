@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from diagnosis.api import diagnose
+from diagnosis.search.partial_fit import ended, standing
 from diagnosis.search.scored_model import ScoredModel
 from tests.real.bench import Bench, bench
 
@@ -84,10 +85,12 @@ def test_the_pendulum_s_joint_is_damped_viscously(pendulum: Bench) -> None:
     assert damping == pytest.approx(2.24e-4, rel=0.25)
     assert nrmse(viscous, "train") > 99.5 > nrmse(dry, "train")
     assert nrmse(viscous, "hold_out") > 97 > nrmse(dry, "hold_out")
-    begun = pendulum.fitter.partial_fit(
-        (pendulum.find("viscous_friction", "arm.shaft"), pendulum.find("coulomb_friction", "arm.shaft")), viscous.fit
+    both = pendulum.fitter.finish(
+        pendulum.fitter.partial_fit(
+            (ended(viscous, viscous.effects[0]), pendulum.find("coulomb_friction", "arm.shaft")),
+            [standing(viscous.fit)],
+        )
     )
-    both = pendulum.fitter.finish(begun)
     weight = 0.1476 * 9.81 * 0.1476
     assert both.fit.parameters()["found_coulomb_friction.coulomb_friction"] < 1e-4 * weight
 

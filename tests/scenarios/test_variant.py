@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from engine.errors import FlexarmError
-from scenarios.amend import AtFlange, Between, Edit, Feed, InSignal, OnSensor, Replace, Set, amended
+from scenarios.amend import AtFlange, Between, Edit, Feed, InSignal, OnSensor, ReadAt, Replace, Set, amended
 from scenarios.load import Scenario, load
 from scenarios.variant import edited, renamed
 
@@ -49,6 +49,22 @@ EDITS: dict[str, list[Edit]] = {
     "at an exposed flange": [AtFlange("found", "Inertia", "arm.joint.a", "shaft", {"inertia": "1e-4 kg.m2"})],
     "between two": [Between("found", "SpringDamper", "motor.shaft", "a", "b", {"stiffness": "7 N.m/rad"})],
     "between several": [Between("found", "SpringDamper", "wheel.shaft", "a", "b", {"stiffness": "7 N.m/rad"})],
+    "between, others beside the target": [
+        Between("found", "SpringDamper", "wheel.shaft", "a", "b", {"stiffness": "7 N.m/rad"}, ("gear.output",))
+    ],
+    "between, an exposed flange beside the target": [
+        Between("found", "SpringDamper", "load.shaft", "a", "b", {"stiffness": "7 N.m/rad"}, ("arm.joint.a",))
+    ],
+    "read elsewhere": [ReadAt("load.shaft.angle", "spring.b.angle")],
+    "read on the other side of a cut": [
+        Between("found", "SpringDamper", "spring.b", "a", "b", {"stiffness": "7 N.m/rad"}, ("arm.joint.a",)),
+        ReadAt("load.shaft.angle", "spring.b.angle"),
+    ],
+    "behind a sensor that is read elsewhere": [
+        OnSensor("found_scale", "Gain", "load.shaft.angle", {"gain": "1.1"}),
+        Between("found", "SpringDamper", "spring.b", "a", "b", {"stiffness": "7 N.m/rad"}),
+        ReadAt("load.shaft.angle", "spring.b.angle"),
+    ],
     "behind a sensor": [OnSensor("found", "Gain", "load.shaft.angle", {"gain": "1.1"})],
     "a source": [Feed("found", "Constant", "motor.voltage", {"value": "1 V"})],
     "a source of several": [Feed("found", "Constant", "gain.in", {"value": "1 V"})],
@@ -77,6 +93,42 @@ def test_memory_and_text_give_one_model(scenario: Scenario, edits: list[Edit]) -
     made = edited(scenario, edits).build((), outputs)
     assert made.signature == written.signature
     assert made.signature != scenario.build((), ["load.shaft.angle", "arm.link.hub.speed"]).signature
+
+
+def test_a_recording_is_read_where_the_edits_say(scenario: Scenario, tmp_path: Path) -> None:
+    """On either side of a cut, and behind a sensor on the signal that moved, whatever the order of the edits."""
+    (tmp_path / "run.csv").write_text("t,u,y\n0,0,0\n0.1,1,0.1\n0.2,1,0.3\n", encoding="utf-8")
+    recorded = (
+        TEXT
+        + """\
+recordings:
+  run:
+    file: run.csv
+    time: {column: t, unit: s}
+    drive: {motor.voltage: {column: u, unit: V}}
+    measurements: {load.shaft.angle: {column: y, unit: rad}}
+"""
+    )
+    path = tmp_path / "recorded.yaml"
+    path.write_text(recorded, encoding="utf-8")
+    given = load(path)
+    for name, signal in (
+        ("read elsewhere", "spring.b.angle"),
+        ("read on the other side of a cut", "spring.b.angle"),
+        ("behind a sensor that is read elsewhere", "found_scale.out"),
+    ):
+        text = amended(recorded, EDITS[name], resolve=given.resolve)
+        made = load(path, text=text)
+        assert list(made.recordings["run"].measurements) == [signal] == renamed(["load.shaft.angle"], EDITS[name])
+        behind = [c.ends for c in made.system.connections if "found_scale.in" in c.ends]
+        assert behind == ([("spring.b.angle", "found_scale.in")] if signal == "found_scale.out" else [])
+
+
+def test_those_beside_the_target_stay_with_it(scenario: Scenario) -> None:
+    made = edited(scenario, EDITS["between, others beside the target"]).system
+    nodes = {frozenset(c.ends) for c in made.connections}
+    assert {"wheel.shaft", "gear.output", "found.a"} in nodes
+    assert {"found.b", "spring.a"} in nodes
 
 
 def test_the_scenario_itself_stays(scenario: Scenario) -> None:

@@ -169,21 +169,27 @@ def test_another_packages_motor_spring_and_link_get_their_effects(tmp_path: Any,
 
 
 @pytest.mark.parametrize("trait", ["cut_after", "winding_parameters"])
-def test_a_block_that_says_nothing_gets_none(tmp_path: Any, monkeypatch: pytest.MonkeyPatch, trait: str) -> None:
-    """The class's name decides nothing: a DCMotor that takes back what DCMotor says is left alone."""
+def test_a_block_that_says_nothing_of_its_winding_gets_none(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch, trait: str
+) -> None:
+    """The class's name decides nothing: a DCMotor that takes back what DCMotor says is left alone.
+
+    Which block drives a node only orders its sides: a node is cut whoever drives it.
+    """
     silent = type("DCMotor", (DCMotor,), {trait: ()})
     monkeypatch.setitem(registry(), "DCMotor", silent)
     path = rig(
         tmp_path,
         "  motor: {type: DCMotor, resistance: 2 ohm, torque_constant: 0.05 N.m/A, rotor_inertia: 1e-3 kg.m2}\n"
         "  arm: {type: Inertia, inertia: 0.1 kg.m2}\n",
-        "  - [motor.shaft, arm.shaft]\n",
+        "  - [arm.shaft, motor.shaft]\n",
         ("motor.voltage", "V"),
         ("arm.shaft.angle", "rad"),
     )
-    found = {c.effect for c in possible_effects(path)}
-    assert ("inductance" in found) == (trait != "winding_parameters")
-    assert ("backlash" in found) == (trait != "cut_after")
+    found = possible_effects(path)
+    assert ("inductance" in {c.effect for c in found}) == (trait != "winding_parameters")
+    first = "arm.shaft -> motor.shaft" if trait == "cut_after" else "motor.shaft -> arm.shaft"
+    assert {c.place for c in found if c.effect == "backlash"} == {first}
 
 
 def test_a_spring_with_names_of_its_own_hands_on_its_values(tmp_path: Any, own_blocks: None) -> None:

@@ -58,4 +58,4 @@ def test_a_worker_that_builds_another_model_says_so(path: Any) -> None:
     fitter = CandidateFitter(scenario, gather(scenario, [], []))
     order = Order(packed(scenario), tuple(scenario.overrides), fitter.recordings, 0, fitter.digest)
     with pytest.raises(FlexarmError, match="another model"):
-        perform((replace(order, digest="0" * 64), Task((), {})))
+        perform((replace(order, digest="0" * 64), Task((), ())))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,10 +14,11 @@ from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.scales import operating_scales
-from diagnosis.search.equivalent_effects import same_laws
+from diagnosis.search.equivalent_effects import lookalikes, one_law
 from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.posterior import prices
 from diagnosis.search.search import exchanged
-from diagnosis.thresholds import EXCHANGE, INTERVALS
+from diagnosis.thresholds import INTERVALS, SEARCH
 from diagnosis.verdict import verdict, wording
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -41,27 +41,28 @@ def found(listed: Any, effect: Any, place: str = "motor.shaft") -> Any:
     return next(c for c in listed if (c.effect, c.place) == (effect, place))
 
 
-@pytest.mark.parametrize("effect", ["gravity", "torque_ripple"])
-def test_gravity_and_a_ripple_of_order_one_are_one_law(fitter: CandidateFitter, listed: Any, effect: str) -> None:
-    """-m g sin(a - h) = m g sin(a + pi - h): residuals are the same where the twin starts, whichever was chosen."""
-    sizes = {"gravity": {"mass": 3e-5, "hanging_angle": 0.7}, "torque_ripple": {"order": 1.0, "amplitude": 3e-4}}
-    start = sizes[effect] | ({"phase": -0.4} if effect == "torque_ripple" else {})
-    chosen = fitter.finish(
-        fitter.partial_fit((replace(found(listed, effect), starts=(start,)),), fitter.refit().fit), 0
+def made(*effects: tuple[str, str]) -> Any:
+    """A model of some effects, each with its place, as far as `lookalikes` sees it."""
+    return SimpleNamespace(
+        effects=tuple(Candidate(e, place, place, f"found_{e}", lambda v: []) for e, place in effects)
     )
-    ((twin,),) = same_laws(chosen, listed)
-    assert twin.effect != effect
-    (point,) = fitter.points((twin,), [list(twin.starts)], chosen.fit.parameters())
-    made = replace(point.problem, internal_step=chosen.fit.problem.internal_step)
-    for e in chosen.fit.problem.experiments:
-        mine, other = chosen.fit.problem.residual(chosen.fit.x, e), made.residual(point.x, e)
-        np.testing.assert_allclose(other, mine, rtol=0, atol=1e-5 * np.abs(mine).max())
 
 
-def test_a_ripple_of_another_order_has_no_twin(fitter: CandidateFitter, listed: Any) -> None:
-    ripple = replace(found(listed, "torque_ripple"), starts=({"order": 2.0, "amplitude": 3e-4, "phase": 0.1},))
-    chosen = fitter.finish(fitter.partial_fit((ripple,), fitter.refit().fit), 0)
-    assert same_laws(chosen, listed) == []
+def test_a_single_effect_is_tried_as_the_pair_that_it_may_be_taken_for() -> None:
+    """Each of the pair where it does best, beside the effects that stay."""
+    singles = [made(("coulomb_friction", "arm")), made(("offset", "u")), made(("coulomb_friction", "motor"))]
+    chosen = made(("lag", "u"), ("direction_dependent_friction", "arm"))
+    (found,) = lookalikes(chosen, singles)
+    assert [c.key for c in found] == ["lag at u", "coulomb_friction at arm", "offset at u"]
+    assert lookalikes(chosen, singles[1:2]) == []  # one of the pair was never fitted
+    assert lookalikes(made(("lag", "u")), singles) == []
+
+
+def test_a_known_pair_counts_as_one_law() -> None:
+    pair = made(("coulomb_friction", "arm"), ("offset", "u"))
+    assert one_law(pair.effects) == 1
+    assert prices(pair.effects) == 1
+    assert prices(made(("coulomb_friction", "arm"), ("lag", "u")).effects) == 2
 
 
 def test_a_further_body_is_not_heavier_than_twice_what_it_hangs_on(listed: Any) -> None:
@@ -111,12 +112,12 @@ def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain: float, 
 
 def test_the_halves_of_a_recording_are_all_of_it_once(fitter: CandidateFitter) -> None:
     whole: Any = fitter.recordings[0]
-    fitted, judged = whole.split(EXCHANGE.part)
+    fitted, judged = whole.split(SEARCH.part)
     assert (fitted.role, judged.role) == ("train", "hold_out")
     a, b, y = (r.measurements[0].values for r in (fitted, judged, whole))
     assert np.all(np.isfinite(a) != np.isfinite(b))
     np.testing.assert_array_equal(np.where(np.isfinite(a), a, b), y)
-    assert np.isfinite(a[np.asarray(whole.time) < EXCHANGE.part]).all()
+    assert np.isfinite(a[np.asarray(whole.time) < SEARCH.part]).all()
     assert fitted.drive == judged.drive == whole.drive
 
 
@@ -139,7 +140,7 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
     scenario = load(case(tmp_path, seed=5))
     fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
-    exchange = exchanged(fitter, fitter.refit())
+    exchange = exchanged(fitter, fitter.refit(), math.log(40))
     assert exchange is not None
     moved, told = exchange
     roles = {r.name: r.role for r in moved}

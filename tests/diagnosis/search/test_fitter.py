@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from benchmarks.concealed.case import draw
@@ -17,6 +18,7 @@ from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.scales import operating_scales
 from diagnosis.search import fitter as fitting
 from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.partial_fit import PartialFit, StartingPoint, standing
 from scenarios.load import load
 from tests.diagnosis.plants import case
 
@@ -38,13 +40,15 @@ def test_a_fit_that_runs_away_is_left_at_its_last_good_place(
 ) -> None:
     """Where a model cannot be differentiated, descending gives no cost."""
     zone = next(c for c in listed if c.effect == "dead_zone")
-    partial = replace(fitter.partial_fit((zone,), fitter.refit().fit), converged=False)
-    before = fitter.finish(partial, 0)
-    assert before.hold_out < 1.2  # it is a good place
+    partial = replace(fitter.partial_fit((zone,), [standing(fitter.refit().fit)]), converged=False)
     monkeypatch.setattr(fitting, "descend", lambda problem, x, *rest, **more: (x + 9.0, math.inf, False))
-    for after in (fitter.finish(partial), fitter.polish(before)):
-        assert after.fit.cost == before.fit.cost
-        assert after.added() == before.added()
+    after = fitter.finish(partial)
+    assert after.fit.cost == partial.point.cost
+    np.testing.assert_array_equal(after.fit.x, partial.point.x)
+    assert after.hold_out < 1.2  # it is a good place
+    again = fitter.retried(after)
+    assert again.fit.cost == after.fit.cost
+    assert again.added() == after.added()
 
 
 def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path: Path) -> None:
@@ -79,3 +83,22 @@ def test_candidates_are_built_without_reading_anything_again(
     made = fitter.build((zone,), (zone.starts[0],))
     assert made.model.inputs[0].name == f"{zone.name}.in"
     assert made.experiments == fitter.base.experiments
+
+
+def test_a_fit_that_was_tried_again_and_kept_is_the_same_model(fitter: CandidateFitter, listed: Any) -> None:
+    """Its search vector counts from the sizes that the model was built with, not from those that were asked for."""
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    built, asked = {"lower": -0.01, "upper": 0.01}, {"lower": -0.02, "upper": 0.03}
+    made = fitter.build((zone,), (built,))
+    given = {f"{zone.name}.{key}": value for key, value in asked.items()}
+    x = np.array([f.position(given[f.name]) if f.name in given else 0.0 for f in made.free])
+    cost = made.cost(x, made.training) + made.prior_cost(x)
+    begun = fitter._trial(PartialFit((zone,), StartingPoint(cost, made, x, (asked,), (built,)), False))
+    kept: dict[str, Any] = {}
+    storing = CandidateFitter(fitter.scenario, fitter.recordings, 1, store=kept)
+    first = storing.retried(begun)
+    assert len(kept) == 1
+    again = storing.retried(begun)
+    assert first.fit.cost < begun.fit.cost
+    assert again.fit.parameters() == first.fit.parameters()
+    assert again.log_evidence == pytest.approx(first.log_evidence)

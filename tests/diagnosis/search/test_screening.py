@@ -1,12 +1,10 @@
-"""Pairs ranked at once, and sizes that speak for each other."""
+"""What effects promise, alone and in pairs, against least squares; sizes that speak for each other."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,9 +16,9 @@ from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.parameters import prior
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.promising_pairs import _gains, promising
-from diagnosis.search.scored_model import at_end
-from diagnosis.thresholds import FITTING, PAIRS
+from diagnosis.search.partial_fit import standing
+from diagnosis.search.screening import _gains, courses, together
+from diagnosis.thresholds import FITTING, SEARCH
 from scenarios.load import load
 from tests.diagnosis import plants
 from tests.diagnosis.plants import case
@@ -39,7 +37,7 @@ def test_the_gain_of_every_pair_is_that_of_least_squares() -> None:
     some = 0
     for i, j in itertools.combinations(range(9), 2):
         factors, left, *_ = np.linalg.lstsq(table[:, [i, j]], -r, rcond=None)
-        able = bool(((factors > 1 / PAIRS.factor) & (factors < PAIRS.factor)).all())
+        able = bool(((factors > 1 / SEARCH.factor_of_two) & (factors < SEARCH.factor_of_two)).all())
         assert gains[i, j] == pytest.approx(float(r @ r - left[0]) if able else 0.0)
         assert far[i, j] == pytest.approx(float(np.abs(np.log(factors)).sum()) if able else 0.0)
         some += able
@@ -52,20 +50,61 @@ def test_courses_that_are_one_and_the_same_make_no_pair() -> None:
     assert _gains(table.T @ table, -table.T @ (-sensitivity))[0][0, 1] == 0.0
 
 
+def test_a_course_gains_what_least_squares_with_the_prior_gives(tmp_path: Path) -> None:
+    """The residual of the model's tangents and of one course, by numpy; derivatives are differences of simulations."""
+    fitter = bench(tmp_path, seed=3, coulomb=1.5e-4)
+    origin = fitter.origin((), standing(fitter.refit().fit))
+    assert origin is not None
+    made, x = origin.problem, origin.x
+    friction = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "coulomb_friction")
+
+    def left(problem: Any, there: Any, n: int = len(x)) -> Any:
+        return np.concatenate([problem.residual(there, e).ravel() for e in problem.training] + [there[:n]])
+
+    h = 1e-4
+    tangents = np.column_stack([(left(made, x + d) - left(made, x - d)) / (2 * h) for d in h * np.eye(len(x))])
+    r = left(made, x)
+    without = r + tangents @ np.linalg.lstsq(tangents, -r, rcond=None)[0]
+    assert origin.cost == pytest.approx(float(without @ without), rel=1e-3)
+    found = courses(fitter, origin, friction)
+    assert len(found) > 2
+    assert [c.gain for c in found] == sorted((c.gain for c in found), reverse=True)
+    some = 0
+    for course in found:
+        amended = fitter.build((friction,), (course.sizes,))
+        names = [f.name for f in amended.free]
+        there = np.array([x[[f.name for f in made.free].index(n)] if n.startswith("motor.") else 0.0 for n in names])
+        added = left(amended, there)[: len(r) - len(x)] - r[: len(r) - len(x)]
+        table = np.column_stack([tangents, np.concatenate([added, np.zeros(len(x))])])
+        step = np.linalg.lstsq(table, -r, rcond=None)[0]
+        inside = 0.1 / SEARCH.factor < step[-1] < SEARCH.factor
+        # Where the factor is out of reach, it stands at the end of what is allowed.
+        factor = min(max(step[-1], 0.1 / SEARCH.factor), SEARCH.factor)
+        beside = r + factor * table[:, -1]
+        rest = beside + tangents @ np.linalg.lstsq(tangents, -beside, rcond=None)[0]
+        assert course.gain == pytest.approx(float(without @ without - rest @ rest), rel=2e-3, abs=0.5)
+        some += inside
+    assert some
+
+
 def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_path: Path) -> None:
     """A motor with 25 mV of dead zone and 1.5e-5 N.m of dry friction, integrated without flexarm."""
     fitter = bench(tmp_path, seed=3, coulomb=1.5e-5, dead=0.025)
     refit = fitter.refit()
-    pairs = promising(fitter, refit, candidates(operating_scales(fitter.base)), 16)
+    origin = fitter.origin((), standing(refit.fit))
+    assert origin is not None
+    listed = [c for c in candidates(operating_scales(fitter.base)) if not c.freed]
+    found = [course for c in listed for course in courses(fitter, origin, c)[: SEARCH.sizes]]
+    pairs = together(found, origin, 16)
     keys = [{c.effect for c in pair} for pair in pairs]
     assert {"dead_zone", "coulomb_friction"} in keys
     pair = pairs[keys.index({"dead_zone", "coulomb_friction"})]
-    assert all(1 <= len(c.starts) <= 2 for c in pair)  # neither is a wave
-    made = fitter.polish(fitter.finish(fitter.partial_fit(pair, refit.fit)))
+    assert all(len(c.starts) == 1 for c in pair)
+    made = fitter.finish(fitter.partial_fit(pair, [standing(refit.fit)]))
     assert made.hold_out < 1.1 < refit.hold_out
-    found = made.added()
-    assert found["coulomb_friction.coulomb_friction"] == pytest.approx(1.5e-5, rel=0.2)
-    assert found["dead_zone.upper"] == pytest.approx(0.025, rel=0.2)
+    sizes = made.added()
+    assert sizes["coulomb_friction.coulomb_friction"] == pytest.approx(1.5e-5, rel=0.2)
+    assert sizes["dead_zone.upper"] == pytest.approx(0.025, rel=0.2)
 
 
 def one_way(t: Any) -> dict[str, Any]:
@@ -85,10 +124,13 @@ def test_of_an_amplifier_that_reached_one_limit_the_other_is_taken_to_be_as_larg
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
     fitter = bench(tmp_path, seed=5)
     limits = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "saturation")
-    made = fitter.polish(fitter.finish(fitter.partial_fit((limits,), fitter.refit().fit)))
+    made = fitter.finish(fitter.partial_fit((limits,), [standing(fitter.refit().fit)]))
     found = made.added()
     assert found["saturation.upper"] == pytest.approx(1.0, rel=0.01)
-    assert found["saturation.lower"] == pytest.approx(-found["saturation.upper"], rel=1e-3)
+    # Two normal priors on the logarithm: alike to 0.3, and a tenth of the largest input (1.5 V) within a factor of ten.
+    alike, any_size = 0.3, math.log(10)
+    expected = math.log(0.15 / found["saturation.upper"]) / (1 + (any_size / alike) ** 2)
+    assert found["saturation.lower"] == pytest.approx(-found["saturation.upper"] * math.exp(expected), rel=1e-3)
     assert made.hold_out < 1.2  # it meets both limits
 
 
@@ -98,7 +140,7 @@ def test_two_ends_that_the_recordings_know_may_differ(tmp_path: Path, monkeypatc
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -0.7, 1.0), **more))
     fitter = bench(tmp_path, seed=5)
     limits = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "saturation")
-    found = fitter.polish(fitter.finish(fitter.partial_fit((limits,), fitter.refit().fit))).added()
+    found = fitter.finish(fitter.partial_fit((limits,), [standing(fitter.refit().fit)])).added()
     assert (found["saturation.lower"], found["saturation.upper"]) == pytest.approx((-0.7, 1.0), rel=0.01)
 
 
@@ -113,23 +155,6 @@ def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(t
     assert r[-1] == pytest.approx(math.log(ratio) / FITTING.alike)
     steps = [(prior(made.free, x + h)[0] - prior(made.free, x - h)[0]) / 2e-6 for h in 1e-6 * np.eye(len(x))]
     np.testing.assert_allclose(np.column_stack(steps), J, atol=1e-8)
-
-
-@pytest.mark.parametrize(("size", "ended"), [(1.0, False), (1.99, True), (-1.99, True)])
-def test_a_size_that_went_as_far_as_it_may_is_noticed(size: float, ended: bool) -> None:
-    body = Candidate(
-        "extra_mode",
-        "a",
-        "a",
-        "found",
-        lambda v: [],
-        (EffectParameter("inertia", 1.0, most=2.0), EffectParameter("k", 1.0)),
-    )
-    trial: Any = SimpleNamespace(effects=(body,), added=lambda: {"extra_mode.inertia": size, "extra_mode.k": 1e9})
-    assert at_end(trial) == (["extra_mode.inertia"] if ended else [])
-    free = replace(body, parameters=(EffectParameter("inertia", 1.0),))
-    open_ended: Any = SimpleNamespace(effects=(free,), added=trial.added)
-    assert at_end(open_ended) == []
 
 
 @pytest.mark.parametrize("start", [-0.5, 0.5])

@@ -15,7 +15,7 @@ from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.scales import operating_scales
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.partial_fit import ended
+from diagnosis.search.partial_fit import ended, standing
 from diagnosis.search.wave_starts import solved
 from scenarios.load import load
 from tests.diagnosis import plants
@@ -58,7 +58,7 @@ def strong(tmp_path_factory: pytest.TempPathFactory) -> Any:
 def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong: Any) -> None:
     fitter, listed = strong
     ripple, refit = listed["torque_ripple"], fitter.refit()
-    found = fitter.finish(fitter.partial_fit((ripple,), refit.fit))
+    found = fitter.finish(fitter.partial_fit((ripple,), [standing(refit.fit)]))
     assert refit.hold_out > 100
     assert found.hold_out < 1.2
     sizes = found.added()
@@ -67,7 +67,7 @@ def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong
     # Torque and inertia are known by their ratio.
     share = found.fit.parameters()["motor.rotor_inertia"] / plants.INERTIA
     assert sizes["torque_ripple.amplitude"] == pytest.approx(3e-4 * share, rel=0.01)
-    gridded = fitter.finish(fitter.partial_fit((replace(ripple, wave=None),), refit.fit))
+    gridded = fitter.finish(fitter.partial_fit((replace(ripple, wave=None),), [standing(refit.fit)]))
     assert gridded.fit.cost > 100 * found.fit.cost
 
 
@@ -96,6 +96,6 @@ def test_a_wrong_order_is_chosen_anew_beside_another_effect(pushed: Any) -> None
 def test_the_linear_solution_ranks_the_orders(pushed: Any) -> None:
     fitter, listed = pushed
     effects = (listed["torque_ripple"], replace(listed["offset"], starts=({"offset": 0.01},)))
-    best, second, *_ = solved(fitter, effects, 0, fitter.refit().fit.parameters())
+    best, second, *_ = solved(fitter, effects, 0, standing(fitter.refit().fit))
     assert best.sizes[0]["order"] == 2.0
     assert best.cost < 0.5 * second.cost

@@ -13,6 +13,7 @@ from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.scales import operating_scales
 from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.partial_fit import standing
 from diagnosis.verdict.experiment_design import NOTHING, menu, propose
 from scenarios.load import load
 from tests.diagnosis import plants
@@ -52,7 +53,7 @@ def rivals(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
     refit = fitter.refit()
     listed = [c for c in candidates(operating_scales(fitter.base)) if c.effect in ("lag", "delay")]
-    return [fitter.finish(fitter.partial_fit((c,), refit.fit)) for c in listed]
+    return [fitter.finish(fitter.partial_fit((c,), [standing(refit.fit)])) for c in listed]
 
 
 @pytest.mark.parametrize("sample", [2e-4, 1e-3, 1e-2, 0.2])

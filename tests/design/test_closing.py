@@ -1,0 +1,88 @@
+"""A controller put back into a scenario: against the closed loop of python-control, and the errors."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+
+from engine.errors import FlexarmError
+from flexarm.api import simulate
+from flexarm.design.closing import close, closed, sampled
+from flexarm.design.margins import margins
+
+AXIS = """\
+schema: 1
+name: axis
+blocks:
+  source: {type: Step, height: 0.1}
+  motor: {type: Force}
+  guide: {type: TranslationalBearingFriction, viscous_friction: 200 N.s/m}
+  carriage: {type: Mass, mass: 95 kg}
+connect:
+  - [source.out, motor.force]
+  - [motor.flange, guide.slide, carriage.flange]
+simulate: {stop: 0.5 s, step: 1 ms, record: [carriage.flange.position]}
+"""
+
+LEAD = control.ss(control.tf([4.0e3, 6.0e4], [1 / 400, 1]))
+PLANT = control.tf([1], [95, 200, 0])
+CARRIAGE = {"feed": "motor.force", "measure": ["carriage.flange.position"], "reference": "source.out"}
+
+
+@pytest.fixture
+def axis(tmp_path: Path) -> Path:
+    path = tmp_path / "axis.yaml"
+    path.write_text(AXIS)
+    return path
+
+
+def test_the_loop_is_that_of_the_design(axis: Path) -> None:
+    made = close(axis, LEAD, axis.parent / "closed.yaml", **CARRIAGE)
+    run = simulate(made)
+    expected = control.step_response(control.feedback(LEAD * PLANT, 1) * 0.1, run.time)
+    np.testing.assert_allclose(run.values[:, 0], np.ravel(expected.outputs), atol=2e-5)
+    found = margins(made, loop="motor.force").members[0]
+    _, pm, *_ = control.stability_margins(LEAD * PLANT)
+    assert found.phase == pytest.approx(pm, rel=1e-3)
+
+
+def test_sampled_with_a_delay(axis: Path) -> None:
+    """One period of computation: the margins are those of z^-1 K(z) and the plant behind a hold."""
+    K = sampled(LEAD, 2e-3, delay=1)
+    plain = control.sample_system(LEAD, 2e-3, "tustin")
+    for w in (10.0, 100.0, 700.0):
+        z = np.exp(1j * w * 2e-3)
+        assert complex(K(z)) == pytest.approx(complex(plain(z)) / z, rel=1e-9)
+    made = close(axis, LEAD, axis.parent / "closed.yaml", **CARRIAGE, period=2e-3, delay=1)
+    assert type(made.system.blocks["controller"]).__name__ == "DiscreteStateSpace"
+    values = simulate(made).values[:, 0]
+    assert values[-1] == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_file_of_matrices(axis: Path) -> None:
+    file = axis.parent / "k.json"
+    file.write_text(json.dumps({"D": [[1000.0]]}))
+    text = closed(axis, file, **CARRIAGE)
+    assert "StateSpace" in text
+    file.write_text(json.dumps({"E": [[1000.0]]}))
+    with pytest.raises(FlexarmError, match="holds none of"):
+        closed(axis, file, **CARRIAGE)
+
+
+def test_bad_input(axis: Path) -> None:
+    with pytest.raises(FlexarmError, match=r"'motor.forse' is not an input"):
+        closed(axis, LEAD, **{**CARRIAGE, "feed": "motor.forse"})
+    with pytest.raises(FlexarmError, match="1 inputs and 1 outputs, for 2 measured signals"):
+        closed(axis, LEAD, **{**CARRIAGE, "measure": ["carriage.flange.position", "carriage.flange.speed"]})
+    with pytest.raises(FlexarmError, match="needs a sample period"):
+        closed(axis, LEAD, **CARRIAGE, delay=1)
+    with pytest.raises(FlexarmError, match="no method 'tusten'"):
+        closed(axis, LEAD, **CARRIAGE, period=1e-3, method="tusten")
+    before = set(axis.parent.iterdir())
+    with pytest.raises(FlexarmError):
+        close(axis, LEAD, axis.parent / "c.yaml", **{**CARRIAGE, "measure": ["carriage.flange.nothing"]})
+    assert set(axis.parent.iterdir()) == before

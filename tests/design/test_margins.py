@@ -1,0 +1,134 @@
+"""Margins and reductions against closed forms and python-control."""
+
+from __future__ import annotations
+
+import math
+
+import control
+import numpy as np
+import pytest
+
+from engine.errors import FlexarmError, ParameterError
+from engine.linearise import LinearModel
+from flexarm.design.margins import margins, margins_of
+from flexarm.design.reduction import reduce
+
+
+def linear(system: control.StateSpace) -> LinearModel:
+    n, r, m = system.nstates, system.ninputs, system.noutputs
+    x, u, y = (tuple(f"{k}{i}" for i in range(size)) for k, size in (("x", n), ("u", r), ("y", m)))
+    return LinearModel(system.A, system.B, system.C, system.D, x, u, y, {}, {}, {}, 0.0)
+
+
+def test_an_integrator() -> None:
+    """1/s: 90 degrees, a delay of pi/2, S = s/(s + 1), and the largest disk margin there is."""
+    found = margins_of(control.tf2ss([1], [1, 0]))
+    assert found.stable
+    assert found.gain == (0.0, math.inf)
+    assert found.phase == pytest.approx(90.0, abs=1e-3)
+    assert found.delay == pytest.approx(math.pi / 2, rel=1e-4)
+    assert found.crossover == pytest.approx(1.0, rel=1e-4)
+    assert found.disk == pytest.approx(2.0, rel=1e-3)
+    assert found.sensitivity == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("k", [0.5, 1.0, 3.0])
+def test_a_third_order_loop(k: float) -> None:
+    """k / (s (s + 1)^2) meets -1 at w = 1 with the gain 2 / k."""
+    found = margins_of(control.tf2ss([k], [1, 2, 1, 0]))
+    assert found.stable == (k < 2)
+    assert found.gain[0 if k > 2 else 1] == pytest.approx(2 / k, rel=1e-4)
+    w = max(np.roots([1, 0, 2, 0, 1, 0, -(k**2)]).real)
+    assert found.crossover == pytest.approx(w, rel=1e-4)
+    phase = abs(90 - 2 * math.degrees(math.atan(w)))
+    assert found.phase == pytest.approx(phase, abs=0.01)
+    gm, pm, *_ = control.stability_margins(control.tf([k], [1, 2, 1, 0]))
+    assert found.gain[0 if k > 2 else 1] == pytest.approx(gm, rel=1e-4)
+    assert found.phase == pytest.approx(abs(pm), abs=0.01)
+
+
+def test_the_loop_of_a_scenario() -> None:
+    """EMPS: force 35.15 (243.45 (160.18 (r - x) - v)) on a mass with viscous friction, opened at the force."""
+    found = margins("emps", loop="motor.force")
+    assert found.returns == "controller.out"
+    (only,) = found.members
+    M, B, kp, kv = 95.1089, 203.5034, 1370728.455, 8557.42574
+    expected = margins_of(control.tf2ss([kv, kp], [M, B, 0]))
+    assert only.phase == pytest.approx(expected.phase, rel=1e-3)
+    assert only.disk == pytest.approx(expected.disk, rel=1e-3)
+    assert only.stable
+    late = margins("emps", loop="motor.force", delay=only.delay * 1.01).members[0]
+    early = margins("emps", loop="motor.force", delay=only.delay * 0.99).members[0]
+    assert (late.stable, early.stable) == (False, True)
+    over = margins("emps", loop="motor.force", grid={"carriage.mass": "50 kg:150 kg:3"})
+    assert len(over.members) == 3
+    assert over.members[over.worst].disk == min(m.disk for m in over.members)
+
+
+def test_no_loop() -> None:
+    with pytest.raises(FlexarmError, match="nothing says where to open the loop"):
+        margins("srv02-bare")
+    with pytest.raises(FlexarmError, match=r"'motor.volts' is not an input"):
+        margins("srv02-bare", loop="motor.volts")
+    with pytest.raises(FlexarmError, match="no loop is closed there"):
+        margins("srv02-bare", loop="motor.voltage")
+    with pytest.raises(FlexarmError, match="one input and one output"):
+        margins_of(control.ss(-np.eye(2), np.eye(2), np.eye(2), 0))
+
+
+def modes_in_series() -> control.StateSpace:
+    """An integrator with five lightly damped modes beside it."""
+    made = control.tf2ss([1], [1, 0])
+    for k, w in enumerate((3.0, 11.0, 40.0, 130.0, 400.0)):
+        made = control.parallel(made, control.tf2ss([1.0 / (k + 1)], [1, 0.04 * w, w**2]))
+    return made
+
+
+@pytest.mark.parametrize("order", [3, 5, 7, 11])
+@pytest.mark.parametrize("method", ["balanced", "modal"])
+def test_the_error_keeps_its_bound(order: int, method: str) -> None:
+    whole = linear(modes_in_series())
+    found = reduce(whole, order, method=method)
+    assert found.kept == 1
+    assert len(found.model.states) == order
+    omega = np.unique(np.concatenate([np.geomspace(0.01, 4000, 800), [3.0, 11.0, 40.0, 130.0, 400.0]]))
+    error = max(abs(whole.gain(w) - found.model.gain(w)).max() for w in omega)
+    assert error <= found.bound * (1 + 1e-6) + 1e-12
+    if order == 11:
+        assert found.bound < 1e-12
+
+
+def test_a_bound_gives_the_order() -> None:
+    whole = linear(modes_in_series())
+    tight = reduce(whole, bound=1e-3)
+    assert tight.bound <= 1e-3
+    assert reduce(whole, len(tight.model.states) - 1).bound > 1e-3
+
+
+def test_a_first_order_pair_in_closed_form() -> None:
+    """1/(s+1) + 1/(s+1): one Hankel singular value of 1, the other 0."""
+    found = reduce(linear(control.ss(-np.eye(2), np.ones((2, 1)), np.ones((1, 2)), 0)), 1)
+    np.testing.assert_allclose(found.hankel, [1.0, 0.0], atol=1e-7)
+    assert found.bound == pytest.approx(0.0, abs=1e-7)
+    assert found.model.gain(0.0)[0, 0] == pytest.approx(2.0)
+
+
+def test_slicot_agrees() -> None:
+    """Balanced truncation by SLICOT's ab09ad."""
+    pytest.importorskip("slycot")
+    stable = control.ss(modes_in_series())
+    stable = control.series(control.tf2ss([1, 0], [1, 5]), stable)
+    ours = reduce(linear(control.minreal(stable, tol=1e-9, verbose=False)), 6)
+    theirs = control.balanced_reduction(control.minreal(stable, tol=1e-9, verbose=False), 6, method="truncate")
+    for w in (0.1, 3.0, 20.0, 100.0):
+        assert ours.model.gain(w)[0, 0] == pytest.approx(complex(theirs(1j * w)), rel=1e-4, abs=1e-7)
+
+
+def test_orders_that_cannot_be() -> None:
+    whole = linear(modes_in_series())
+    with pytest.raises(ParameterError, match="the model has 11, of which 1 do not decay"):
+        reduce(whole, 0)
+    with pytest.raises(ParameterError, match="no method 'krylov'"):
+        reduce(whole, 3, method="krylov")
+    with pytest.raises(ParameterError, match="either an order or a bound"):
+        reduce(whole)

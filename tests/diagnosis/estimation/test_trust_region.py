@@ -1,0 +1,185 @@
+"""The optimiser against closed forms and scipy: ridges, curved valleys, bounds; and parameters that may vanish."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from diagnosis.estimation.least_squares import descend
+from diagnosis.estimation.parameters import FreeParameter, prior
+from engine.errors import SimulationError
+from engine.threads import Threads
+
+Array = NDArray[np.float64]
+
+
+class Toy:
+    """A residual with a Jacobian, and the prior of its parameters, as far as the optimiser sees a problem.
+
+    Args:
+        residual: of the search vector.
+        jacobian: of it.
+        free: the parameters.
+    """
+
+    def __init__(
+        self, residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], free: list[FreeParameter]
+    ) -> None:
+        self.function, self.slopes, self.free = residual, jacobian, free
+        self.jacobians = 0
+
+    def residual(self, x: Array, experiment: Any) -> Array:
+        return self.function(x)
+
+    def linearised(self, x: Array, experiment: Any) -> tuple[Array, Array]:
+        self.jacobians += 1
+        return self.function(x), self.slopes(x)
+
+    def prior(self, x: Array) -> tuple[Array, Array]:
+        return prior(self.free, x)
+
+    def whole(self, x: Array) -> Array:
+        return np.concatenate([self.function(x), self.prior(x)[0]])
+
+    def descended(self, x: Any, **more: Any) -> tuple[Array, float, bool]:
+        toy: Any = self
+        with Threads(1) as pool:
+            return descend(toy, np.asarray(x, dtype=float), ["only"], pool, **more)  # type: ignore[list-item]
+
+
+def plain(name: str, **more: Any) -> FreeParameter:
+    return FreeParameter(name, 0.0, 1.0, False, **more)
+
+
+@pytest.mark.parametrize("noise", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("start", [(0.0, 0.0), (3.0, -2.0), (-4.0, 1.0)])
+def test_on_a_ridge_the_prior_decides_in_few_steps(noise: float, start: tuple[float, float]) -> None:
+    """Two torques whose product alone is seen: the smallest change in tolerances shares what is missing by variance."""
+    tolerances, spreads, missing = (0.1, 0.2), (1.0, 2.0), math.log(1.5)
+    free = [FreeParameter(n, 1.0, s, True, 0.0, spread=w) for n, s, w in zip("ab", tolerances, spreads, strict=True)]
+    t = np.linspace(0.0, 1.0, 50)
+    row = np.array(tolerances)
+
+    def course(x: Array) -> Array:
+        return np.asarray((math.exp(missing) - math.exp(row @ x)) * t / noise)
+
+    toy = Toy(course, lambda x: np.asarray(-math.exp(row @ x) * np.outer(t, row) / noise), free)
+    x, cost, converged = toy.descended(start)
+    variance = np.array(spreads) ** 2
+    expected = variance * row * missing / (row**2 @ variance)
+    assert converged
+    assert toy.jacobians <= 10
+    np.testing.assert_allclose(x, expected, atol=0.05)
+    assert cost == pytest.approx(float(np.sum((expected / spreads) ** 2)), abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_small_problems_end_where_scipy_ends(seed: int) -> None:
+    """Two decaying oscillations under noise, four parameters, from a start within the tolerances."""
+    random = np.random.default_rng(seed)
+    t = np.linspace(0.0, 3.0, 80)
+
+    def curve(x: Array) -> Array:
+        size, rate, frequency, phase = 1 + 0.2 * x[0], math.exp(0.2 * x[1]), 4 * math.exp(0.05 * x[2]), 0.3 * x[3]
+        return np.asarray(size * np.exp(-rate * t) * np.sin(frequency * t + phase))
+
+    truth = random.normal(0.0, 1.0, 4)
+    measured = curve(truth) + random.normal(0.0, 0.02, len(t))
+
+    def slopes(x: Array) -> Array:
+        return np.column_stack([-(curve(x + h) - curve(x - h)) / (2e-6 * 0.02) for h in 1e-6 * np.eye(4)])
+
+    toy = Toy(lambda x: (measured - curve(x)) / 0.02, slopes, [plain(n) for n in "abcd"])
+    start = random.normal(0.0, 0.7, 4)
+    x, cost, converged = toy.descended(start)
+    found = least_squares(toy.whole, start, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    assert converged
+    assert cost == pytest.approx(float(np.sum(toy.whole(x) ** 2)))
+    assert cost < 2 * found.cost + 0.11  # a full step would gain no more than a tenth of one value's share
+
+
+def test_a_curved_valley_is_followed_to_its_end() -> None:
+    """Rosenbrock's, a hundred times as steep; its least cost with the prior by scipy from the known bottom."""
+    free = [plain("a", spread=1e3), plain("b", spread=1e3)]
+    steep = 1e3
+
+    def valley(x: Array) -> Array:
+        return np.array([steep * (x[1] - x[0] ** 2), 30 * (1 - x[0])])
+
+    toy = Toy(valley, lambda x: np.array([[-2 * steep * x[0], steep], [-30.0, 0.0]]), free)
+    x, cost, converged = toy.descended([-1.2, 1.0], iterations=60)
+    bottom = least_squares(toy.whole, [1.0, 1.0], xtol=1e-14)
+    assert converged
+    assert cost < 2 * bottom.cost + 0.11
+    np.testing.assert_allclose(x, [1.0, 1.0], atol=0.05)
+
+
+def test_at_a_bound_it_stops_and_the_rest_goes_on() -> None:
+    """The best a is -2, and -0.5 is allowed; beside it b is best at -1 rather than at 2."""
+    free = [plain("a", low=-0.5, high=3.0, spread=1e3), plain("b", spread=1e3)]
+    table = np.array([[10.0, 0.0], [20.0, 10.0], [0.0, 1e-3]])
+    y = table @ np.array([-2.0, 2.0])
+    toy = Toy(lambda x: y - table @ x, lambda x: -table, free)
+    x, cost, converged = toy.descended([1.0, 0.0])
+    best = least_squares(toy.whole, [1.0, 0.0], bounds=([-0.5, -np.inf], [3.0, np.inf]), xtol=1e-14, gtol=1e-14)
+    assert converged
+    assert x[0] == -0.5
+    assert x[1] == pytest.approx(best.x[1], abs=0.05)
+    assert cost == pytest.approx(2 * best.cost, abs=0.11)
+
+
+def test_what_may_not_move_stays_and_too_few_steps_are_not_called_converged() -> None:
+    toy = Toy(lambda x: 10 * (np.exp(x) - 3.0), lambda x: 10 * np.diag(np.exp(x)), [plain("a"), plain("b")])
+    x, _, converged = toy.descended([0.0, 0.5], only=[0])
+    assert converged
+    assert x[1] == 0.5
+    assert x[0] == pytest.approx(least_squares(lambda v: [10 * (math.exp(v[0]) - 3), v[0]], 0.0).x[0], abs=0.05)
+    assert not toy.descended([-4.0, -4.0], iterations=1)[2]
+
+
+def test_where_the_model_cannot_be_differentiated_nothing_is_claimed() -> None:
+    def refuse(x: Array) -> Array:
+        raise SimulationError("it diverged")
+
+    toy = Toy(lambda x: x, refuse, [plain("a")])
+    x, cost, converged = toy.descended([1.5])
+    assert (x.tolist(), cost, converged) == ([1.5], math.inf, False)
+
+
+LOSS = FreeParameter("loss", 2.0, 0.1, True, 0.0, may_vanish=True)
+
+
+def test_a_loss_that_may_vanish_reaches_nothing_and_one_that_may_not_does_not() -> None:
+    assert LOSS.value(-10.0) == 0.0
+    assert LOSS.ends == (pytest.approx(-10.0), math.inf)
+    assert LOSS.value(-5.0) == pytest.approx(1.0)
+    assert LOSS.value(5.0) == pytest.approx(2.0 * math.exp(0.5))
+    mass = FreeParameter("mass", 2.0, 0.1, True, 0.0)
+    assert mass.value(-100.0) > 0
+
+
+@pytest.mark.parametrize("x", [-9.5, -3.0, -1e-6, 0.0, 1e-6, 2.0, 20.0])
+def test_its_slope_is_that_of_its_value_and_its_position_the_inverse(x: float) -> None:
+    h = 1e-7
+    slope = (LOSS.value(x + h) - LOSS.value(x - h)) / (2 * h)
+    assert LOSS.slope(x) == pytest.approx(slope, rel=1e-4)
+    assert LOSS.position(LOSS.value(x)) == pytest.approx(x, abs=1e-9)
+
+
+def test_a_fit_takes_a_loss_that_is_not_there_to_nothing() -> None:
+    """Without noise and with a wide prior it stands at its bound, not near it."""
+    free = [FreeParameter("loss", 2.0, 0.1, True, 0.0, may_vanish=True, spread=1e3)]
+    toy = Toy(
+        lambda x: np.full(5, 100 * (-0.3 - free[0].value(x[0]))),
+        lambda x: np.full((5, 1), -100 * free[0].slope(x[0])),
+        free,
+    )
+    x, _, converged = toy.descended([3.0])
+    assert converged
+    assert free[0].value(x[0]) == 0.0
