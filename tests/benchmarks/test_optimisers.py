@@ -73,8 +73,8 @@ def test_the_page_tells_who_is_wrongly_content() -> None:
     rows = [row(own, "bent", 90.0, True), *(row(name, "bent", 50.0, True) for name in others)]
     text = optimisers.page(rows, {"machine": "a machine"})
     assert "1 fits of 1 random" in text.replace("\n", " ")
-    assert f"| {own} | 0 % | - | - | 0 % | 100 % | 100 % | 6 | 5 | 1.00 |" in text
-    assert f"| {others[0]} | 100 % | - | - | 100 % | 100 % | 0 % | 6 | 5 | 1.00 |" in text
+    assert f"| {own} | 0 of 1, 0 % (0 to 79 %) | - | - | 0 % | 100 % | 100 % | 6 | 5 | 1.00 |" in text
+    assert f"| {others[0]} | 1 of 1, 100 % (21 to 100 %) | - | - | 100 % | 100 % | 0 % | 6 | 5 | 1.00 |" in text
     assert "| `rig-3` | nominal | bent | 90 | 50 | yes |" in text
 
 
