@@ -5,7 +5,12 @@ transform into bands of a third of an octave; in each, the noise is as strong as
 than the sensor's. So a model is credited for every independent piece of the mismatch that it explains, at the noise
 floor and far above it alike, and a mismatch that no model explains is no evidence against any of them. The logarithm of
 the likelihood of all recordings, those held out as well, less what the parameters cost (prior, and the share of the
-prior's volume that is left to them [Laplace]) is the evidence.
+prior's volume that is left to them by Laplace's approximation [Kass 1995]) is the evidence:
+
+    ln Z = -1/2 sum_b (n_b ln v_b + E_b / v_b) - 1/2 sum_i (x_i - c_i)^2 / s_i^2 - 1/2 ln(det(H + P) / det P)
+
+with v_b = max(E_b / n_b, 1) the strength, E_b the energy and n_b the number of values of a band, P the information of
+the prior and H that of the training recordings, each band weighed by 1 / v_b.
 """
 
 from __future__ import annotations
@@ -28,9 +33,10 @@ class Leftover:
     """What a model leaves over, by signal and band of frequency.
 
     Attributes:
-        energy: sum of squared residuals, in variances of the sensors' noise, shape (bands,).
+        energy: sum of squared residuals, in variances of the sensors' noise as stated, shape (bands,): the bands of
+            the first signal, then those of the next.
         count: independent values in it, shape (bands,).
-        noise: strength of the noise that the sensors alone leave, shape (bands,).
+        noise: mean square that the sensors alone leave, 1 where their noise is as stated, shape (bands,).
         names: signal and number of each band.
     """
 
@@ -64,7 +70,13 @@ class Leftover:
 
 
 def leftover(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> Leftover:
-    """What a model leaves over of experiments."""
+    """What a model leaves over of experiments, each band of a signal summed over all of them.
+
+    Args:
+        problem: the model.
+        x: its search vector, shape (n,).
+        experiments: of any role.
+    """
     signals = len(problem.model.outputs)
     total: list[dict[int, tuple[float, float]]] = [{} for _ in range(signals)]
     for e in experiments:

@@ -202,7 +202,7 @@ class CandidateFitter:
         return self.finish(self.partial_fit(tuple(kept), [standing(trial.fit)]))
 
     def finish(self, partial: PartialFit) -> ScoredModel:
-        """Finish a partial fit until it converges, and score it."""
+        """Finish a partial fit until it converges, or `SEARCH.most_steps` are taken, and score it."""
         point = hashlib.sha256(np.ascontiguousarray(partial.point.x).tobytes()).hexdigest()[:16]
         key = " ".join(["finish", *(f"{c.key} {c.option}" for c in partial.effects), repr(partial.point.sizes), point])
         return self._trial(self._kept(key, partial.effects, lambda: self.compute_finish(partial)))
@@ -238,7 +238,7 @@ class CandidateFitter:
         return self._descended(self._refined(partial))
 
     def _descended(self, partial: PartialFit) -> PartialFit:
-        """The partial fit fitted until it converges."""
+        """The partial fit fitted until it converges, or `SEARCH.most_steps` are taken."""
         if partial.converged:
             return partial
         point = partial.point

@@ -17,9 +17,10 @@ class ScoredModel:
         effects: what was put in; empty for the user's own model.
         fit: its fit to the training recordings.
         sizes: what each effect started from; those of its parameters that cannot be fitted stay there.
-        hold_out: mean squared residual on held-out data, or on the fitted ones where none is; 1 is the noise floor.
+        hold_out: mean squared residual on held-out data, or on the fitted data where none are held out; 1 is the noise
+            floor.
         left: what it leaves over of all recordings.
-        unseen: what it leaves over of those that are held out, or of all where none is.
+        unseen: what it leaves over of those that are held out, or of the fitted ones where none is.
         log_evidence: see `diagnosis.search.evidence`.
     """
 
@@ -38,7 +39,7 @@ class ScoredModel:
 
     @property
     def keys(self) -> frozenset[str]:
-        """The effects and their places."""
+        """The effects and their places; models that differ only in how an effect is put in there share them."""
         return frozenset(c.key for c in self.effects)
 
     @property

@@ -31,7 +31,7 @@ class Course:
     Attributes:
         effect, sizes: which.
         values: change of the residual, training recordings and prior stacked, less what the parameters can make good.
-        gain: how much of the cost it takes away with a factor within `SEARCH.factor` of one.
+        gain: how much of the cost it takes away, its size multiplied by the best factor up to `SEARCH.factor`.
         whitened: the same of the cost with each band of frequency in units of what the origin leaves there.
         change: of the search vector that goes with the first.
     """
@@ -45,7 +45,7 @@ class Course:
 
 
 class Origin:
-    """A model and parameters around which effects are screened.
+    """A model and parameters around which effects are screened: its residual and tangents, on thinned recordings.
 
     Args:
         problem: the model.
