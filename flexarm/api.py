@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.model import TIME, Model
+from engine.ports import MOTION
 from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
 from flexarm.cut import Cut, Source, as_scenario, cut, find_mode
@@ -128,12 +129,12 @@ def discretise(
 
 def _point(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
     """Arguments for `engine.linearise.linearise`: the point and modes of the analysis and those given, in SI units."""
-    model = made.model
+    model, resolve = made.model, made.scenario.resolve
     wanted: dict[str, int | str] = {**made.settings.modes, **(modes or {})}
     labels = dict(_label(model, name, value) for name, value in wanted.items())
-    point: dict[str, Any] = {**made.settings.at, **(at or {})}
+    point: dict[str, Any] = {**made.settings.at, **{resolve(name): value for name, value in (at or {}).items()}}
     input_units = {variable.name: variable.unit for variable in model.inputs}
-    state_units = _motion_units(model)
+    state_units = _motion_units(made)
     given = {name: si(value, {**state_units, **input_units}, name) for name, value in point.items()}
     return {
         "at": {name: value for name, value in given.items() if name not in input_units},
@@ -142,12 +143,14 @@ def _point(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, An
     }
 
 
-def _motion_units(model: Model) -> dict[str, str]:
-    """Units of everything that has a value at an operating point."""
-    units = {variable.name: variable.unit for variable in (*model.states, *model.memories)}
-    for flange in model.motions:
-        for quantity, unit in (("angle", "rad"), ("speed", "rad/s"), ("position", "m")):
-            units.setdefault(f"{flange}.{quantity}", unit)
+def _motion_units(made: Cut) -> dict[str, str]:
+    """Units of everything that has a value at an operating point, each flange's by its own kind."""
+    units = {variable.name: variable.unit for variable in (*made.model.states, *made.model.memories)}
+    system = made.scenario.system
+    for name in made.model.motions:
+        block, port = system.split(name)
+        for quantity, unit in MOTION[system.blocks[block].ports[port].kind][:2]:
+            units.setdefault(f"{name}.{quantity}", unit)
     return units
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,9 +19,10 @@ from flexarm.console.options import (
     SetOption,
     WorkersOption,
 )
+from scenarios.load import find
 
 if TYPE_CHECKING:
-    from diagnosis.estimation.least_squares import Fit
+    from diagnosis.estimation.least_squares import Fit, Interval
 
 
 def fit(
@@ -28,17 +33,66 @@ def fit(
     workers: WorkersOption = None,
     seed: SeedOption = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FITTED.yaml", help="Write the scenario with the fitted values."),
+    ] = None,
 ) -> None:
     """Fit the parameters, within their tolerances, to recordings."""
     from diagnosis.api import fit as run
+    from engine.files import check_suffix
 
+    if output is not None:
+        check_suffix(output, (".yaml", ".yml"))
     made, scores = run(
         scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
     )
+    if output is not None:
+        _write(output, made, Path(find(scenario)), overrides or ())
     if as_json:
         typer.echo(json_text(_fit_numbers(made, scores), indent=2))
         return
     typer.echo(fit_page(made, scores))
+    if output is not None:
+        typer.echo(f"written: {output}")
+
+
+def _write(path: Path, made: Fit, source: Path, overrides: Sequence[str]) -> None:
+    """The scenario with the fitted values in their places, and what is known of them as a comment on top."""
+    from engine.files import writing
+    from scenarios.amend import relocated, with_values
+
+    known = {p.name: p.unit for p in made.problem.model.parameters}
+    rows = [i for i in made.intervals() if i.name in known]
+    values: dict[str, str | float] = {
+        i.name: f"{i.value:.8g} {known[i.name]}" if known[i.name] not in ("1", "*") else float(f"{i.value:.8g}")
+        for i in rows
+    }
+    head = [f"{source.name}, fitted{' with ' + ' '.join(overrides) if overrides else ''}; 95 % intervals:"]
+    head += [f"  {i.name}: {_interval(i)} {i.unit.strip('*1')}".rstrip() for i in rows]
+    said: dict[str, str | float] = {}
+    for override in overrides:
+        key, _, value = override.partition("=")
+        said[re.sub(r"^(parameters|blocks)\.", "", key.strip())] = value.strip()
+    text = with_values(source.read_text(encoding="utf-8"), said | values, "\n".join(head))
+    with writing(path, (".yaml", ".yml")) as temporary:
+        temporary.write_text(relocated(text, source.parent, path.parent), encoding="utf-8")
+
+
+UNDETERMINED = 1000.0
+"""An interval whose ends lie further apart than this factor says no more than that the data do not determine it."""
+
+
+def _interval(row: Interval) -> str:
+    """An interval in words; one that spans orders of magnitude is none."""
+    from diagnosis.estimation.least_squares import interval_in_words
+
+    ends = (row.low, row.high)
+    if all(math.isfinite(end) for end in ends) and ends[0] * ends[1] > 0:
+        small, large = sorted(map(abs, ends))
+        if large > UNDETERMINED * small:
+            return "not determined by these recordings"
+    return interval_in_words(row.numbers(), 6)
 
 
 def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:
@@ -69,13 +123,9 @@ def _spread(made: Fit) -> dict[str, Any]:
 
 def fit_page(made: Fit, scores: dict[str, float]) -> str:
     """A fit as text: values, intervals, scores and what the data do not settle."""
-    from diagnosis.estimation.least_squares import interval_in_words
     from flexarm.console.text import columns, number
 
-    rows = [
-        [i.name, number(i.start), number(i.value), interval_in_words(i.numbers(), 6), i.unit.strip("*")]
-        for i in made.intervals()
-    ]
+    rows = [[i.name, number(i.start), number(i.value), _interval(i), i.unit.strip("*")] for i in made.intervals()]
     parts = [columns(["parameter", "given", "fitted", "95 % interval", "unit"], rows)]
     parts += [f"  {name}: mean squared error {value:.4g} times the noise variance" for name, value in scores.items()]
     if made.weak:
