@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from engine.errors import FlexarmError, ParameterError, Where
+from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.model import Model
 from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
