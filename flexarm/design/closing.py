@@ -42,9 +42,9 @@ def matrices(controller: Any) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
 
     plain = controller if hasattr(controller, "A") else control.ss(controller)
     A, B, C, D = (np.atleast_2d(np.asarray(getattr(plain, key), dtype=float)) for key in "ABCD")
-    held: Any = getattr(plain, "dt", None)
+    period = getattr(plain, "dt", None)
     n = A.shape[0] if A.size else 0
-    return A.reshape(n, n), B.reshape(n, D.shape[1]), C.reshape(D.shape[0], n), D, float(held or 0.0)
+    return A.reshape(n, n), B.reshape(n, D.shape[1]), C.reshape(D.shape[0], n), D, float(period or 0.0)
 
 
 def sampled(controller: Any, period: float, method: str = "tustin", delay: int = 0) -> Any:

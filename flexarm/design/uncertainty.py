@@ -293,7 +293,7 @@ def _pieces(fit: Fit, draws: Sequence[NDArray[np.float64]], e: TimeExperiment, h
         window = np.hanning(count)
         size = math.sqrt(float(np.sum(window**2)))
         keep = slice(LOWEST_BIN, None)
-        omega: NDArray[np.float64] = np.asarray(2 * np.pi * np.fft.rfftfreq(count, step)[keep], dtype=np.float64)
+        omega = np.asarray(2 * np.pi * np.fft.rfftfreq(count, step)[keep], dtype=np.float64)
 
         def spectrum(values: Any, window: Any = window, size: float = size, keep: slice = keep) -> Any:
             plain = np.nan_to_num(values - np.nanmean(values))
@@ -301,7 +301,7 @@ def _pieces(fit: Fit, draws: Sequence[NDArray[np.float64]], e: TimeExperiment, h
 
         for k, variable in enumerate(fit.problem.model.outputs):
             changes = np.array([spectrum(row[first:last, k]) ** 2 for row in spread] or [np.zeros(len(omega))])
-            variance: NDArray[np.float64] = changes.mean(axis=0)
+            variance = changes.mean(axis=0)
             made.append(
                 _Piece(
                     e.name,
