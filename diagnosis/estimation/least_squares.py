@@ -41,6 +41,8 @@ class Interval:
     def numbers(self) -> dict[str, Any]:
         """As it stands in JSON: an end without bound is None."""
         low, high = (end if math.isfinite(end) else None for end in (self.low, self.high))
+        if low and high and low * high > 0 and max(low / high, high / low) > UNDETERMINED:
+            low = high = None
         return {"value": self.value, "low": low, "high": high, "unit": self.unit}
 
 
@@ -89,7 +91,7 @@ class Fit:
             half = 1.96 * math.sqrt(max(self.covariance[i, i], 0.0))
             ends = bounded.get(i, [self.x[i] - half, self.x[i] + half])
             low, high = sorted(_end_value(f, end) for end in ends)
-            if not self.converged or (low * high > 0 and max(low / high, high / low) > UNDETERMINED):
+            if not self.converged:
                 low, high = -math.inf, math.inf
             rows.append(Interval(f.name, f.value(self.x[i]), low, high, units.get(f.name, ""), f.start))
         return rows

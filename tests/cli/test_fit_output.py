@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flexarm
+from diagnosis.estimation.least_squares import Interval, interval_in_words
 from engine.errors import FlexarmError
-from flexarm.commands.fit import _interval
 from scenarios.amend import with_values
 
 WHEEL = """\
@@ -92,6 +92,4 @@ def test_values_are_written_where_they_stand() -> None:
     [(1.8e-8, 9.2e7, "not determined"), (1.0, 2.0, "1 to 2"), (-3.0, 5.0, "-3 to 5"), (1.0, np.inf, "at least 1")],
 )
 def test_an_interval_that_says_nothing_is_none(low: float, high: float, words: str) -> None:
-    from diagnosis.estimation.least_squares import Interval
-
-    assert words in _interval(Interval("motor.resistance", 1.0, low, high, "ohm", 1.0))
+    assert words in interval_in_words(Interval("motor.resistance", 1.0, low, high, "ohm", 1.0).numbers(), 6)
