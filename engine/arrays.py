@@ -16,5 +16,5 @@ def xarray() -> Any:
     try:
         import xarray as library
     except ImportError:
-        raise ParameterError("xarray is not installed", remedy="pip install 'flexarm[data]'") from None
+        raise ParameterError("xarray is not installed", remedy="pip install xarray") from None
     return library
