@@ -62,7 +62,8 @@ def rig(folder: Path, sits: str, signal: str, ends: str = "arm.shaft, rotor.shaf
     }
     for name, (role, u) in inputs.items():
         fine = np.linspace(0.0, t[-1], 10 * (len(t) - 1) + 1)
-        y = lsim(StateSpace(a, b, c, np.zeros((1, 1))), np.interp(fine, t, u), fine)[1][::10]
+        held = np.append(np.repeat(u[:-1], 10), u[-1])
+        y = lsim(StateSpace(a, b, c, np.zeros((1, 1))), held, fine, interp=False)[1][::10]
         rows = np.column_stack([t, u, y + random.normal(0.0, 2e-5, len(t))])
         np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header="t,u,y", comments="")
         text += RECORDED.format(name=name, role=role, signal=signal)
