@@ -144,7 +144,7 @@ def test_noise_alone_is_unexplained_as_seldom_as_three_standard_deviations(count
     """The least energy that counts, found by bisection, has the tail of a normal deviate under chi-square."""
 
     def shown(energy: float) -> bool:
-        return Leftover(np.array([energy]), np.array([float(count)]), np.ones(1)).unexplained > 0
+        return Leftover(np.array([energy]), np.array([float(count)]), np.ones(1), ((0, 0),)).unexplained > 0
 
     low, high = float(count), 100.0 * count
     assert shown(high)

@@ -29,7 +29,7 @@ COUNT = 1000.0
 
 
 def left(energy: float) -> Leftover:
-    return Leftover(np.array([COUNT + energy]), np.array([COUNT]), np.ones(1))
+    return Leftover(np.array([COUNT + energy]), np.array([COUNT]), np.ones(1), ((0, 0),))
 
 
 def effect(name: str, place: str = "shaft", parameters: int = 1) -> Candidate:
