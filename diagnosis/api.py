@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypedDict, Unpack
@@ -21,6 +21,7 @@ from diagnosis.recordings.types import Recorded
 from diagnosis.search.dask_fitter import DaskFitter
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import Progress, study
+from diagnosis.verdict.recording_checks import screen
 from diagnosis.verdict.verdict import Diagnosis, judge
 from engine.errors import FlexarmError
 from engine.spread import JsonStore, Spread, cores
@@ -118,6 +119,7 @@ class DiagnosisKeywords(TypedDict, total=False):
     seed: int
     without: Sequence[str]
     progress: Progress | None
+    warn: Callable[[Sequence[str]], None] | None
     keep: Path | None
     scheduler: str | None
 
@@ -133,6 +135,7 @@ class DiagnosisOptions:
         seed: of everything random.
         without: effects, of the catalogue or registered, that are not to be tried.
         progress: told what is done.
+        warn: told before the search what looks wrong with the recordings, in sentences.
         keep: folder where every fit is kept, so that a call that was interrupted goes on where it was.
         scheduler: address of a dask scheduler whose workers do the fits.
     """
@@ -143,6 +146,7 @@ class DiagnosisOptions:
     seed: int = 0
     without: Sequence[str] = ()
     progress: Progress | None = None
+    warn: Callable[[Sequence[str]], None] | None = None
     keep: Path | None = None
     scheduler: str | None = None
 
@@ -178,4 +182,6 @@ def diagnose(
             fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, how.seed, store)
         else:
             fitter = CandidateFitter(scenario, recorded, how.workers or cores(), how.seed, store)
+        if how.warn is not None:
+            how.warn([remark.text for remark in screen(fitter.base)])
         return judge(study(fitter, without=how.without, progress=how.progress), how.seed)

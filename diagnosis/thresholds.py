@@ -394,6 +394,12 @@ class Search:
         "Effects that are looked at beside others, those that promised most alone.",
         "random rigs",
     )
+    exchanged: int = number(
+        6,
+        "effects",
+        "Effects that are tried in the place of one of a model, besides those that act there or are of its kind.",
+        "random rigs",
+    )
     retries: int = number(
         6,
         "fits",

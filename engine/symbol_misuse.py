@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,18 @@ _SIGNS = (
     ("indices must be integers", "picks by the value of a symbol", "write flexarm.symbolic.select(index, values)"),
 )
 _ENGINE = Path(__file__).parent
+_writing: ContextVar[bool] = ContextVar("whether a law is being written, in this thread", default=False)
+_own = ca.SX.__float__
+
+
+def _number(symbol: Any) -> float:
+    if _writing.get() and not symbol.is_constant():
+        raise TypeError(_NO_NUMBER)
+    return float(_own(symbol))
+
+
+# Once and for all threads: models are built in several at a time.
+setattr(ca.SX, "__float__", _number)  # noqa: B010
 
 
 @contextmanager
@@ -43,14 +56,7 @@ def explained(name: str, kind: str) -> Iterator[None]:
     Raises:
         StructureError: the law used a symbol as a number.
     """
-    own = ca.SX.__float__
-
-    def number(symbol: Any) -> float:
-        if not symbol.is_constant():
-            raise TypeError(_NO_NUMBER)
-        return float(own(symbol))
-
-    ca.SX.__float__ = number
+    within = _writing.set(True)
     try:
         yield
     except (TypeError, RuntimeError) as error:
@@ -61,7 +67,7 @@ def explained(name: str, kind: str) -> Iterator[None]:
         place = f"{frames[-1].filename}:{frames[-1].lineno}: {frames[-1].line}" if frames else "its stamp"
         raise StructureError(f"the law of '{name}' ({kind}) {found[0]}: {place}", remedy=found[1]) from error
     finally:
-        ca.SX.__float__ = own
+        _writing.reset(within)
 
 
 def _is_law(file: str) -> bool:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from engine.errors import FlexarmError, ParameterError, Where
+from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.model import Model
 from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
@@ -357,6 +358,8 @@ class ExportKeywords(TypedDict, total=False):
     backend: str
     modes: Mapping[str, int | str] | None
     at: Mapping[str, Any] | None
+    variable_step: float | None
+    results: Iterable[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -373,6 +376,8 @@ class ExportOptions:
         backend: ``c``, or ``python`` for a model with Python functions: the FMU then needs Python where it runs.
         modes: modes of the linear model, over those of the analysis; see `linearise`.
         at: operating point of the linear model, over that of the analysis.
+        variable_step: relative tolerance of a variable internal step in Co-Simulation; a fixed step if None.
+        results: further signals that importers may record, as local variables: names, or patterns such as ``link.*``.
     """
 
     inputs: Iterable[str] | None = None
@@ -384,6 +389,8 @@ class ExportOptions:
     backend: str = "c"
     modes: Mapping[str, int | str] | None = None
     at: Mapping[str, Any] | None = None
+    variable_step: float | None = None
+    results: Iterable[str] = ()
 
 
 def export(
@@ -418,10 +425,12 @@ def export(
     if made.simulation is not None:
         settings |= {"step": made.simulation.step, "stop": made.simulation.stop}
     if o.backend == "python":
-        if o.version != 2 or o.linear_twin or o.platforms is not None:
+        further = o.variable_step is not None or tuple(o.results)
+        if o.version != 2 or o.linear_twin or o.platforms is not None or further:
             raise ParameterError(
-                "the python backend writes FMI 2 without a linear twin, for any platform that has Python",
-                remedy="leave out --fmi, --linear-twin and --platforms",
+                "the python backend writes FMI 2 with outputs alone, a fixed step and no linear twin, for any platform "
+                "that has Python",
+                remedy="leave out --fmi, --linear-twin, --platforms, --variable-step and --results",
             )
         from flexarm.recipe import LOADER, recipe
         from fmu.python_backend import export_python
@@ -434,7 +443,32 @@ def export(
     if o.beside or o.linear_twin:
         settings |= _linear_settings(made, o.modes, o.at)
     beside = o.beside and "linear" in settings
+    if o.variable_step is not None:
+        settings["variable_step"] = o.variable_step
+    if found := results(made, tuple(o.results)):
+        settings["results"] = found
+        model = made.scenario.build(made.settings.inputs, [*(output.name for output in model.outputs), *found])
     return write_fmu(model, path, version=o.version, linear_twin=o.linear_twin, beside=beside, **settings)
+
+
+def results(made: Cut, wanted: Iterable[str]) -> tuple[str, ...]:
+    """The signals that are meant by names and patterns, without those that an FMU has anyway.
+
+    Raises:
+        ParameterError: a name or pattern that fits no signal.
+    """
+    asked = [made.scenario.resolve(name) for name in wanted]
+    if not asked:
+        return ()
+    known = [output.name for output in made.scenario.build(made.settings.inputs, None).outputs]
+    there = {entry.name for entry in (*made.model.outputs, *made.model.states, *made.model.memories)}
+    found: dict[str, None] = {}
+    for name in asked:
+        fitting = [signal for signal in known if fnmatch.fnmatchcase(signal, name)]
+        if not fitting:
+            raise ParameterError(f"no signal is called '{name}'", Where("--results"), nearest(name, known))
+        found |= dict.fromkeys(signal for signal in fitting if signal not in there)
+    return tuple(found)
 
 
 def magnitudes(made: Cut) -> dict[str, float]:

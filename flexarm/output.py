@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from engine import linear_files
+from engine.files import writing
 from engine.linear_files import KINDS as LINEAR
 from engine.result_files import TABLES, write
 from flexarm._version import version

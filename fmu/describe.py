@@ -116,7 +116,7 @@ def fmi3(plan: Plan, token: str) -> str:
     }
     slave = {
         "canHandleVariableCommunicationStepSize": "true",
-        "fixedInternalStepSize": number(plan.step),
+        **({"fixedInternalStepSize": number(plan.step)} if plan.variable_step is None else {}),
         "maxOutputDerivativeOrder": "1",
         "hasEventMode": "true",
         "mightReturnEarlyFromDoStep": "true",
@@ -237,6 +237,8 @@ def _unknowns(plan: Plan) -> Iterator[tuple[str, int, list[tuple[int, str]]]]:
     found = plan.structure
     for kind, rows in ((OUTPUT, found.outputs), (DERIVATIVE, found.rates)):
         for k, row in enumerate(rows):
+            if kind == OUTPUT and plan.model.outputs[k].name in plan.results:
+                continue
             known = sorted((plan.first(STATE if what == "state" else INPUT) + j, how) for what, j, how in row)
             yield kind, plan.first(kind) + k, known
 
@@ -247,6 +249,8 @@ def _initial_unknowns(plan: Plan) -> Iterator[tuple[int, list[tuple[int, str]]]]
     starts = ((OUTPUT, found.initial_outputs), (STATE, found.initial_states), (DERIVATIVE, found.initial_rates))
     for kind, initial in starts:
         for k, (inputs, parameters, states) in enumerate(initial):
+            if kind == OUTPUT and plan.model.outputs[k].name in plan.results:
+                continue
             if kind == STATE and plan.variables[plan.first(STATE) + k].start is not None:
                 continue
             known = [plan.first(PARAMETER) + j for j in parameters] + [plan.first(INPUT) + j for j in inputs]

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable, Sequence
 
 from fmu.plan import Plan
-from fmu.variables import COORDINATE, INDICATOR, INPUT, MODE, OUTPUT, PARAMETER, STATE, FmuVariable
+from fmu.variables import COORDINATE, INDICATOR, INPUT, MODE, OUTPUT, PARAMETER, RESULT, STATE, FmuVariable
 
 _STYLE = (
     "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em;line-height:1.4}"
@@ -62,6 +62,20 @@ def _bounds(variable: FmuVariable) -> str:
     return f"{low:g} to {high:g}"
 
 
+def _integration(plan: Plan) -> str:
+    grid = f"on a grid of {plan.step:g} s, aligned at the start time;"
+    if plan.variable_step is not None:
+        return (
+            f"Runge-Kutta of order 4 {grid} inside a cell with a variable step: the estimated error of a step stays "
+            f"below the importer's relative tolerance, or {plan.variable_step:g} if it gives none, times magnitude "
+            "plus nominal value of every state."
+        )
+    return (
+        f"Fixed-step Runge-Kutta of order 4 {grid} each cell is divided into steps of at most {plan.hmax:.6g} s, "
+        "chosen for the parameters when initialization ends and kept when parameters are tuned."
+    )
+
+
 def _relations(plan: Plan) -> str:
     names = {v.source: v.name for v in plan.variables if v.kind == PARAMETER}
     parameters = plan.model.parameters
@@ -86,6 +100,7 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
     model = plan.model
     clocks = [f"{clock.period:g} s, first at {clock.offset:g} s" for clock in model.clocks]
     signals = ("name", "in the scenario", "unit", "meaning")
+    further = ("<h2>Further signals</h2>", _table(signals, [(v.name, v.source, v.unit, v.doc) for v in of(RESULT)]))
     parts = [
         f"<h1>{html.escape(model.name or plan.identifier)}</h1>",
         f"<p>{html.escape(model.description)}</p>" if model.description else "",
@@ -94,6 +109,7 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
         _table(signals, [(v.name, v.source, v.unit, v.doc) for v in of(INPUT)]),
         "<h2>Outputs</h2>",
         _table(signals, [(v.name, v.source, v.unit, v.doc) for v in of(OUTPUT)]),
+        *(further if plan.results else ()),
         "<h2>Parameters</h2>",
         "<p>Values are in SI units. A value out of range is refused and the old one kept. Fixed parameters act on the "
         "start only.</p>",
@@ -125,9 +141,7 @@ def page(plan: Plan, platforms: Sequence[str], version: int = 2, python: bool = 
         _table(("name", "meaning"), [(v.name, v.doc) for v in of(MODE)]),
         *([] if python else [_INDICATORS, _table(("name", "meaning"), [(v.name, v.doc) for v in of(INDICATOR)])]),
         "<h2>Time</h2>",
-        f"<p>Fixed-step Runge-Kutta of order 4 on a grid of {plan.step:g} s, aligned at the start time; each cell is "
-        f"divided into steps of at most {plan.hmax:.6g} s, chosen for the parameters when initialization ends and kept "
-        "when parameters are tuned. Switches (stick-slip, contacts, limits) are located inside a step. Communication "
+        f"<p>{_integration(plan)} Switches (stick-slip, contacts, limits) are located inside a step. Communication "
         "points may lie anywhere; on the grid, the result does not depend on how the time is divided. Inputs hold "
         f"between communication points{_SLOPES if version == 2 and not python else ''}.</p>",
         f"<p>Sample clocks: {html.escape('; '.join(clocks)) or 'none'}. A clock that is due at a communication point "

@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, TypedDict, Unpack
 
+import casadi as ca
+
 from engine.discretise import DiscreteModel, discretise
 from engine.errors import FlexarmError
 from engine.linear_files import as_mat, script
@@ -45,6 +47,8 @@ class PackageKeywords(TypedDict, total=False):
     beside: bool
     magnitudes: Mapping[str, float] | None
     coupling: Coupling | None
+    variable_step: float | None
+    results: Sequence[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +68,10 @@ class PackageOptions:
         magnitudes: state name -> its largest magnitude in use, from which its nominal value comes; from a run of the
             model if None.
         coupling: what is known of inputs at cuts, of an FMU that is a part of a whole.
+        variable_step: integrate with a variable step inside Co-Simulation, to this relative tolerance or the
+            importer's; the result then no longer equals that of `engine.simulate` to the last bit. Fixed if None.
+        results: names of the model's last outputs that are local variables of the FMU, under their own names, for
+            importers that record them.
     """
 
     platforms: Sequence[str] = DEFAULT
@@ -77,6 +85,8 @@ class PackageOptions:
     beside: bool = False
     magnitudes: Mapping[str, float] | None = None
     coupling: Coupling | None = None
+    variable_step: float | None = None
+    results: Sequence[str] = ()
 
 
 def export(
@@ -107,20 +117,21 @@ def export(
     chosen = check(o.platforms)
     target = Path(path)
     check_target(target)
+    plain = without_results(model, o.results)
     if linear is None:
-        linear, discrete = _linear(model)
+        linear, discrete = _linear(plain)
         if linear is not None and others is None and o.coupling is None:
-            others = hearing(model, linear)
+            others = hearing(plain, linear)
     if o.coupling is None and linear is not None and (said := warning(linear, others or ())):
         log.warning("%s", said)
     if linear is None and (o.linear_twin or o.beside):
         raise FlexarmError("the model has no linear model at its start", remedy="give one, made by engine.linearise")
-    travelling = with_twin(model, linear) if linear is not None and o.linear_twin else model
+    travelling = with_twin(plain, linear) if linear is not None and o.linear_twin else plain
+    travelling = with_results(travelling, model, o.results)
     files: dict[Path, Callable[[IO[bytes]], object]] = {}
     sizes = largest(model, o.stop, o.step) if o.magnitudes is None else o.magnitudes
-    inside = contents(
-        make_plan(travelling, o.step, o.stop, sizes, o.coupling), chosen, linear, o.version, discrete, others or ()
-    )
+    made = make_plan(travelling, o.step, o.stop, sizes, o.coupling, variable_step=o.variable_step, results=o.results)
+    inside = contents(made, chosen, linear, o.version, discrete, others or ())
     files[target] = lambda handle: _zip(handle, inside)
     if linear is not None and o.beside:
         mat, text = as_mat(linear, discrete), script(linear, target.stem, discrete).encode()
@@ -132,6 +143,31 @@ def export(
     write_files(files)
     log.info("wrote %s for %s", target, ", ".join(chosen))
     return target
+
+
+def without_results(model: Model, results: Sequence[str]) -> Model:
+    """A model without the outputs that an FMU shows as local variables.
+
+    Raises:
+        FlexarmError: they are not the model's last outputs.
+    """
+    n = len(model.outputs) - len(results)
+    if n < 0 or [output.name for output in model.outputs[n:]] != list(results):
+        raise FlexarmError("the results are not the last outputs of the model", remedy="build it with them at the end")
+    if not results:
+        return model
+    equations = replace(model.equations, outputs=model.equations.outputs[:n])
+    return replace(model, outputs=model.outputs[:n], equations=equations)
+
+
+def with_results(model: Model, source: Model, results: Sequence[str]) -> Model:
+    """A model with the outputs of its source that an FMU shows as local variables behind its own."""
+    if not results:
+        return model
+    n = len(source.outputs) - len(results)
+    outputs = ca.densify(ca.vertcat(model.equations.outputs, source.equations.outputs[n:]))
+    equations = replace(model.equations, outputs=outputs)
+    return replace(model, outputs=(*model.outputs, *source.outputs[n:]), equations=equations)
 
 
 def _linear(model: Model) -> tuple[LinearModel | None, DiscreteModel | None]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from importlib import metadata
@@ -22,6 +22,9 @@ from fmu.nominal import nominals
 from fmu.structure import Structure, structure
 from fmu.twists import Twist, twists
 from fmu.variables import COORDINATE, STATE, FmuVariable, variables
+
+FINEST, COARSEST = 1e-12, 1e-2
+"""Relative tolerances that a variable internal step may have."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,8 @@ class Plan:
         following: longest step (s) that follows every lightly damped mode to ``stop``, at the default parameters.
         coupling: what is known of inputs at cuts.
         twists: shown as states in place of coordinates.
+        variable_step: relative tolerance of a variable internal step in Co-Simulation, or None for a fixed one.
+        results: names of outputs that are shown as local variables.
         typical: inputs and tables for which hmax is chosen.
         start: states at the start at the default parameters.
         memory: memories at the start at the default parameters.
@@ -58,6 +63,8 @@ class Plan:
     following: float
     coupling: Coupling
     twists: tuple[Twist, ...]
+    variable_step: float | None
+    results: frozenset[str]
     typical: Vector
     start: Vector
     memory: Vector
@@ -101,6 +108,8 @@ def plan(
     magnitudes: Mapping[str, float] | None = None,
     coupling: Coupling | None = None,
     settable: bool = True,
+    variable_step: float | None = None,
+    results: Iterable[str] = (),
 ) -> Plan:
     """Plan an export.
 
@@ -110,14 +119,22 @@ def plan(
         stop: end of the default experiment (s).
         magnitudes: state or twist name -> its largest magnitude in use; see `fmu.nominal`.
         coupling: what is known of inputs at cuts.
+        variable_step: relative tolerance of a variable internal step; a fixed one if None.
+        results: names of outputs that are local variables, for importers that record them.
         settable: whether an importer may set the states' starts, and sees states at all as an integrator does.
 
     Raises:
-        FlexarmError: the step is not a positive number, it has no common tick with a clock, or two names are equal.
+        FlexarmError: the step is not a positive number or has no common tick with a clock, the tolerance is not from
+            `FINEST` to `COARSEST`, or two names are equal.
     """
     for name, value in (("step", step), ("stop", stop)):
         if not (math.isfinite(value) and value > 0):
             raise FlexarmError(f"{name} is {value}", remedy=f"give a {name} above zero, in seconds")
+    if variable_step is not None and not FINEST <= variable_step <= COARSEST:
+        raise FlexarmError(
+            f"the tolerance of the variable step is {variable_step:g}", remedy=f"allowed: {FINEST:g} to {COARSEST:g}"
+        )
+    local = frozenset(results)
     instants = [step, *[clock.period for clock in model.clocks], *[clock.offset for clock in model.clocks]]
     tick = common_tick(instants)
     if tick < Fraction(1, 10**13):
@@ -140,7 +157,7 @@ def plan(
         step=step,
         stop=stop,
         identifier=identifier(model.name),
-        variables=variables(model, starts, nominals(model, magnitudes or {}, shown), coupling.starts(), shown),
+        variables=variables(model, starts, nominals(model, magnitudes or {}, shown), coupling.starts(), shown, local),
         structure=found,
         tick=tick,
         hmax=internal_step(model, p, start, step, stop, typical),
@@ -148,6 +165,8 @@ def plan(
         following=following_step(model, p, start, stop, typical),
         coupling=coupling,
         twists=shown,
+        variable_step=variable_step,
+        results=local,
         typical=typical,
         start=start,
         memory=model.functions["memory_start"](p).full().ravel(),

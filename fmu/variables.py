@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -21,7 +21,7 @@ from engine.model import TIME, Model
 from engine.quantity import Parameter
 from fmu.twists import Twist
 
-TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR, COORDINATE, CLOCK = (
+TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR, COORDINATE, CLOCK, RESULT = (
     "time",
     "parameter",
     "input",
@@ -33,6 +33,7 @@ TIME_KIND, PARAMETER, INPUT, OUTPUT, STATE, DERIVATIVE, MEMORY, MODE, INDICATOR,
     "indicator",
     "coordinate",
     "clock",
+    "result",
 )
 _PART = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\[\d+(,\d+)*\])?")
 
@@ -45,7 +46,8 @@ class FmuVariable:
         name: unique in the FMU.
         source: the model's name for it.
         kind: ``time``, ``parameter``, ``input``, ``output``, ``state``, ``derivative``, ``memory``, ``mode``,
-            ``indicator``, ``coordinate``, which is one of the model that a twist stands for, or ``clock``.
+            ``indicator``, ``coordinate``, which is one of the model that a twist stands for, ``clock``,
+            or ``result``, an output that is shown as a local variable.
         reference: value reference; also the position in the list.
         unit: coherent SI unit, empty if unknown.
         doc: one sentence.
@@ -116,6 +118,7 @@ def variables(
     nominals: Mapping[str, float],
     inputs: Mapping[str, float],
     twists: Sequence[Twist] = (),
+    results: Collection[str] = (),
 ) -> list[FmuVariable]:
     """All variables of the FMU in the order of their references.
 
@@ -125,13 +128,14 @@ def variables(
         nominals: state name -> typical magnitude; of twists by their name.
         inputs: input name -> start value, of inputs that do not start at zero.
         twists: shown in place of states.
+        results: names of outputs that are local variables.
 
     Raises:
         FlexarmError: two of them would have one name.
     """
     made = [
         FmuVariable(reference=reference, **fields)  # type: ignore[arg-type]
-        for reference, fields in enumerate(_fields(model, starts, nominals, inputs, twists))
+        for reference, fields in enumerate(_fields(model, starts, nominals, inputs, twists, results))
     ]
     taken: dict[str, FmuVariable] = {}
     for variable in made:
@@ -151,6 +155,7 @@ def _fields(
     nominals: Mapping[str, float],
     inputs: Mapping[str, float],
     twists: Sequence[Twist],
+    results: Collection[str],
 ) -> Iterator[dict[str, object]]:
     yield {"name": "time", "source": "time", "kind": TIME_KIND, "unit": "s", "doc": "simulation time"}
     used = _used_parameters(model)
@@ -174,7 +179,8 @@ def _fields(
             "start": inputs.get(entry.name, 0.0)
         }
     for entry in model.outputs:
-        yield {"name": flat(entry.name), "source": entry.name, "kind": OUTPUT, "unit": entry.unit, "doc": entry.doc}
+        kind, name = (RESULT, structured(entry.name)) if entry.name in results else (OUTPUT, flat(entry.name))
+        yield {"name": name, "source": entry.name, "kind": kind, "unit": entry.unit, "doc": entry.doc}
     shown = list(model.states)
     for twist in twists:
         shown[twist.coordinate] = replace(shown[twist.coordinate], name=twist.name, doc=twist.doc)

@@ -9,7 +9,7 @@ import copy
 import io
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -162,6 +162,44 @@ def amended(
                 document["blocks"].yaml_set_comment_before_after_key(name, before=note, indent=2)
 
     return _changed(text, change)
+
+
+def with_values(text: str, values: Mapping[str, str | float], head: str = "") -> str:
+    """The scenario's text with values of the model's parameters written where they are given.
+
+    Args:
+        text: a scenario.
+        values: by the name in the model: ``motor.resistance``, ``zone.heights[2]``, a parameter of the scenario, or one
+            inside a sub-assembly, which becomes an override of the block that takes it in.
+        head: comment for the beginning of the file.
+
+    Raises:
+        FlexarmError: the scenario has no such place.
+    """
+
+    def change(document: Any) -> None:
+        for name, value in values.items():
+            _give(document, name, value)
+
+    made = _changed(text, change)
+    return "".join(f"# {line}\n" if line else "#\n" for line in head.splitlines()) + made
+
+
+def _give(document: Any, name: str, value: str | float) -> None:
+    """Write one value: a parameter of the scenario, or of a block, or an element of a list."""
+    first, _, rest = name.partition(".")
+    key, _, index = (rest or first).partition("[")
+    place = document["blocks"].get(first) if rest else document.get("parameters")
+    if place is None or (not rest and key not in place):
+        raise FlexarmError(f"the scenario has no place to write '{name}'", remedy="put that value into the file itself")
+    if not index:
+        place[key] = value
+        return
+    number = int(index.rstrip("]")) - 1
+    given = place[key]
+    if not isinstance(given, list):
+        raise FlexarmError(f"'{name}': one value stands for all", remedy="write one for each")
+    given[number] = value
 
 
 def without(text: str, *sections: str) -> str:

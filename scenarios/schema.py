@@ -273,6 +273,7 @@ class TimeRecording(Section):
 
     kind: Literal["time_series"] = Field(default="time_series", description="a recording over time")
     file: Text = Field(description=FILE)
+    format: Text | None = Field(default=None, description="of a file whose ending does not tell it, such as csv")
     time: TimeColumn = Field(description="the time axis")
     window: list[Quantity] | None = Field(
         default=None,
@@ -343,6 +344,7 @@ class FrequencyRecording(Section):
 
     kind: Literal["frequency_response"] = Field(description="a frequency-response table")
     file: Text = Field(description=FILE)
+    format: Text | None = Field(default=None, description="of a file whose ending does not tell it, such as csv")
     drive: Endpoint = Field(description="the input that the sine drives")
     frequency: Frequency = Field(description="the frequency of each row")
     amplitude: Amplitude = Field(description="the amplitude of the sine that drives the model")

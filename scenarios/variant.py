@@ -12,7 +12,7 @@ from blocks.registry import find
 from engine.block import Block
 from engine.errors import FlexarmError
 from engine.system import Connection, System
-from scenarios.amend import AtFlange, Between, Edit, Feed, InSignal, OnSensor, ReadAt, Replace, Set, followed
+from scenarios.amend import AtFlange, Between, Edit, Feed, InSignal, OnSensor, ReadAt, Replace, Set, Wire, followed
 from scenarios.load import Scenario
 
 
@@ -49,6 +49,9 @@ def renamed(names: Iterable[str], edits: Sequence[Edit]) -> list[str]:
 
 def _apply(scenario: Scenario, system: System, edit: Edit) -> None:
     if isinstance(edit, ReadAt):
+        return
+    if isinstance(edit, Wire):
+        _join(system, *edit.ends)
         return
     if isinstance(edit, Set | Replace):
         if edit.name not in scenario.file.blocks:

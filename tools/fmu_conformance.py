@@ -1,16 +1,20 @@
 """Writes docs/fmu-conformance.md and docs/fmu-importers.md: ``python -m tools.fmu_conformance`` runs the FMU tests.
 
+It runs file by file, keeps the report of each in ``build/fmu-conformance`` and writes the pages after each, so that it
+may be interrupted: the next call goes on with the files that have no report of the present sources. Names of files run
+those alone; ``--importers`` runs the table of Model Exchange alone; ``--page`` writes the pages from what is kept.
+
 Figures of cost come from benchmarks/results/fmu.json, which ``python -m benchmarks.bench_fmu`` writes.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
 import subprocess
 import sys
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,6 +24,8 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "fmu-conformance.md"
 IMPORTERS = ROOT / "docs" / "fmu-importers.md"
+REPORTS = ROOT / "build" / "fmu-conformance"
+TESTS = ROOT / "tests" / "fmu"
 FIGURES = ROOT / "benchmarks" / "results" / "fmu.json"
 
 CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
@@ -136,6 +142,10 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
         "Tuning in mid-run equals a restart from the same state",
         ("test_state.test_tuning_equals_a_restart_from_the_same_state",),
     ),
+    (
+        "Parameters set against one another are an error with the reason in the log",
+        ("test_relations.test_an_importer_is_refused_and_may_mend_it",),
+    ),
     ("Start values read back equal the XML", ("test_robust.test_start_values_read_back",)),
     (
         "Model Exchange under CVODE agrees with Co-Simulation; stick-slip instants",
@@ -145,6 +155,35 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
             "test_exchange.test_indicators_are_named_in_the_documentation",
             "test_scenarios.test_cvode_at_the_usual_tolerance_agrees_with_co_simulation",
             "test_start.test_a_mode_switch_reports_changed_states",
+        ),
+    ),
+    (
+        "Twists as states: values, rates, derivatives, starts, saved states, in FMI 2 and 3",
+        (
+            "test_twists.test_states_and_their_rates_are_those_of_the_names",
+            "test_twists.test_directional_derivatives_are_those_of_the_states_shown",
+            "test_twists.test_starts_are_set_on_angles_and_twists_follow",
+            "test_twists.test_saved_states_bring_the_twists_back",
+        ),
+    ),
+    (
+        "FMI 3 event mode: early return at the events, limits from both sides, clocks; FMPy and fmusim",
+        (
+            "test_event_mode.test_fmpy_with_event_mode_agrees_with_plain_co_simulation",
+            "test_event_mode.test_early_returns_are_the_events_of_the_simulation",
+            "test_event_mode.test_values_before_event_mode_are_limits_from_the_left",
+            "test_event_mode.test_clocks_tick_in_event_mode_and_inputs_of_that_instant_count",
+            "test_event_mode.test_fmusim_uses_event_mode",
+        ),
+    ),
+    (
+        "Foreign plants under our controllers, and the reverse",
+        (
+            "test_foreign_plants.test_a_foreign_plant_under_our_controller",
+            "test_foreign_plants.test_a_foreign_controller_before_our_plant",
+            "test_bouncing_ball.test_our_controller_catches_the_ball",
+            "test_bouncing_ball.test_our_controller_as_an_fmu_catches_it_in_a_master",
+            "test_bouncing_ball.test_the_reference_ball_leads_our_drive",
         ),
     ),
     ("Sources rebuilt with gcc agree within 1e-12", ("test_archive.test_gcc_rebuilds_it_to_the_same_results",)),
@@ -264,14 +303,19 @@ def importers(table: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def page(found: dict[str, Outcome], figures: dict[str, float] | None) -> str:
-    """The document."""
+def page(found: dict[str, Outcome], figures: dict[str, float] | None, older: Sequence[str] = ()) -> str:
+    """The document; ``older`` are the test files whose last run was of earlier sources."""
     lines = [
         "# FMU conformance",
         "",
         "Written by `python -m tools.fmu_conformance`; do not edit. Tests are in `tests/fmu`. Those named",
         "`test_python_backend` are of an FMU made with `--backend python`, the others of generated C. The binary of",
         "pythonfmu returns OK for a value that is refused: tested are the message and that the next step is refused.",
+        *(
+            ["", f"Last run before the latest change of sources: {', '.join(f'`{name}`' for name in older)}."]
+            if older
+            else []
+        ),
         "",
         "| # | Check | Test | Last run |",
         "|---|---|---|---|",
@@ -301,25 +345,81 @@ def page(found: dict[str, Outcome], figures: dict[str, float] | None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main(arguments: Sequence[str] = ()) -> int:
-    """Run the tests and write the pages, with ``--importers`` that of the importers alone; 1 if a test failed."""
-    alone = "--importers" in arguments
-    arguments = [argument for argument in arguments if argument != "--importers"]
-    tests = "tests/fmu/test_scenarios.py" if alone else "tests/fmu"
-    with tempfile.TemporaryDirectory() as folder:
-        report = Path(folder) / "report.xml"
-        command = [sys.executable, "-m", "pytest", "-q", tests, "-m", "slow or not slow", f"--junitxml={report}"]
-        run = subprocess.run([*command, *arguments], cwd=ROOT, check=False)
-        root = ET.parse(report).getroot()
-        found, table = outcomes(root), exchange(root)
-    IMPORTERS.write_text(importers(table), encoding="utf-8")
-    print(f"written: {IMPORTERS.relative_to(ROOT)}")
-    if alone:
-        return 1 if run.returncode else 0
+def sources() -> str:
+    """A hash of what the tests of FMUs depend on: the library, the scenarios and the tests' own files."""
+    digest = hashlib.sha256()
+    for folder in ("engine", "blocks", "scenarios", "fmu", "flexarm", "tests/fmu"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def report_of(file: Path) -> Path:
+    """Where the report of a test file is kept."""
+    return REPORTS / f"{file.stem}.xml"
+
+
+def run(file: Path, identity: str, arguments: Sequence[str]) -> bool:
+    """Run a test file and keep its report; False if a test failed. Interrupted, no report is kept."""
+    REPORTS.mkdir(parents=True, exist_ok=True)
+    made = REPORTS / f".{file.stem}.xml"
+    command = [sys.executable, "-m", "pytest", "-q", str(file), "-m", "slow or not slow", f"--junitxml={made}"]
+    code = subprocess.run([*command, *arguments], cwd=ROOT, check=False).returncode
+    if code not in (0, 1, 5):  # passed, failed, no tests
+        raise SystemExit(code)
+    root = ET.parse(made).getroot()
+    root.set("sources", identity)
+    ET.ElementTree(root).write(made)
+    made.replace(report_of(file))
+    return code != 1
+
+
+def kept(files: Sequence[Path]) -> ET.Element:
+    """The reports of the files that have one, in one element."""
+    whole = ET.Element("reports")
+    whole.extend(ET.parse(report_of(file)).getroot() for file in files if report_of(file).exists())
+    return whole
+
+
+def is_fresh(file: Path, identity: str) -> bool:
+    """Whether the kept report of a file is of these sources."""
+    return report_of(file).exists() and ET.parse(report_of(file)).getroot().get("sources") == identity
+
+
+def write(files: Sequence[Path], identity: str) -> None:
+    """Write both pages from the reports that are kept."""
+    root = kept(files)
+    if report_of(TESTS / "test_scenarios.py").exists():
+        IMPORTERS.write_text(importers(exchange(root)), encoding="utf-8")
     figures = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.exists() else None
-    PAGE.write_text(page(found, figures), encoding="utf-8")
-    print(f"written: {PAGE.relative_to(ROOT)}")
-    return 1 if run.returncode else 0
+    older = [file.stem for file in files if report_of(file).exists() and not is_fresh(file, identity)]
+    PAGE.write_text(page(outcomes(root), figures, older), encoding="utf-8")
+
+
+def main(arguments: Sequence[str] = ()) -> int:
+    """Run what has no report yet, or what is named, and write the pages; 1 if a test failed, 2 for a name of no file.
+
+    Args:
+        arguments: ``--importers``, ``--page``, names of test files such as ``test_state``; the rest goes to pytest.
+    """
+    files = sorted(TESTS.glob("test_*.py"))
+    names = {file.stem: file for file in files}
+    asked = [argument.removesuffix(".py") for argument in arguments if argument.startswith("test_")]
+    asked += ["test_scenarios"] if "--importers" in arguments else []
+    further = [a for a in arguments if not a.startswith("test_") and a not in ("--importers", "--page")]
+    if unknown := [name for name in asked if name not in names]:
+        print(f"no file {', '.join(unknown)} in tests/fmu; there are {', '.join(names)}", file=sys.stderr)
+        return 2
+    identity, passed = sources(), True
+    waiting = [names[name] for name in asked] or [file for file in files if not is_fresh(file, identity)]
+    for k, file in enumerate([] if "--page" in arguments else waiting, 1):
+        print(f"{k} of {len(waiting)}: {file.name}", flush=True)
+        passed &= run(file, identity, further)
+        write(files, identity)
+    write(files, identity)
+    print(f"written: {PAGE.relative_to(ROOT)}, {IMPORTERS.relative_to(ROOT)}")
+    return 0 if passed else 1
 
 
 if __name__ == "__main__":

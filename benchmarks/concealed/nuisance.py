@@ -38,8 +38,8 @@ def nuisance(bench: Bench, base: Truth, rng: Generator, level: float) -> Nuisanc
     The amplifier's gain is off by up to 5 %. Half of the plants with a winding have an inductance. Two torque ripples
     of no whole order, friction that warms up and a slow torque are each scaled until a refit leaves 0.06 to 0.16 floors
     of them over all recordings; sensors that do not count drift by 0.1 to 0.3 floors; a fifth of the noise's power is
-    coloured. An inductance that a sensor shows more of than all other disturbances together, such as an accelerometer on
-    the rotor, is left out.
+    coloured. An inductance that a sensor shows more of than all other disturbances together is left out, such as one
+    beside an accelerometer on the rotor.
 
     Args:
         bench: the recordings.

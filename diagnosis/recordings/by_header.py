@@ -71,7 +71,7 @@ def from_file(path: Path, inputs: dict[str, str], signals: dict[str, str]) -> Re
     recording = Recording(
         path.name, str(path), required[time_column], tuple(drive), tuple(measurements), notes=tuple(notes)
     )
-    return checked(recording, Reader(columns), required, time_column)
+    return checked(recording, Reader(columns, notes=list(columns.notes)), required, time_column)
 
 
 def _time_column(columns: Columns, heads: dict[str, tuple[str, str]]) -> str:

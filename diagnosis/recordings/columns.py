@@ -4,87 +4,33 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import FlexarmError, Where, nearest
+from diagnosis.recordings.columns_type import Columns, RecordingError, Vector
+from diagnosis.recordings.dialect import read_dialect
+from engine.errors import Where, nearest
 from engine.files import missing
 from engine.readers.matlab import read_mat, simplified
 from engine.readers.objects import LINES, read_json
-from engine.readers.regular import FileProblem, opened, problem, shown
-from engine.readers.text import LARGEST, Oddity, as_numbers, check_names, read_plain, read_table
+from engine.readers.regular import FileProblem, opened, problem
+from engine.readers.text import LARGEST, Oddity, TextTable, as_numbers, check_names, read_plain, read_table
 
-Vector = NDArray[np.float64]
+__all__ = ["SUFFIXES", "Columns", "RecordingError", "Vector", "read_columns"]
 
-SUFFIXES = (".csv", ".txt", ".mat", ".parquet", ".json", ".jsonl", ".ndjson", ".dat")
+SUFFIXES = (".csv", ".txt", ".tsv", ".log", ".asc", ".mat", ".parquet", ".json", ".jsonl", ".ndjson", ".dat")
+TEXTS = ("", ".csv", ".txt", ".tsv", ".log", ".asc")
 FREE_CELLS, CELLS_A_BYTE = 10_000_000, 10
 """Rows times columns that a Parquet file may unpack to in any case, and for each of its bytes."""
 DEEPEST = 40
 """Levels of structures in a MATLAB or JSON file that are searched for columns."""
 
 
-class RecordingError(FlexarmError):
-    """A recording cannot be used."""
-
-
-@dataclass
-class Columns:
-    """The columns of a file.
-
-    Attributes:
-        file: the file's name, for messages.
-        raw: column name -> numbers, shape (rows,); NaN where a cell holds none.
-        rows: for each value the row (line) of the file that holds it, 1-based.
-        row: what a row is called: ``line`` or ``row``.
-        units: units that the file itself states, by column.
-        odd: the first text of each column that holds texts; its numbers cannot be asked for.
-    """
-
-    file: str
-    raw: Mapping[str, Vector]
-    rows: NDArray[np.int64]
-    row: str = "row"
-    units: dict[str, str] = field(default_factory=dict)
-    odd: Mapping[str, Oddity] = field(default_factory=dict)
-
-    @property
-    def names(self) -> list[str]:
-        """Column names in order."""
-        return list(self.raw)
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def number(self, name: str, where: Where | None = None) -> Vector:
-        """A column as numbers; cells that hold none are NaN.
-
-        Args:
-            name: the column.
-            where: the place in the scenario that asks for it.
-
-        Raises:
-            RecordingError: no such column, or a cell that is neither a number nor empty.
-        """
-        if name not in self.raw:
-            raise RecordingError(
-                f"'{self.file}' has no column '{shown(name)}'", where, nearest(name, map(shown, self.names))
-            )
-        if name in self.odd:
-            odd = self.odd[name]
-            raise RecordingError(
-                f"column '{shown(name)}' holds {odd.what} in {self.row} {odd.row}, which is not a number",
-                Where(self.file, odd.row),
-                odd.remedy,
-            )
-        return self.raw[name]
-
-
-def read_columns(path: Path, where: Where | None = None, like: str = "") -> Columns:
+def read_columns(path: Path, where: Where | None = None, like: str = "", form: str = "") -> Columns:
     """Read a file of columns.
 
     Columns are called as in the header, the variable or the key; those of a matrix ``name[1]``, ``name[2]``, the cells
@@ -93,6 +39,7 @@ def read_columns(path: Path, where: Where | None = None, like: str = "") -> Colu
     Args:
         path: a .csv, .mat (version 5), .parquet, .json, .jsonl or .dat file.
         where: the place in the scenario that names it.
+        form: format of a file whose name does not tell it, such as ``csv``.
         like: column whose length the others must have, for files that hold several lengths; the most common otherwise.
 
     Raises:
@@ -101,18 +48,18 @@ def read_columns(path: Path, where: Where | None = None, like: str = "") -> Colu
     if missing(path):
         beside = [p.name for p in sorted(path.parent.glob("*")) if p.suffix in SUFFIXES] if path.parent.is_dir() else []
         raise RecordingError(f"there is no recording '{path}'", where, nearest(path.name, beside) if beside else "")
-    kind = path.suffix.lower()
+    kind = f".{form.lower().lstrip('.')}" if form else path.suffix.lower()
     try:
         if kind in (".mat", ".json", *LINES):
             columns = _structure(path, like)
-        elif kind in (".csv", ".txt", ".dat"):
-            columns = _text(path)
+        elif kind == ".dat":
+            columns = _text(path, read_plain)
+        elif kind in TEXTS or kind not in SUFFIXES:
+            columns = _any_text(path, kind)
         elif kind == ".parquet":
             columns = _parquet(path)
         else:
-            raise RecordingError(
-                f"'{path.name}' is of no known kind", where, f"recordings are {', '.join(SUFFIXES)} files"
-            )
+            raise AssertionError(kind)
     except FileProblem as error:
         raise RecordingError(error.message, error.where or where, error.remedy) from error
     if not len(columns):
@@ -120,9 +67,38 @@ def read_columns(path: Path, where: Where | None = None, like: str = "") -> Colu
     return columns
 
 
-def _text(path: Path) -> Columns:
-    table = (read_plain if path.suffix.lower() == ".dat" else read_table)(path)
+def _text(path: Path, reader: Callable[[Path], TextTable]) -> Columns:
+    table = reader(path)
     return Columns(str(path), table.columns, table.lines, "line", odd=table.odd)
+
+
+def _any_text(path: Path, kind: str) -> Columns:
+    """A tidy table, or one whose layout has to be guessed; a file of another kind is refused as such.
+
+    Raises:
+        FileProblem: neither.
+    """
+    try:
+        tidy = _text(path, read_table)
+        # A row of units, or decimal commas, make words of what stands in every row.
+        if not any(odd.row <= tidy.rows[min(2, len(tidy.rows) - 1)] for odd in tidy.odd.values()):
+            return tidy
+        problem = None
+    except FileProblem as error:
+        tidy, problem = None, error
+    guessed = read_dialect(path)
+    # Without an assumption it would be what the tidy reader refused.
+    if guessed is not None and guessed.notes and (tidy is None or len(guessed.odd) < len(tidy.odd)):
+        return guessed
+    if tidy is not None:
+        return tidy
+    assert problem is not None
+    if kind in TEXTS:
+        raise problem
+    known = ", ".join(SUFFIXES)
+    raise RecordingError(
+        f"'{path.name}' is of no known kind", None, f"recordings are {known} files; 'format: csv' says what another is"
+    )
 
 
 def _structure(path: Path, like: str) -> Columns:

@@ -32,8 +32,8 @@ def from_scenario(scenario: Scenario, name: str) -> Recorded:
     described = scenario.recordings[name]
     path = ("recordings", name)
     like = (described.frequency if isinstance(described, FrequencyRecording) else described.time).column or ""
-    columns = read_columns(recording_path(scenario, name), scenario.where(*path, "file"), like)
-    reader = Reader(columns, scenario, path)
+    columns = read_columns(recording_path(scenario, name), scenario.where(*path, "file"), like, described.format or "")
+    reader = Reader(columns, scenario, path, list(columns.notes))
     if isinstance(described, FrequencyRecording):
         return _table(reader, name, described, scenario)
     return _recording(reader, name, described, scenario)

@@ -48,16 +48,6 @@ class Noise:
     logged: float
     at_rest: float
 
-    @property
-    def words(self) -> str:
-        """Where it comes from, in words."""
-        return {
-            "at rest": "from stretches at rest",
-            "repeated periods": "from periods that repeat",
-            "between samples": "from the spectrum above what the signal does",
-            "quantum": "from the steps in which it is logged",
-        }[self.source]
-
 
 def quantum(values: Vector) -> float:
     """Step of which all values are whole multiples apart; 0 if there is none."""

@@ -34,6 +34,8 @@ JITTERS = 0.02
 """Deviation of a sample's instant from an even clock, as a share of an interval, that is worth a word."""
 DRIFTS = 1e-4
 """Change of a clock's rate over a recording that is worth a word; crystals keep 1e-4."""
+ROUNDING = 1e-6
+"""Share of an interval below which an instant is even but for its digits."""
 COUNTERS = {2.0**n: f"2^{n}" for n in (8, 10, 12, 13, 14, 15, 16, 17, 18, 19, 20, 24, 32)} | {
     360.0: "360",
     2 * math.pi: "2 pi",
@@ -88,13 +90,14 @@ def clock(stamps: Vector) -> Clock:
         return Clock(usual, 0.0, 0.0, dropped)
     place = 2 * ticks / ticks[-1] - 1
     bent = np.polyfit(place, stamps, 2)
-    even = np.polyval(bent[1:], place)
     rate = 4 * bent[0] / bent[1]
     jitter = float(np.abs(stamps - np.polyval(bent, place)).max())
     # A curvature that the jitter itself makes is none.
     noise = float(np.std(stamps - np.polyval(bent, place))) * math.sqrt(180 / len(stamps))
-    del even
-    return Clock(usual, jitter, float(rate) if 4 * abs(bent[0]) > 4 * noise else 0.0, dropped)
+    if jitter < ROUNDING * usual:
+        jitter = 0.0
+    drifts = abs(bent[0]) > 4 * max(noise, ROUNDING * usual)
+    return Clock(usual, jitter, float(rate) if drifts else 0.0, dropped)
 
 
 def wraps(values: Vector, scale: float) -> tuple[float, int, str] | None:

@@ -43,7 +43,7 @@ class Leftover:
     energy: Array
     count: Array
     noise: Array
-    names: tuple[tuple[int, int], ...]
+    names: tuple[tuple[int, int], ...] = ()
 
     @property
     def by_band(self) -> dict[tuple[int, int], float]:

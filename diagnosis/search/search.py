@@ -171,9 +171,18 @@ class _Search:
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             self._fit([(kept, [standing(model.fit)])], 1)
-            self.add(kept, [standing(model.fit)], SEARCH.fitted_beside, SEARCH.finished_beside)
+            alike = [c for c in self.listed if c.place == effect.place or c.effect == effect.effect]
+            among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
+            self.add(kept, [standing(model.fit)], SEARCH.exchanged, 1, among)
 
-    def add(self, kept: tuple[Candidate, ...], parents: Sequence[Values], begin: int, finish: int) -> None:
+    def add(
+        self,
+        kept: tuple[Candidate, ...],
+        parents: Sequence[Values],
+        begin: int,
+        finish: int,
+        among: Sequence[Candidate] = (),
+    ) -> None:
         """Put every other effect in beside some, and fit those that promise most.
 
         Args:
@@ -181,11 +190,12 @@ class _Search:
             parents: parameters to begin from.
             begin: number of models that are fitted.
             finish: number of those that are fitted to the end.
+            among: the effects; those that promised most alone if none are given.
         """
         origins = [o for values in parents if (o := self.fitter.origin(kept, values)) is not None]
         names = {c.key for c in kept}
         blocks = {c.name for c in kept}
-        among = self._order[: SEARCH.beside] if kept else self.listed
+        among = among or (self._order[: SEARCH.beside] if kept else self.listed)
         promised = self._screened(origins, [c for c in among if c.key not in names and c.name not in blocks])
         self._order = self._order or promised
         self._fit([((*kept, c), parents) for c in promised[:begin]], finish)

@@ -59,27 +59,35 @@ def screen(problem: Problem, x: Array | None = None) -> list[Remark]:
         x: search vector; absent: the parameters as the user gave them.
     """
     found: list[Remark] = []
-    compared: list[Compared] = []
     zero = np.zeros(len(problem.free)) if x is None else x
     for table in tables(problem.experiments):
         with contextlib.suppress(SimulationError):
             found += _level(table, problem.simulate(zero, table))
     for e in over_time(problem.experiments):
         found += _by_itself(e, [v.name for v in problem.model.outputs], [v.unit for v in problem.model.outputs])
+    beside = compared(problem, zero)
+    for one in beside:
+        there = np.isfinite(one.measured)
+        if int(there.sum()) >= 4 * RECORDING_CHECKS.farthest:
+            found += _scale(one) + _clipped(one.where, one.measured[there], one.simulated[there])
+    found += _shifts(beside) + _common_gain(beside, problem)
+    # What a late column or a wrong unit leaves over, another clock would explain in part.
+    found += clocks(problem) if not any(remark.grave for remark in found) else []
+    return list(dict.fromkeys([*_upside_down(beside), *found]))
+
+
+def compared(problem: Problem, x: Array | None = None) -> list[Compared]:
+    """Every signal of every recording over time beside a model's, the nominal one's by default, where that runs."""
+    made = []
+    zero = np.zeros(len(problem.free)) if x is None else x
+    for e in over_time(problem.experiments):
         try:
             simulated = e.sampled(problem.simulate(zero, e))
         except (ParameterError, SimulationError):
             continue
         simulated = simulated - np.where(e.from_first, simulated[0], 0.0)
-        for k, variable in enumerate(problem.model.outputs):
-            there = np.isfinite(e.measured[:, k])
-            if int(there.sum()) < 4 * RECORDING_CHECKS.farthest:
-                continue
-            one = Compared(variable.name, e, e.measured[:, k], simulated[:, k])
-            compared.append(one)
-            found += _scale(one) + _clipped(one.where, e.measured[there, k], simulated[there, k])
-    found += _shifts(compared) + _common_gain(compared, problem) + clocks(problem)
-    return list(dict.fromkeys([*_upside_down(compared), *found]))
+        made += [Compared(v.name, e, e.measured[:, k], simulated[:, k]) for k, v in enumerate(problem.model.outputs)]
+    return made
 
 
 @dataclass(frozen=True)
@@ -273,11 +281,11 @@ def _stretched(e: TimeExperiment, share: float) -> TimeExperiment:
     return replace(e, time=e.time * (1 + share), step=e.step * (1 + share), drive=drive)
 
 
-def _upside_down(compared: Sequence[Compared]) -> list[Remark]:
+def _upside_down(beside: Sequence[Compared]) -> list[Remark]:
     """Signals that run against the model in all recordings; in one alone a resonance beside the input may do that."""
     found = []
     alike: dict[str, list[float]] = {}
-    for one in compared:
+    for one in beside:
         alike.setdefault(one.name, []).append(one.likeness[0])
     for name, correlations in alike.items():
         clear = [c for c in correlations if abs(c) >= RECORDING_CHECKS.alike]
@@ -328,9 +336,9 @@ def _scale(one: Compared) -> list[Remark]:
     ]
 
 
-def _common_gain(compared: Sequence[Compared], problem: Problem) -> list[Remark]:
+def _common_gain(beside: Sequence[Compared], problem: Problem) -> list[Remark]:
     """All signals larger or smaller than the model's by one factor: what drives the model is scaled wrongly."""
-    driven = [one for one in compared if one.experiment.drive is not None]
+    driven = [one for one in beside if one.experiment.drive is not None]
     gains = [abs(one.likeness[1]) for one in driven if abs(one.likeness[0]) >= RECORDING_CHECKS.alike]
     if not gains or len(gains) < len(driven) or min(gains) <= 0:
         return []
@@ -349,10 +357,10 @@ def _common_gain(compared: Sequence[Compared], problem: Problem) -> list[Remark]
     return [Remark(text, False)]
 
 
-def _shifts(compared: Sequence[Compared]) -> list[Remark]:
+def _shifts(beside: Sequence[Compared]) -> list[Remark]:
     """Whole numbers of samples by which recordings are early or late; the drive's column where all are alike."""
     found, early = [], []
-    for one in compared:
+    for one in beside:
         best, left = one.shift
         if best == 0 or left > RECORDING_CHECKS.halved:
             continue
@@ -368,7 +376,7 @@ def _shifts(compared: Sequence[Compared]) -> list[Remark]:
                 f"{one.where} is {samples} behind the model: there is a delay, or a column is shifted against the time"
             )
             found.append(Remark(text, False))
-    if len(early) > 1 and len(early) == len(compared) and max(early) - min(early) <= 1:
+    if len(early) > 1 and len(early) == len(beside) and max(early) - min(early) <= 1:
         late = abs(round(float(np.median(early))))
         text = (
             f"every signal is {late} sample{'s' if late > 1 else ''} ahead of the model, before its cause: the drive's "

@@ -44,6 +44,10 @@ typedef struct {
 #ifdef FA_PAUSABLE
   int pausing, paused;                                           /* stop before events; whether that happened */
 #endif
+#ifdef FA_ADAPTIVE
+  double h, tolerance;                                           /* next step to be tried; error allowed in a step */
+  const void *ready;                                             /* the trial of the step that is about to be taken */
+#endif
 } fa_sim;
 
 static int fa_finite(const double *a, int n) {
@@ -311,7 +315,14 @@ static int fa_step(fa_sim *s, double h) {
   for (int events = 0; events <= FA_EVENTS_PER_STEP; events++) {
     int which = 0;
     if (fa_update_derivative(s)) return s->status;
+#ifdef FA_ADAPTIVE
+    if (s->ready) b = *(const fa_trial *)s->ready;
+    else
+#endif
     fa_try_step(s, end - s->t, &b);
+#ifdef FA_ADAPTIVE
+    s->ready = 0;
+#endif
     if (!(fa_worst_guard(b.guards, &which) > 0)) {
       FA_ON_STEP(s, b.h, -1);
       fa_accept(s, &b);
@@ -366,6 +377,53 @@ static int fa_start(fa_sim *s) {
   return fa_finite(s->full, FA_NX) ? FA_OK : fa_not_finite(s);
 }
 
+#ifdef FA_ADAPTIVE
+/* Error of a step, x1 its end and e its estimate, over what is allowed. */
+static double fa_step_error(const fa_sim *s, const double *x1, const double *e);
+
+/* Take steps to `target` whose estimated errors are allowed. The estimate is h / 6 (k4 - f(end)): give the weight of k4 to
+ * a fifth stage f(end), which stands at t + h too and sees x to the same order, and the conditions for order 3 still hold,
+ * those for order 4 do not. */
+static int fa_adapt(fa_sim *s, double target) {
+  const double shortest = 1e-9 * s->hmax + 4 * 2.220446049250313e-16 * fabs(target);
+  double e[FA_SIZE(FA_NX)], last[FA_SIZE(FA_NX)], y[FA_SIZE(FA_NX)], k[FA_SIZE(FA_NX)], u[FA_SIZE(FA_NI)];
+  fa_trial b;
+  while (s->t < target) {
+    const double left = target - s->t;
+    const int ends = s->h >= left * (1 - 1e-9);
+    const double h = ends ? left : s->h > left / 2 ? left / 2 : s->h, to = ends ? target : s->t + h;
+    if (fa_update_derivative(s)) return s->status;
+    fa_inputs(s, s->t + h / 2, u);
+    for (int i = 0; i < FA_NX; i++) y[i] = s->x[i] + h / 2 * s->full[i];
+    fa_derivative(s->t + h / 2, y, u, s->d, s->m, s->p, s->cp, s->cm, 0, k);
+    for (int i = 0; i < FA_NX; i++) e[i] = s->full[i] + 2 * k[i], y[i] = s->x[i] + h / 2 * k[i];
+    fa_derivative(s->t + h / 2, y, u, s->d, s->m, s->p, s->cp, s->cm, 0, k);
+    for (int i = 0; i < FA_NX; i++) e[i] += 2 * k[i], y[i] = s->x[i] + h * k[i];
+    fa_inputs(s, s->t + h, u);
+    fa_derivative(s->t + h, y, u, s->d, s->m, s->p, s->cp, s->cm, 0, last);
+    for (int i = 0; i < FA_NX; i++) b.x[i] = s->x[i] + h / 6 * (e[i] + last[i]);
+    fa_derivative(s->t + h, b.x, u, s->d, s->m, s->p, s->cp, s->cm, 0, k);
+    for (int i = 0; i < FA_NX; i++) e[i] = h / 6 * (last[i] - k[i]);
+    const double error = fa_step_error(s, b.x, e);
+    const double factor = error > 0 ? 0.9 * pow(error, -0.25) : error == 0 ? 5 : 0.2;   /* the last if not finite */
+    if (!(error <= 1) && h > shortest) { s->h = fmax(h * fmin(fmax(factor, 0.2), 0.9), shortest); continue; }
+    b.h = h;
+    if (FA_NG) fa_guards(s->t + h, b.x, u, s->d, s->m, s->p, s->cp, s->cm, 0, b.guards);
+    s->ready = &b;
+    const int failed = fa_step(s, h);
+    s->ready = 0;
+    if (failed) return s->status;
+#ifdef FA_PAUSABLE
+    if (s->paused) return FA_OK;
+#endif
+    s->t = to;
+    if (!ends || factor < 1) s->h = h * fmin(fmax(factor, 0.2), 5);   /* a step cut short by its target tells too little */
+    else s->h = fmax(s->h, fmin(h * fmin(factor, 5), 5 * s->h));
+  }
+  return FA_OK;
+}
+#endif
+
 /* Integrate to t_end, hitting every knot and time event on the way. Needs s->full; leaves its guards alone up to date. */
 static int fa_integrate_to(fa_sim *s, double t_end) {
   while (s->t < t_end) {
@@ -375,6 +433,9 @@ static int fa_integrate_to(fa_sim *s, double t_end) {
       if (target > t_end + FA_SNAP * fmax(1, fabs(t_end))) event = -1;
       target = t_end;
     }
+#ifdef FA_ADAPTIVE
+    if (fa_adapt(s, target)) return s->status;
+#else
     const double start = s->t, span = target - start;
     const int64_t n = span * (1 - 1e-9) > s->hmax ? (int64_t)ceil(span / s->hmax * (1 - 1e-9)) : 1;
     for (int64_t i = 1; i <= n; i++) {
@@ -389,7 +450,9 @@ static int fa_integrate_to(fa_sim *s, double t_end) {
 #endif
       s->t = to;
     }
+#endif
 #ifdef FA_PAUSABLE
+    if (s->paused) return FA_OK;
     if (s->pausing && fa_next_knot(s, &event) <= s->t + FA_SNAP * fmax(1, fabs(s->t))) {
       s->paused = 1;
       return FA_OK;

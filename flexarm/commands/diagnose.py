@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -71,6 +72,11 @@ def diagnose(
                 check()
                 bar.update(task, description=what, completed=done, total=total)
 
+            def warn(texts: Sequence[str]) -> None:
+                # Whoever mapped a column wrongly need not wait for the search.
+                for text in texts:
+                    bar.console.print(f"warning: {text}", style="yellow", markup=False, highlight=False)
+
             found = run(
                 scenario,
                 recordings or (),
@@ -80,6 +86,7 @@ def diagnose(
                 seed=seed,
                 without=without or (),
                 progress=progress,
+                warn=warn,
                 keep=keep,
                 scheduler=scheduler,
             )

@@ -52,6 +52,22 @@ def export(
     backend: Annotated[
         str, typer.Option(metavar="c|python", help="python for scenarios with Python functions; needs Python there.")
     ] = "c",
+    variable_step: Annotated[
+        float | None,
+        typer.Option(
+            "--variable-step",
+            metavar="TOLERANCE",
+            help="A variable step inside Co-Simulation, such as 1e-6; else fixed.",
+        ),
+    ] = None,
+    results: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--results",
+            metavar="NAMES",
+            help="Further signals that importers may record: names or patterns, as link.*.",
+        ),
+    ] = None,
     split: Annotated[
         list[str] | None,
         typer.Option(
@@ -80,7 +96,7 @@ def export(
     made = cut(loaded, "export", analysis, inputs=names(inputs), outputs=names(outputs))
     say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
     if split:
-        _refuse_with_split(linear_twin, backend)
+        _refuse_with_split(linear_twin or variable_step is not None or bool(results), backend)
         _split(made, path, split, names(platforms), {"version": fmi, "bare": bare})
         return
     options = ExportOptions(
@@ -90,6 +106,8 @@ def export(
         backend=backend,
         modes=pairs(mode, "--mode"),
         at=pairs(at, "--at"),
+        variable_step=variable_step,
+        results=names(results) or (),
     )
     write_fmu(made, path, options=options)
     model: Model = made.model
@@ -100,12 +118,12 @@ def export(
             typer.echo(f"written: {written}")
 
 
-def _refuse_with_split(linear_twin: bool, backend: str) -> None:
-    if linear_twin or backend != "c":
+def _refuse_with_split(further: bool, backend: str) -> None:
+    if further or backend != "c":
         raise ParameterError(
-            "an SSP holds FMUs of compiled C without a linear twin",
+            "an SSP holds FMUs of compiled C with a fixed step, outputs alone and no linear twin",
             Where("--split"),
-            "leave out --linear-twin and --backend",
+            "leave out --linear-twin, --variable-step, --results and --backend",
         )
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,6 +18,7 @@ from flexarm.console.options import (
     SetOption,
     WorkersOption,
 )
+from scenarios.load import find
 
 if TYPE_CHECKING:
     from diagnosis.estimation.least_squares import Fit, Interval
@@ -28,17 +32,51 @@ def fit(
     workers: WorkersOption = None,
     seed: SeedOption = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FITTED.yaml", help="Write the scenario with the fitted values."),
+    ] = None,
 ) -> None:
     """Fit the parameters, within their tolerances, to recordings."""
     from diagnosis.api import fit as run
+    from engine.files import check_suffix
 
+    if output is not None:
+        check_suffix(output, (".yaml", ".yml"))
     made, scores = run(
         scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
     )
+    if output is not None:
+        _write(output, made, Path(find(scenario)), overrides or ())
     if as_json:
         typer.echo(json_text(_fit_numbers(made, scores), indent=2))
         return
     typer.echo(fit_page(made, scores))
+    if output is not None:
+        typer.echo(f"written: {output}")
+
+
+def _write(path: Path, made: Fit, source: Path, overrides: Sequence[str]) -> None:
+    """The scenario with the fitted values in their places, and what is known of them as a comment on top."""
+    from diagnosis.estimation.least_squares import interval_in_words
+    from engine.files import writing
+    from scenarios.amend import relocated, with_values
+
+    known = {p.name: p.unit for p in made.problem.model.parameters}
+    rows = [i for i in made.intervals() if i.name in known]
+    values: dict[str, str | float] = {
+        i.name: f"{i.value:.8g} {known[i.name]}" if known[i.name] not in ("1", "*") else float(f"{i.value:.8g}")
+        for i in rows
+    }
+    head = [f"{source.name}, fitted{' with ' + ' '.join(overrides) if overrides else ''}; 95 % intervals:"]
+    head += [f"  {i.name}: {interval_in_words(i.numbers(), 6)} {i.unit.strip('*1')}".rstrip() for i in rows]
+    said: dict[str, str | float] = {}
+    for override in overrides:
+        key, _, value = override.partition("=")
+        said[re.sub(r"^(parameters|blocks)\.", "", key.strip())] = value.strip()
+    text = with_values(source.read_text(encoding="utf-8"), said | values, "\n".join(head))
+    with writing(path, (".yaml", ".yml")) as temporary:
+        temporary.write_text(relocated(text, source.parent, path.parent), encoding="utf-8")
 
 
 def _fit_numbers(made: Fit, scores: dict[str, float]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from engine.errors import FlexarmError, ParameterError, nearest
 from flexarm.cut import Source, as_scenario
-from scenarios.amend import Feed, Wire, amended, relocated
+from scenarios.amend import Edit, Feed, Wire, amended, relocated
 from scenarios.load import Scenario, load
 
 Matrix = NDArray[np.float64]
@@ -42,9 +42,9 @@ def matrices(controller: Any) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
 
     plain = controller if hasattr(controller, "A") else control.ss(controller)
     A, B, C, D = (np.atleast_2d(np.asarray(getattr(plain, key), dtype=float)) for key in "ABCD")
-    dt = getattr(plain, "dt", None)
+    period = getattr(plain, "dt", None)
     n = A.shape[0] if A.size else 0
-    return A.reshape(n, n), B.reshape(n, D.shape[1]), C.reshape(D.shape[0], n), D, float(dt or 0.0)
+    return A.reshape(n, n), B.reshape(n, D.shape[1]), C.reshape(D.shape[0], n), D, float(period or 0.0)
 
 
 def sampled(controller: Any, period: float, method: str = "tustin", delay: int = 0) -> Any:
@@ -136,7 +136,7 @@ def closed(
         settings["unit"] = unit
     ends = [*measure, *([reference] if reference else [])]
     ports = [f"{name}.in"] if len(ends) == 1 else [f"{name}.in{k + 1}" for k in range(len(ends))]
-    edits = [
+    edits: list[Edit] = [
         Feed(name, "DiscreteStateSpace" if own else "StateSpace", end, settings),
         *(Wire(name, (signal, port)) for signal, port in zip(ends, ports, strict=True)),
     ]

@@ -108,7 +108,7 @@ def _heard(made: Cut, family: LinearFamily, axes: list[Axis], asked: dict[str, A
 def _axis(made: Cut, key: str, values: str | Sequence[float]) -> Axis:
     model, name, where = made.model, made.scenario.resolve(key), Where(f"--grid {key}")
     own = {p.name: p for p in model.parameters}
-    units = {name: p.unit for name, p in own.items()} | motion_units(model) | {v.name: v.unit for v in model.inputs}
+    units = {name: p.unit for name, p in own.items()} | motion_units(made) | {v.name: v.unit for v in model.inputs}
     names = parameters_of(model, name)
     if name not in units and len(names) == 1:
         name = names[0]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from engine.errors import ParameterError, nearest
 from engine.model import TIME, Model
+from engine.ports import MOTION
 from flexarm.cut import Cut, cut, find_mode
 from scenarios.load import AnalysisSettings, si
 
@@ -17,12 +18,12 @@ if TYPE_CHECKING:
 
 def point(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
     """Arguments for `engine.linearise.linearise`: the point and modes of the analysis and those given, in SI units."""
-    model = made.model
+    model, resolve = made.model, made.scenario.resolve
     wanted: dict[str, int | str] = {**made.settings.modes, **(modes or {})}
     labels = dict(label(model, name, value) for name, value in wanted.items())
-    point: dict[str, Any] = {**made.settings.at, **(at or {})}
+    point: dict[str, Any] = {**made.settings.at, **{resolve(name): value for name, value in (at or {}).items()}}
     input_units = {variable.name: variable.unit for variable in model.inputs}
-    state_units = motion_units(model)
+    state_units = motion_units(made)
     given = {name: si(value, {**state_units, **input_units}, name) for name, value in point.items()}
     return {
         "at": {name: value for name, value in given.items() if name not in input_units},
@@ -31,12 +32,14 @@ def point(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any
     }
 
 
-def motion_units(model: Model) -> dict[str, str]:
-    """Units of everything that has a value at an operating point."""
-    units = {variable.name: variable.unit for variable in (*model.states, *model.memories)}
-    for flange in model.motions:
-        for quantity, unit in (("angle", "rad"), ("speed", "rad/s"), ("position", "m")):
-            units.setdefault(f"{flange}.{quantity}", unit)
+def motion_units(made: Cut) -> dict[str, str]:
+    """Units of everything that has a value at an operating point, each flange's by its own kind."""
+    units = {variable.name: variable.unit for variable in (*made.model.states, *made.model.memories)}
+    system = made.scenario.system
+    for name in made.model.motions:
+        block, port = system.split(name)
+        for quantity, unit in MOTION[system.blocks[block].ports[port].kind][:2]:
+            units.setdefault(f"{name}.{quantity}", unit)
     return units
 
 
@@ -76,7 +79,7 @@ def wanted(
 ) -> dict[str, Any]:
     """What a trim analysis fixes, frees and bounds, with what is given over it, as `engine.trim.trim` takes it."""
     model, options, names = made.model, made.settings.options, made.scenario.resolve
-    units = motion_units(model) | {v.name: v.unit for v in (*model.inputs, *model.outputs)}
+    units = motion_units(made) | {v.name: v.unit for v in (*model.inputs, *model.outputs)}
     limits = {**options.get("bounds", {}), **(bounds or {})}
     return {
         "fix": {
@@ -115,9 +118,7 @@ def trimmed(made: Cut, name: str | None = None, at: Mapping[str, Any] | None = N
     """
     settings = _trim_settings(made, name)
     given = {v.name for v in made.model.inputs}
-    begin = {
-        k: v for k, v in {**made.settings.at, **settings.at}.items() if k in motion_units(made.model) or k in given
-    }
+    begin = {k: v for k, v in {**made.settings.at, **settings.at}.items() if k in motion_units(made) or k in given}
     settings = replace(settings, at={**begin, **(at or {})})
     return equilibrium(replace(made, settings=settings))
 

@@ -293,7 +293,7 @@ def _pieces(fit: Fit, draws: Sequence[NDArray[np.float64]], e: TimeExperiment, h
         window = np.hanning(count)
         size = math.sqrt(float(np.sum(window**2)))
         keep = slice(LOWEST_BIN, None)
-        omega = 2 * np.pi * np.fft.rfftfreq(count, step)[keep]
+        omega = np.asarray(2 * np.pi * np.fft.rfftfreq(count, step)[keep], dtype=np.float64)
 
         def spectrum(values: Any, window: Any = window, size: float = size, keep: slice = keep) -> Any:
             plain = np.nan_to_num(values - np.nanmean(values))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,7 +47,10 @@ def plot_margins(found: LoopMargins, path: str | Path, title: str = "") -> Path:
         omega = _dense(loop, middle / reach, top)
         answer = np.asarray(loop(np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega)).ravel()
         worst = k == found.worst
-        looks = {"color": COLOURS[1] if worst and len(chosen) > 1 else COLOURS[0], "lw": 1.6 if worst else 0.7}
+        looks: dict[str, Any] = {
+            "color": COLOURS[1] if worst and len(chosen) > 1 else COLOURS[0],
+            "lw": 1.6 if worst else 0.7,
+        }
         looks |= {"alpha": 1.0 if worst else 0.5}
         gain.semilogx(omega, 20 * np.log10(np.maximum(np.abs(answer), FLOOR)), **looks)
         phases.append(np.degrees(np.unwrap(np.angle(answer))))

@@ -143,6 +143,9 @@ static void fa_tell(fa_instance *i, const char *f) {
 
 /* The internal step is chosen at the start; say so if the parameters now would need a finer one. */
 static void fa_warn_of_step(fa_instance *i, const char *f) {
+#ifdef FA_ADAPTIVE
+  (void)i; (void)f;
+#else
   char text[300];
   fa_state *s = &i->core.now;
   if (i->exchange || !fa_logs(i, FA_LOG_WARNING) || !(s->pending & FA_PENDING_PARAMETERS) || (s->pending & FA_PENDING_START)) return;
@@ -155,6 +158,7 @@ static void fa_warn_of_step(fa_instance *i, const char *f) {
            "start, stays %.3g s: results may be inaccurate or diverge; set them before initialization ends", wanted,
            s->sim.hmax);
   fa_say(i, FA_STATUS_WARNING, FA_LOG_WARNING, f, text);
+#endif
 }
 
 /* -- life ------------------------------------------------------------------------------------------------------- */
@@ -173,12 +177,15 @@ static int fa_set_debug_logging(fa_instance *i, const char *f, int on, size_t n,
   return FA_STATUS_OK;
 }
 
-static int fa_setup_experiment(fa_instance *i, const char *f, double start, int with_stop, double stop) {
+static int fa_setup_experiment(fa_instance *i, const char *f, int with_tolerance, double tolerance, double start,
+                               int with_stop, double stop) {
   fa_state *s = &i->core.now;
+  if (with_tolerance && !(tolerance >= 0 && tolerance <= 1)) return fa_error(i, f, "the tolerance lies outside 0 to 1");
   if (!(start - start == 0) || start + FA_STEP == start)
     return fa_error(i, f, "startTime is not finite, or so large that a step is lost in rounding");
   if (with_stop && !(stop >= start)) return fa_error(i, f, "stopTime lies before startTime");
   s->start = start;
+  s->tolerance = with_tolerance ? tolerance : 0;
   s->stop_defined = with_stop != 0;
   s->stop = with_stop ? stop : 0;
   return FA_STATUS_OK;

@@ -45,6 +45,7 @@ typedef struct {
   int32_t stop_defined, fmi_state, pending, stale;                        /* stale: sim.full is not that of t and x */
   int32_t moved, exchange;                                            /* moved: inputs or parameters changed since the
                                                                          last event; exchange: Model Exchange */
+  double tolerance;                                                   /* that the importer gave, or 0 */
   int32_t hybrid, early;                                              /* Co-Simulation with event mode; whether its
                                                                          steps may return early */
   unsigned char ticking[FA_SIZE(FA_NC)];                              /* clocks that tick at the present event */
@@ -58,6 +59,26 @@ typedef struct {
 } fa_core;
 
 #define FA_MOST_PARTS 1e5                /* of a cell; a model that needs more diverges, and is refused then */
+
+/* -- twists ------------------------------------------------------------------------------------------------------ */
+
+/* What is shown of the states, or of their rates: twists in place of coordinates; and back. A twist stands after those
+ * that its terms are made of. */
+static double fa_twist_value(const double *x, int r) {
+  double value = x[fa_twist_coordinate[r]];
+  for (int j = fa_twist_first[r]; j < fa_twist_first[r + 1]; j++) value += fa_twist_share[j] * x[fa_twist_other[j]];
+  return value;
+}
+
+static void fa_show_twists(double *x) {
+  for (int r = FA_NR - 1; r >= 0; r--) x[fa_twist_coordinate[r]] = fa_twist_value(x, r);
+}
+
+static void fa_undo_twists(double *x) {
+  for (int r = 0; r < FA_NR; r++)
+    for (int j = fa_twist_first[r]; j < fa_twist_first[r + 1]; j++)
+      x[fa_twist_coordinate[r]] -= fa_twist_share[j] * x[fa_twist_other[j]];
+}
 
 /* -- the fastest mode -------------------------------------------------------------------------------------------- */
 
@@ -84,6 +105,23 @@ static double fa_spectral_radius(int n, double *a) {
   }
   return exp(logarithm);
 }
+
+#ifdef FA_ADAPTIVE
+/* The largest error of a state as it is shown, over tolerance * (|state| + nominal): the measure of Model Exchange. */
+static double fa_step_error(const fa_sim *s, const double *x1, const double *e) {
+  double shown[FA_SIZE(FA_NX)], error[FA_SIZE(FA_NX)], worst = 0;
+  memcpy(shown, x1, sizeof(double) * FA_NX);
+  memcpy(error, e, sizeof(double) * FA_NX);
+  fa_show_twists(shown);
+  fa_show_twists(error);
+  for (int i = 0; i < FA_NX; i++) {
+    const double share = fabs(error[i]) / (s->tolerance * (fabs(shown[i]) + fa_x_nominal[i]));
+    if (!(share <= worst)) worst = share;
+    if (share != share) return share;
+  }
+  return worst;
+}
+#endif
 
 /* -- start ------------------------------------------------------------------------------------------------------ */
 
@@ -176,6 +214,10 @@ static int fa_initialize(fa_state *s) {
     fa_prepare_parameters(sim->p, sim->cp);
     sim->hmax = fa_choose_step(sim);
   }
+#ifdef FA_ADAPTIVE
+  sim->h = sim->hmax;
+  sim->tolerance = s->tolerance > 0 ? s->tolerance : FA_TOLERANCE;
+#endif
   for (int k = 0; k < FA_NM; k++) sim->m[k] = NAN;                /* the integrator decides */
   for (int i = 0; i < FA_NU; i++) fa_set_input(sim, i, s->u[i], s->slope[i]);
   return fa_start(sim);
@@ -376,24 +418,6 @@ static int fa_start_index(unsigned vr) {
 
 static int fa_is_start(unsigned vr) { return fa_start_index(vr) >= 0; }
 
-/* What is shown of the states, or of their rates: twists in place of coordinates; and back. A twist stands after those
- * that its terms are made of. */
-static double fa_twist_value(const double *x, int r) {
-  double value = x[fa_twist_coordinate[r]];
-  for (int j = fa_twist_first[r]; j < fa_twist_first[r + 1]; j++) value += fa_twist_share[j] * x[fa_twist_other[j]];
-  return value;
-}
-
-static void fa_show_twists(double *x) {
-  for (int r = FA_NR - 1; r >= 0; r--) x[fa_twist_coordinate[r]] = fa_twist_value(x, r);
-}
-
-static void fa_undo_twists(double *x) {
-  for (int r = 0; r < FA_NR; r++)
-    for (int j = fa_twist_first[r]; j < fa_twist_first[r + 1]; j++)
-      x[fa_twist_coordinate[r]] -= fa_twist_share[j] * x[fa_twist_other[j]];
-}
-
 /* Readable without evaluating the model. */
 static int fa_is_given(const fa_state *s, unsigned vr) {
   return vr < FA_VR_Y || (s->fmi_state == FA_INSTANTIATED && fa_is_start(vr));
@@ -591,6 +615,9 @@ static int fa_sound_run(const fa_state *s) {
   if (sim->status < FA_OK || sim->status > FA_NO_MODE) return 0;
   if (sim->culprit < 0 || sim->culprit >= (sim->status == FA_NOT_FINITE ? FA_SIZE(FA_NX) : FA_SIZE(FA_NM))) return 0;
   if (!(sim->hmax > 0 && sim->hmax <= FA_STEP)) return 0;
+#ifdef FA_ADAPTIVE
+  if (!(sim->h > 0 && sim->h - sim->h == 0 && sim->tolerance > 0 && sim->tolerance - sim->tolerance == 0)) return 0;
+#endif
   if (s->tick < 0 || s->tick > INT64_C(4000000000000000000)) return 0;
   const double behind = sim->t - fa_tick_time(s, s->tick);      /* of the last instant: what a step makes good */
   return s->fmi_state != FA_STEP_MODE || fabs(behind) <= 2 * FA_STEP + 1e-9 * fabs(sim->t);
@@ -607,7 +634,7 @@ static int fa_sound(const fa_state *s) {
   for (int k = 0; k < FA_NC; k++)
     if (s->ticking[k] > 1) return 0;
   if (s->fmi_state == FA_INSTANTIATED && !(s->pending & FA_PENDING_START)) return 0;
-  if (!(s->start - s->start == 0) || s->stop != s->stop) return 0;
+  if (!(s->start - s->start == 0) || s->stop != s->stop || !(s->tolerance >= 0 && s->tolerance <= 1)) return 0;
   if (!fa_finite(s->u, FA_NU) || !fa_finite(s->slope, FA_NU)) return 0;
   for (int k = 0; k < FA_NP; k++)
     if (!fa_in_bounds(k, s->p[k])) return 0;
@@ -634,5 +661,8 @@ static void fa_restore(fa_core *c, const fa_fmu_state *saved) {
   c->now.sim.log = 0;
   c->now.sim.log_length = c->now.sim.log_capacity = 0;
   c->now.sim.listener = 0;
+#ifdef FA_ADAPTIVE
+  c->now.sim.ready = 0;
+#endif
   c->kept = c->read = 0;
 }

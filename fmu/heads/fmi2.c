@@ -71,9 +71,8 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean with_tolerance, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean with_stop, fmi2Real stop) {
-  (void)with_tolerance; (void)tolerance;
   FA_ALLOWED_IN(FA_BIT(FA_INSTANTIATED))
-  return fa_setup_experiment(i, __func__, start, with_stop, stop);
+  return fa_setup_experiment(i, __func__, with_tolerance, tolerance, start, with_stop, stop);
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) {

@@ -88,9 +88,8 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t n, const f
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean with_tolerance, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean with_stop, fmi3Float64 stop) {
-  (void)with_tolerance; (void)tolerance;
   FA_ALLOWED_IN(FA_BIT(FA_INSTANTIATED))
-  const int status = fa_setup_experiment(i, __func__, start, with_stop, stop);
+  const int status = fa_setup_experiment(i, __func__, with_tolerance, tolerance, start, with_stop, stop);
   if (status == FA_STATUS_OK) i->core.now.fmi_state = FA_INITIALIZATION_MODE;
   return status;
 }

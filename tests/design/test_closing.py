@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import control
 import numpy as np
@@ -30,7 +31,7 @@ simulate: {stop: 0.5 s, step: 1 ms, record: [carriage.flange.position]}
 
 LEAD = control.ss(control.tf([4.0e3, 6.0e4], [1 / 400, 1]))
 PLANT = control.tf([1], [95, 200, 0])
-CARRIAGE = {"feed": "motor.force", "measure": ["carriage.flange.position"], "reference": "source.out"}
+CARRIAGE: dict[str, Any] = {"feed": "motor.force", "measure": ["carriage.flange.position"], "reference": "source.out"}
 
 
 @pytest.fixture

@@ -24,10 +24,9 @@ NO_RULES = {
     ("estimation/time_experiment.py", "WINDOW"),
     ("estimation/initial_states.py", "_INDEPENDENT"),
     ("estimation/initial_states.py", "_ROUNDS"),
-    ("search/equivalent_effects.py", "GRAVITY"),
     ("search/dask_fitter.py", "STUDIES"),
 }
-"""What is drawn, printed, kept, a rounding error, or a constant of nature."""
+"""What is drawn, printed, kept, or a rounding error."""
 
 
 def numbers_of(path: Path) -> Iterator[Any]:

@@ -1,0 +1,196 @@
+"""The evidence of a model against closed forms: Parseval, white noise, and exact marginal likelihoods."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import chi2, multivariate_normal, norm
+
+from diagnosis.estimation.time_experiment import TimeExperiment
+from diagnosis.search.evidence import Leftover, evidence, leftover
+from diagnosis.thresholds import EVIDENCE
+
+Array = NDArray[np.float64]
+STEP = 2e-3
+
+
+def recorded(measured: Array, name: str = "run", role: str = "train", time: Any = None) -> TimeExperiment:
+    """A recording in units of its noise, shape (samples, signals)."""
+    samples, signals = measured.shape
+    t = np.asarray(STEP * np.arange(samples) if time is None else time, dtype=float)
+    return TimeExperiment(
+        name=name,
+        role=role,
+        time=t,
+        measured=measured,
+        sigma=np.ones(signals),
+        step=STEP,
+        every=1,
+        drive=None,
+        from_first=(False,) * signals,
+    )
+
+
+class Linear:
+    """y = H x + noise of variance 1, with normal priors of x about nothing.
+
+    Args:
+        experiments: what was recorded, one signal each.
+        tables: H of each, shape (samples, n).
+        spreads: standard deviations of the priors, shape (n,).
+    """
+
+    def __init__(self, experiments: list[TimeExperiment], tables: list[Array], spreads: Array) -> None:
+        self.experiments, self.spreads = experiments, spreads
+        self.tables = {e.name: table for e, table in zip(experiments, tables, strict=True)}
+        self.model = SimpleNamespace(outputs=[None] * experiments[0].measured.shape[1])
+
+    @property
+    def training(self) -> list[TimeExperiment]:
+        return [e for e in self.experiments if e.role == "train"]
+
+    def residual(self, x: Array, e: TimeExperiment) -> Array:
+        return np.asarray(e.measured - (self.tables[e.name] @ x)[:, None])
+
+    def linearised(self, x: Array, e: TimeExperiment) -> tuple[Array, Array]:
+        return self.residual(x, e).ravel(), -self.tables[e.name]
+
+    def prior(self, x: Array) -> tuple[Array, Array]:
+        return x / self.spreads, np.diag(1 / self.spreads)
+
+    def best(self) -> Array:
+        """The most probable x, by numpy."""
+        rows = [self.tables[e.name] for e in self.training]
+        y = np.concatenate([e.measured[:, 0] for e in self.training] + [np.zeros(len(self.spreads))])
+        return np.asarray(np.linalg.lstsq(np.vstack([*rows, np.diag(1 / self.spreads)]), y, rcond=None)[0])
+
+
+def found(problem: Any, x: Array) -> tuple[float, Leftover]:
+    left = leftover(problem, x, problem.experiments)
+    return evidence(problem, x, left), left
+
+
+@pytest.mark.parametrize("samples", [8, 101, 1000])
+def test_cosines_hold_the_energy_of_the_samples_and_every_cosine_is_in_one_band(samples: int) -> None:
+    rows = np.random.default_rng(samples).normal(size=(samples, 3))
+    e = recorded(rows)
+    assert np.sum(e.components(rows) ** 2, axis=0) == pytest.approx(np.sum(rows**2, axis=0))
+    covered = np.concatenate([np.arange(samples)[part] for _, part in e.bands(EVIDENCE.fewest)])
+    np.testing.assert_array_equal(covered, np.arange(samples))
+    numbers = [number for number, _ in e.bands(EVIDENCE.fewest)]
+    assert numbers == sorted(set(numbers))
+
+
+def test_a_sine_is_in_the_band_of_its_frequency() -> None:
+    """Bands are thirds of an octave from 1 Hz, whatever the length of the recording."""
+    for seconds in (1.0, 4.0):
+        t = np.arange(0.0, seconds, STEP)
+        e = recorded(np.sin(2 * np.pi * 40.0 * t)[:, None], time=t)
+        power = {number: float(np.sum(e.components(e.measured)[part] ** 2)) for number, part in e.bands(4)}
+        assert max(power, key=lambda number: power[number]) == int(np.floor(3 * np.log2(40.0)))
+
+
+@pytest.mark.parametrize("variance", [1.5, 4.0, 100.0])
+def test_the_likelihood_of_white_noise_is_that_of_its_samples(variance: float) -> None:
+    """Strengths are fitted, which gains half a unit a band on average; against the density of the samples by scipy."""
+    random = np.random.default_rng(3)
+    gains = []
+    for _ in range(20):
+        rows = random.normal(0.0, np.sqrt(variance), size=(1000, 1))
+        problem: Any = Linear([recorded(rows)], [np.zeros((1000, 1))], np.ones(1))
+        left = leftover(problem, np.zeros(1), problem.experiments)
+        exact = float(np.sum(norm.logpdf(rows, scale=np.sqrt(variance)))) + 500 * np.log(2 * np.pi)
+        gains.append(left.log_likelihood - exact)
+    bands = len(left.count)
+    assert left.count.sum() == 1000
+    assert 0.3 * bands < np.mean(gains) < 0.8 * bands
+
+
+def test_below_the_stated_noise_the_likelihood_is_that_of_the_stated_noise() -> None:
+    """It is not credited without bound where the residual is small: half the energy, and no logarithm of it."""
+    rows = 0.3 * np.random.default_rng(5).normal(size=(1000, 1))
+    problem: Any = Linear([recorded(rows)], [np.zeros((1000, 1))], np.ones(1))
+    left = leftover(problem, np.zeros(1), problem.experiments)
+    assert left.strength.tolist() == [1.0] * len(left.count)
+    exact = float(np.sum(norm.logpdf(rows))) + 500 * np.log(2 * np.pi)
+    assert left.log_likelihood == pytest.approx(exact)
+    assert left.unexplained == 0.0
+
+
+def test_what_no_model_explains_decides_nothing() -> None:
+    """Two models differ at high frequencies alone; a mismatch at low ones takes nothing from their difference."""
+    random = np.random.default_rng(7)
+    t = STEP * np.arange(1000)
+    fast = 3 * np.sin(2 * np.pi * 80 * t)[:, None] + random.normal(size=(1000, 1))
+    apart = []
+    for mismatch in (0.0, 1e3):
+        slow = mismatch * np.cos(np.pi * 3 * (np.arange(1000) + 0.5) / 1000)[:, None]
+        pair = []
+        for share in (0.0, 1.0):
+            rows = fast + slow - share * 3 * np.sin(2 * np.pi * 80 * t)[:, None]
+            problem: Any = Linear([recorded(rows)], [np.zeros((1000, 1))], np.ones(1))
+            pair.append(leftover(problem, np.zeros(1), problem.experiments).log_likelihood)
+        apart.append(pair[1] - pair[0])
+    assert apart[0] > 30
+    assert apart[1] == pytest.approx(apart[0], abs=0.5)
+
+
+@pytest.mark.parametrize("count", [1, 3, 5, 20, 200])
+def test_noise_alone_is_unexplained_as_seldom_as_three_standard_deviations(count: int) -> None:
+    """The least energy that counts, found by bisection, has the tail of a normal deviate under chi-square."""
+
+    def shown(energy: float) -> bool:
+        return Leftover(np.array([energy]), np.array([float(count)]), np.ones(1)).unexplained > 0
+
+    low, high = float(count), 100.0 * count
+    assert shown(high)
+    assert not shown(low)
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (low, middle) if shown(middle) else (middle, high)
+    assert chi2.sf(high, count) == pytest.approx(norm.sf(EVIDENCE.chance), rel=0.25)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_at_the_floor_the_evidence_is_the_marginal_likelihood(seed: int) -> None:
+    """y = H x + e, all normal: ln p(y) by scipy, with two recordings, the prior integrated out in closed form."""
+    random = np.random.default_rng(seed)
+    spreads = np.array([1.0, 0.3, 5.0])
+    tables = [random.normal(size=(120, 3)) for _ in range(2)]
+    truth = spreads * random.normal(size=3)
+    # Noise a little weaker than stated, so that no band exceeds it.
+    runs = [
+        recorded((table @ truth + 0.3 * random.normal(size=120))[:, None], f"run{k}") for k, table in enumerate(tables)
+    ]
+    problem: Any = Linear(runs, tables, spreads)
+    ours, left = found(problem, problem.best())
+    assert left.strength.max() == 1.0
+    H, y = np.vstack(tables), np.concatenate([e.measured[:, 0] for e in runs])
+    covariance = np.eye(len(y)) + H @ np.diag(spreads**2) @ H.T
+    exact = float(multivariate_normal.logpdf(y, np.zeros(len(y)), covariance)) + len(y) / 2 * np.log(2 * np.pi)
+    assert ours == pytest.approx(exact, abs=1e-6)
+
+
+def test_a_parameter_that_the_recordings_do_not_show_costs_nothing() -> None:
+    random = np.random.default_rng(2)
+    table = random.normal(size=(200, 2))
+    run = recorded((table @ np.array([0.5, -1.0]) + 0.3 * random.normal(size=200))[:, None])
+    two: Any = Linear([run], [table], np.array([1.0, 1.0]))
+    three: Any = Linear([run], [np.column_stack([table, np.zeros(200)])], np.array([1.0, 1.0, 7.0]))
+    assert found(three, three.best())[0] == pytest.approx(found(two, two.best())[0])
+
+
+def test_held_out_recordings_count_in_the_likelihood() -> None:
+    random = np.random.default_rng(9)
+    table = random.normal(size=(200, 1))
+    train = recorded((0.5 * table[:, 0] + 0.3 * random.normal(size=200))[:, None])
+    scores = []
+    for truth in (0.5, 3.0):
+        judged = recorded((truth * table[:, 0] + 0.3 * random.normal(size=200))[:, None], "other", "hold_out")
+        problem: Any = Linear([train, judged], [table, table], np.ones(1))
+        scores.append(found(problem, problem.best())[0])
+    assert scores[0] > scores[1] + 50

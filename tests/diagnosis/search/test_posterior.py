@@ -1,0 +1,167 @@
+"""From evidence to probabilities, on made-up models whose numbers are known."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.search.evidence import Leftover
+from diagnosis.search.posterior import (
+    believed,
+    complete,
+    credible,
+    explained,
+    misses,
+    place_odds,
+    probabilities,
+    probability,
+    value,
+)
+from diagnosis.thresholds import EVIDENCE
+
+COUNT = 1000.0
+"""Recorded values, all in one band, the noise as stated."""
+
+
+def left(energy: float) -> Leftover:
+    return Leftover(np.array([COUNT + energy]), np.array([COUNT]), np.ones(1))
+
+
+def effect(name: str, place: str = "shaft", parameters: int = 1) -> Candidate:
+    rows = tuple(EffectParameter(f"p{k}", 1.0) for k in range(parameters))
+    return Candidate(name, place, place, f"found_{name}", lambda sizes: [], rows)
+
+
+def model(*effects: Candidate, excess: float, held_out: float | None = None, **more: Any) -> Any:
+    """A model that leaves so much beyond the noise, of all recordings and of those held out."""
+    given = {"log_evidence": 0.0, "strain": 0.0, "converged": True} | more
+    unseen = left(excess if held_out is None else held_out)
+    return SimpleNamespace(
+        effects=effects,
+        keys=frozenset(c.key for c in effects),
+        size=sum(len(c.parameters) for c in effects),
+        left=left(excess),
+        unseen=unseen,
+        hold_out=float(unseen.energy[0]) / COUNT,
+        log_evidence=given["log_evidence"],
+        strain=given["strain"],
+        fit=SimpleNamespace(converged=given["converged"]),
+    )
+
+
+FRICTION, LAG = effect("coulomb_friction"), effect("lag", "u")
+STRIBECK = effect("stribeck_friction", parameters=3)
+REFIT = model(excess=1e5)
+
+
+@pytest.mark.parametrize(("gained", "kept"), [(0.4 * EVIDENCE.share, False), (1.5 * EVIDENCE.share, True)])
+def test_a_law_that_owes_little_to_its_richer_part_is_not_believed(gained: float, kept: bool) -> None:
+    simple = model(FRICTION, excess=1e3)
+    rich = model(STRIBECK, excess=1e3 - gained * 1e5)
+    assert (rich in believed([REFIT, simple, rich], REFIT)) == kept
+    assert simple in believed([REFIT, simple, rich], REFIT)
+
+
+@pytest.mark.parametrize(("gained", "kept"), [(0.4 * EVIDENCE.share, False), (1.5 * EVIDENCE.share, True)])
+def test_nor_is_a_model_that_owes_little_to_a_further_effect(gained: float, kept: bool) -> None:
+    simple = model(FRICTION, excess=1e3)
+    both = model(FRICTION, LAG, excess=1e3 - gained * 1e5)
+    assert (both in believed([REFIT, simple, both], REFIT)) == kept
+
+
+def test_a_richer_law_elsewhere_is_no_richer_law() -> None:
+    """It stands on its own: only at the same place is the simple law its special case."""
+    simple = model(FRICTION, excess=1e3)
+    elsewhere = model(effect("stribeck_friction", "motor", 3), excess=1e3 - 1.0)
+    assert elsewhere in believed([REFIT, simple, elsewhere], REFIT)
+
+
+def test_what_worsens_held_out_recordings_is_not_believed() -> None:
+    simple = model(FRICTION, excess=3e4, held_out=1e3)
+    both = model(FRICTION, LAG, excess=1e3, held_out=2e3)
+    assert both not in believed([REFIT, simple, both], REFIT)
+    better = model(FRICTION, LAG, excess=1e3, held_out=5e2)
+    assert better in believed([REFIT, simple, better], REFIT)
+
+
+def test_held_out_recordings_may_get_worse_by_what_the_parameters_return_to_their_values() -> None:
+    """What the simpler model bought with parameters far from theirs."""
+    loss = left(1e3).log_likelihood - left(1.2e3).log_likelihood
+    both = model(FRICTION, excess=1e3, held_out=1.2e3)
+    bought = model(excess=1e5, held_out=1e3, strain=2.5 * loss)
+    cheap = model(excess=1e5, held_out=1e3, strain=1.5 * loss)
+    assert both in believed([bought, both], bought)
+    assert both not in believed([cheap, both], cheap)
+
+
+def test_probabilities_are_those_of_bayes_with_a_price_for_each_effect() -> None:
+    tried = 40
+    models = [
+        model(excess=0.0, log_evidence=-10.0),
+        model(FRICTION, excess=0.0, log_evidence=-5.0),
+        model(LAG, excess=0.0, log_evidence=-6.0),
+        model(FRICTION, LAG, excess=0.0, log_evidence=-4.0),
+    ]
+    weights = np.exp([-10.0, -5.0, -6.0, -4.0]) / np.array([1, tried, tried, tried**2])
+    odds = probabilities(models, tried)
+    for m, share in zip(models, weights / weights.sum(), strict=True):
+        assert odds[m.keys] == pytest.approx(share)
+    both = odds[models[1].keys] + odds[models[3].keys]
+    assert probability(FRICTION.key, odds) == pytest.approx(both)
+    assert place_odds(models, odds)["shaft"] == pytest.approx(both)
+    assert next(iter(place_odds(models, odds))) == "shaft"
+
+
+def test_two_effects_that_are_one_law_cost_as_one() -> None:
+    pair = model(FRICTION, effect("offset", "u"), excess=0.0)
+    assert value(pair, 50) == pytest.approx(-math.log(50))
+
+
+def test_evidence_beyond_every_scale_gives_certainty_and_no_overflow() -> None:
+    models = [model(excess=0.0, log_evidence=-1e9), model(FRICTION, excess=0.0, log_evidence=1e9)]
+    odds = probabilities(models, 10)
+    assert odds[models[1].keys] == pytest.approx(1.0)
+    assert 0 <= odds[models[0].keys] < 1e-300
+
+
+def test_the_credible_models_are_the_fewest_that_hold_the_probability() -> None:
+    shares = [0.5, 0.3, 0.16, 0.04]
+    models = [model(effect(f"e{k}"), excess=0.0, log_evidence=math.log(s)) for k, s in enumerate(shares)]
+    odds = probabilities(models, 30)
+    assert credible(list(reversed(models)), odds) == models[:3]
+    assert credible(models[:1], probabilities(models[:1], 30)) == models[:1]
+
+
+@pytest.mark.parametrize(
+    ("share", "converged", "done"),
+    [
+        (0.5 * EVIDENCE.share, True, True),
+        (2 * EVIDENCE.share, True, False),
+        (0.5 * EVIDENCE.rough, False, True),
+        (2 * EVIDENCE.rough, False, False),
+    ],
+)
+def test_a_model_is_complete_where_a_further_effect_could_not_be_believed(
+    share: float, converged: bool, done: bool
+) -> None:
+    made = model(FRICTION, excess=share * 1e5, converged=converged)
+    assert complete(made, REFIT) == done
+    assert not complete(REFIT, REFIT)
+
+
+def test_more_than_the_noise_itself_is_a_miss() -> None:
+    assert misses(model(excess=1.1 * COUNT))
+    assert not misses(model(excess=0.9 * COUNT))
+
+
+def test_a_model_explains_its_share_of_the_held_out_excess() -> None:
+    assert explained(REFIT, model(FRICTION, excess=2e4)) == pytest.approx(0.8)
+    assert explained(REFIT, model(FRICTION, excess=2e5)) == 0.0
+    # Where the refit leaves nothing, it counts how far the parameters had to go.
+    absorbed = model(excess=0.0, strain=40.0)
+    assert explained(absorbed, model(FRICTION, excess=0.0, strain=4.0)) == pytest.approx(0.9)
