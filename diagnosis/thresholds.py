@@ -44,18 +44,6 @@ class Noise:
         "With fewer samples second differences do not tell the noise, and the stated variance counts.",
         "the rules drawn together on 100 cases (ea5630f)",
     )
-    block: float = number(
-        0.2,
-        "s",
-        "Blocks that the bootstrap draws: residuals are taken to be independent beyond it.",
-        "first cases of the truth generator (09d7d5d)",
-    )
-    chance: float = number(
-        1.645,
-        "standard deviations",
-        "chi2 that noise alone exceeds once in twenty times.",
-        "tables and recordings of others (59a88f6)",
-    )
 
 
 @dataclass(frozen=True)
@@ -176,31 +164,6 @@ class Tables:
         "Factors by which a parameter of a table's model may be wrong, to start from: a few rows leave a "
         "fit in local optima.",
         "suite 'wrong' and the tables of the SRV02 (b637a21)",
-    )
-    lowest_shares: tuple[float, ...] = number(
-        (0.5, 0.35),
-        "1",
-        "Shares of the rows, those of the lowest frequencies, that show inertia and friction alone; the "
-        "largest that can be met counts.",
-        "tables of the SRV02 (b637a21)",
-    )
-    suspects: int = number(
-        2,
-        "parameters",
-        "Parameters that may be wrong beside a missing effect.",
-        "tables of the SRV02 (686f37b)",
-    )
-    beside: int = number(
-        12,
-        "effects",
-        "Effects that are looked at beside each of them.",
-        "tables of the SRV02 (686f37b)",
-    )
-    tried: int = number(
-        3,
-        "effects",
-        "Effects that are fitted beside each of them.",
-        "tables of the SRV02 (686f37b)",
     )
 
 

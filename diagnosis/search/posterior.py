@@ -53,7 +53,9 @@ def _owes_little(model: ScoredModel, simpler: ScoredModel, refit: ScoredModel) -
     if not _simpler(simpler, model):
         return False
     explained = energy(refit) - energy(model)
-    worse = model.unseen.log_likelihood < simpler.unseen.log_likelihood - 0.5 * max(simpler.strain - model.strain, 0.0)
+    relief = 0.5 * max(simpler.strain - model.strain, 0.0)
+    unlikelier = model.unseen.log_likelihood < simpler.unseen.log_likelihood - relief
+    worse = unlikelier and float(model.unseen.energy.sum()) >= float(simpler.unseen.energy.sum())
     return worse or energy(simpler) - energy(model) < EVIDENCE.share * explained
 
 
