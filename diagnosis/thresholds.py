@@ -381,6 +381,12 @@ class Search:
         "Steps from each of the best starts.",
         "the rules drawn together on 100 cases (ea5630f)",
     )
+    bold_steps: int = number(
+        60,
+        "steps",
+        "The same from the largest size, where the model's own parameters have to make room first.",
+        "second mode of a real arm",
+    )
     finished: int = number(
         8,
         "models",

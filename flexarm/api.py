@@ -457,10 +457,12 @@ def results(made: Cut, wanted: Iterable[str]) -> tuple[str, ...]:
     Raises:
         ParameterError: a name or pattern that fits no signal.
     """
+    from engine.assemble import build
+
     asked = [made.scenario.resolve(name) for name in wanted]
     if not asked:
         return ()
-    known = [output.name for output in made.scenario.build(made.settings.inputs, None).outputs]
+    known = [output.name for output in build(made.scenario.system, made.settings.inputs).outputs]
     there = {entry.name for entry in (*made.model.outputs, *made.model.states, *made.model.memories)}
     found: dict[str, None] = {}
     for name in asked:

@@ -231,7 +231,8 @@ def _table(lines: list[str], delimiter: str, decimal: str) -> tuple[int, int, in
         return None
     wide = kinds[last - 1][0]
     first = last
-    while first and (kinds[first - 1][0] == wide or not lines[first - 1].strip()):
+    # Rows of numbers belong to the table whatever their length: one of another length is told, not taken for a header.
+    while first and (kinds[first - 1][0] or not lines[first - 1].strip()):
         first -= 1
     while first < last and not lines[first].strip():
         first += 1

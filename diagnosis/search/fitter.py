@@ -168,10 +168,10 @@ class CandidateFitter:
             raise FlexarmError("at every size it would move faster than these recordings can show")
         tried = []
         with Threads(1) as pool:
-            for point in points:
-                x, cost, converged = descend(
-                    point.problem, point.x, point.problem.training, pool, iterations=SEARCH.first_steps
-                )
+            for number, point in enumerate(points):
+                # A bold start has farther to go.
+                steps = SEARCH.first_steps if number < SEARCH.starts else SEARCH.bold_steps
+                x, cost, converged = descend(point.problem, point.x, point.problem.training, pool, iterations=steps)
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
         return min(tried, key=lambda partial: partial.point.cost)
 
@@ -179,6 +179,7 @@ class CandidateFitter:
         """The starting points to fit, the best first."""
         *before, new = effects
         points: list[StartingPoint] = []
+        bold: list[StartingPoint] = []
         for values in parents:
             if new.wave and len(new.starts) > 1 and not self.tables:
                 points += solved(self, effects, len(before), values)
@@ -189,9 +190,11 @@ class CandidateFitter:
                     points.append(StartingPoint(cost, made, x, sizes, only))
             else:
                 origin = self.origin(tuple(before), values)
-                points += begun(self, origin, new, SEARCH.starts) if origin else []
+                found = begun(self, origin, new, SEARCH.starts, bold=not before) if origin else []
+                points += found[: SEARCH.starts]
+                bold += found[SEARCH.starts :][:1]
         points.sort(key=lambda point: point.cost)
-        return points[: SEARCH.starts]
+        return [*points[: SEARCH.starts], *bold[:1]]
 
     def reduced(self, trial: ScoredModel, kept: Sequence[Candidate]) -> ScoredModel:
         """Some effects of a trial alone, from where the trial ended.

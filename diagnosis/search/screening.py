@@ -194,16 +194,25 @@ def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]
     return origin.kept[key]
 
 
-def begun(builder: Builder, origin: Origin, effect: Candidate, most: int) -> list[StartingPoint]:
+def begun(builder: Builder, origin: Origin, effect: Candidate, most: int, *, bold: bool = False) -> list[StartingPoint]:
     """Where to begin the fit of an effect beside an origin: the sizes that promise most, each with its true cost.
 
     The model's own parameters begin where the linear problem puts them, or stay where that is worse.
+
+    Args:
+        builder: builds models.
+        origin: where.
+        effect: which.
+        most: number of sizes.
+        bold: the last of the starting sizes too, the largest, however bad they look: the model's own parameters may
+            have to make room for an effect of several sizes.
     """
+    found = courses(builder, origin, effect)
+    taken = found[:most]
+    if bold and len(effect.parameters) > 1:
+        taken = [*taken, *(course for course in found[most:] if course.sizes == effect.starts[-1])]
     rows: list[StartingPoint] = []
-    taken = 0
-    for course in courses(builder, origin, effect):
-        if taken >= most:
-            break
+    for course in taken:
         together, built = (*origin.effects, effect), (*origin.built, course.sizes)
         for model, x, sizes in builder.placed(together, [built], origin.values):
             moved = x.copy()
@@ -216,8 +225,7 @@ def begun(builder: Builder, origin: Origin, effect: Candidate, most: int) -> lis
             ]
             cost, k = min(able)
             rows.append(StartingPoint(cost, model, (x, moved)[k], sizes, sizes))
-            taken += 1
-    return sorted(rows, key=lambda point: point.cost)
+    return rows
 
 
 def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[Candidate, ...]]:

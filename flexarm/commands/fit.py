@@ -18,7 +18,6 @@ from flexarm.console.options import (
     SetOption,
     WorkersOption,
 )
-from scenarios.load import find
 
 if TYPE_CHECKING:
     from diagnosis.estimation.least_squares import Fit, Interval
@@ -47,6 +46,8 @@ def fit(
         scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
     )
     if output is not None:
+        from scenarios.load import find
+
         _write(output, made, Path(find(scenario)), overrides or ())
     if as_json:
         typer.echo(json_text(_fit_numbers(made, scores), indent=2))

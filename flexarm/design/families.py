@@ -166,7 +166,7 @@ def snapshots(made: Cut, every: float, *, stop: float | None = None) -> LinearFa
     Raises:
         FlexarmError: the scenario cannot be simulated, or the model has sampled blocks.
     """
-    from flexarm.api import simulate
+    from engine.simulate import simulate
 
     model, scenario = made.model, made.scenario
     if model.memories:

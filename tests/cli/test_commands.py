@@ -179,12 +179,11 @@ def test_public_api() -> None:
         _ = flexarm.nonsense
 
 
-def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none() -> None:
     from types import SimpleNamespace as Made
 
     from flexarm.commands.diagnose import page
 
-    monkeypatch.setattr("diagnosis.verdict.verdict.place_odds", lambda study: {})
     sizes = {"gain": (58.4, "*"), "share": (0.5, "1"), "torque": (2.5, "N.m"), "heights[1]": (1.0, "N.m")}
     finding = {
         "sentence": "A sentence.",
@@ -193,7 +192,7 @@ def test_a_verdict_in_sentences_shows_no_unit_where_there_is_none(monkeypatch: p
         "frequency": "strongest at 0.7 Hz, in tip",
     }
     refit, chosen = Made(fit=Made(chi2=3.0), hold_out=2.0), Made(effects=())
-    study = Made(scenario=Made(name="arm"), nominal=(9.0, 8.0), refit=refit, chosen=chosen)
+    study = Made(scenario=Made(name="arm"), nominal=(9.0, 8.0), refit=refit, chosen=chosen, place_odds={}, failures=())
     made: Any = Made(verdict="named", findings=[finding], study=study, proposal=None, warnings=())
     text = page(made)
     assert "    gain = 58.4  (95 %: 29.2 " in text

@@ -192,8 +192,8 @@ BAD_ROWS = {
     "time stands still": ("\n5,", "\n4,", ["one.csv:7", "time stands still"]),
     "too many cells": ("5,1000,", "5,1000,7,", ["one.csv:7", "5 values", "4 columns"]),
     "missing column": ("enc", "encoder", ["recorded.yaml:16", "measurements.motor.shaft.angle.column", "'encoder'?"]),
-    "twice the same column": ("t,u,", "u,u,", ["one.csv:1", "'u'", "rename"]),
-    "no header": ("t,u,enc,tach\n", "", ["one.csv:1", "name"]),
+    "twice the same column": ("t,u,", "u,u,", ["one.csv", "'u'", "rename"]),
+    "no header": ("t,u,enc,tach\n", "", ["recorded.yaml:13", "one.csv", "'t'", "[1], [2], [3], [4]"]),
 }
 
 
