@@ -399,12 +399,6 @@ class Search:
         "The same for a further effect beside a model.",
         "random rigs",
     )
-    promising: float = number(
-        0.1,
-        "1",
-        "They gain at least this share of what the best gains.",
-        "random rigs",
-    )
     most_steps: int = number(
         100,
         "steps",

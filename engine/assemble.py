@@ -182,7 +182,9 @@ class _Assembly:
         """Note the block's relations between parameters of the model."""
         for relation in block.relations():
             first, second = bound[relation.first], bound[relation.second]
-            if isinstance(first, ca.SX) and isinstance(second, ca.SX) and first is not second:
+            both = isinstance(first, ca.SX) and isinstance(second, ca.SX) and first is not second
+            # What is calculated from other parameters has no name of its own that an importer could set.
+            if both and first.is_symbolic() and second.is_symbolic():
                 self.net.relations.append(replace(relation, first=first.name(), second=second.name()))
 
     def _parameter(self, block_name: str, name: str) -> Any:

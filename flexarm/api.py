@@ -462,7 +462,7 @@ def results(made: Cut, wanted: Iterable[str]) -> tuple[str, ...]:
     asked = [made.scenario.resolve(name) for name in wanted]
     if not asked:
         return ()
-    known = [output.name for output in build(made.scenario.system, made.settings.inputs).outputs]
+    known = [output.name for output in build(made.scenario.system, list(made.settings.inputs)).outputs]
     there = {entry.name for entry in (*made.model.outputs, *made.model.states, *made.model.memories)}
     found: dict[str, None] = {}
     for name in asked:

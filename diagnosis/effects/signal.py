@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,7 +36,9 @@ def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     few = tuple({"lower": -s, "upper": s} for s in shares(size, *FEW))
     yield from in_signal(place, "dead_zone", "DeadZone", few, *both)
     limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.999, 0.99, 0.975, 0.95, 0.9, 0.8, 0.7, 0.55, 0.4))
-    yield from in_signal(place, "saturation", "Saturation", limits, *both)
+    # How far an amplifier goes is not known before; that both ends are alike is.
+    ends = [replace(end, usual=1.0, spread=10 * end.spread) for end in both]
+    yield from in_signal(place, "saturation", "Saturation", limits, *ends)
     offsets = combinations(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02))
     yield from in_signal(place, "offset", "Offset", offsets, EffectParameter("offset", size, signed=True))
     uneven = combinations(backward=(0.99, 1.01, 0.95, 1.05))

@@ -40,17 +40,17 @@ def one_law(effects: Sequence[Candidate]) -> int:
     return len({pair for pair in KNOWN.values() if set(pair) <= names})
 
 
-def lookalikes(chosen: ScoredModel, singles: Sequence[ScoredModel]) -> list[tuple[Candidate, ...]]:
+def lookalikes(chosen: ScoredModel, listed: Sequence[Candidate]) -> list[tuple[Candidate, ...]]:
     """The chosen model with a single effect replaced by the pair that it may be taken for, each where it does best.
 
     Args:
         chosen: the best model.
-        singles: models of one effect, best first.
+        listed: effects at places, the best first.
     """
     rows = []
     for k, effect in enumerate(chosen.effects):
         pair = KNOWN.get(effect.effect, ())
-        found = [next((t.effects[0] for t in singles if t.effects[0].effect == name), None) for name in pair]
+        found = [next((c for c in listed if c.effect == name), None) for name in pair]
         if pair and all(c is not None for c in found):
             others = tuple(c for j, c in enumerate(chosen.effects) if j != k)
             rows.append((*others, *(c for c in found if c is not None)))

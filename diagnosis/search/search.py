@@ -164,7 +164,8 @@ class _Search:
     def _vary(self, model: ScoredModel) -> None:
         """Take each effect of a model away, put others in its place, and put a known pair in the place of one."""
         singles = sorted((m for m in self.models if len(m.effects) == 1), key=self.worth, reverse=True)
-        pairs = [c for c in lookalikes(model, singles) if len(c) <= SEARCH.most]
+        best = [*(m.effects[0] for m in singles), *self._order]
+        pairs = [c for c in lookalikes(model, best) if len(c) <= SEARCH.most]
         self._fit([(c, [standing(model.fit)]) for c in pairs], len(pairs))
         if len(model.effects) < 2:
             return

@@ -14,7 +14,7 @@ import numpy as np
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.frequency_response.table_experiment import tables
-from diagnosis.search.posterior import value
+from diagnosis.search.posterior import place_odds, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.verdict.table_report import draw
 from diagnosis.verdict.verdict import Diagnosis, fit_table
@@ -153,7 +153,7 @@ def odds(diagnosis: Diagnosis, path: Path) -> Path:
     The odds alone would show one bar: beside the right place all others are soon beyond any scale.
     """
     study = diagnosis.study
-    shares = dict(list(study.place_odds.items())[:PLACES])
+    shares = dict(list(place_odds(study.trials, study.odds).items())[:PLACES])
     names = list(shares) or ["nowhere"]
     errors = [_best(diagnosis, place).hold_out for place in shares] or [study.refit.hold_out]
     reach = [max(e, 1e-3) for e in (*errors, study.refit.hold_out, 1.0) if math.isfinite(e)]

@@ -82,7 +82,8 @@ def four(tmp_path: Path) -> System:
     """A node of four flanges, the drive neither first nor last."""
     ends = "arm.shaft, drive.shaft, bearing.shaft, rotor.shaft"
     bearing = "bearing: {type: BearingFriction, viscous_friction: 1e-3 N.m.s/rad}"
-    return rig(tmp_path, "rotor", "rotor.shaft.angle", ends, bearing).scenario.system
+    made: System = rig(tmp_path, "rotor", "rotor.shaft.angle", ends, bearing).scenario.system
+    return made
 
 
 def test_a_node_is_cut_in_every_way_once_the_drive_s_side_first(four: System) -> None:

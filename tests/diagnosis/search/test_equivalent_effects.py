@@ -52,10 +52,10 @@ def test_a_single_effect_is_tried_as_the_pair_that_it_may_be_taken_for() -> None
     """Each of the pair where it does best, beside the effects that stay."""
     singles = [made(("coulomb_friction", "arm")), made(("offset", "u")), made(("coulomb_friction", "motor"))]
     chosen = made(("lag", "u"), ("direction_dependent_friction", "arm"))
-    (found,) = lookalikes(chosen, singles)
+    (found,) = lookalikes(chosen, [m.effects[0] for m in singles])
     assert [c.key for c in found] == ["lag at u", "coulomb_friction at arm", "offset at u"]
-    assert lookalikes(chosen, singles[1:2]) == []  # one of the pair was never fitted
-    assert lookalikes(made(("lag", "u")), singles) == []
+    assert lookalikes(chosen, [m.effects[0] for m in singles[1:2]]) == []  # one of the pair was never fitted
+    assert lookalikes(made(("lag", "u")), [m.effects[0] for m in singles]) == []
 
 
 def test_a_known_pair_counts_as_one_law() -> None:
@@ -170,7 +170,6 @@ def test_counts_without_a_revolution_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("cell", "row", "told", "remedy"),
     [
-        ("V", 0, "a text", "if this row holds units, put '#' before it"),
         ("ERR", 4, "a text", "leave the cell empty, or write 'nan'"),
         ("0.3V", 4, "a number with a text behind it", "leave units out of the cells"),
         ("2024-03-01 10:00:00", 4, "a date or a time of day", "give the time as a number of seconds"),

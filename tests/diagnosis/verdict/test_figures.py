@@ -12,6 +12,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from diagnosis.api import diagnose
+from diagnosis.search.posterior import place_odds
 from diagnosis.verdict import figures
 from tests.diagnosis.plants import case
 from tests.diagnosis.search.test_resume import LEFT_OUT
@@ -71,7 +72,7 @@ def _titles(axis: Any) -> tuple[Any, Any, Any]:
 
 def test_every_place_has_a_bar_and_its_odds(draw: Any, found: Any) -> None:
     axis = draw("odds").axes[0]
-    places = list(found.study.place_odds)[: figures.PLACES]
+    places = list(place_odds(found.study.trials, found.study.odds))[: figures.PLACES]
     assert [label.get_text() for label in axis.get_yticklabels()] == places
     assert len(places) > 1
     left = axis.get_xlim()[0]
