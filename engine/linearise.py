@@ -101,19 +101,14 @@ class LinearModel:
         return made
 
     def to_xarray(self) -> Any:
-        """The matrices as an `xarray.Dataset`; a dimension cannot stand twice, so columns of A are ``state_from``.
+        """The matrices as an `xarray.Dataset`; a dimension cannot stand twice, so columns of A are ``state_from``."""
+        import xarray
 
-        Raises:
-            ParameterError: xarray is not installed.
-        """
-        from engine.arrays import xarray
-
-        found = xarray()
         dims = {"A": ("state", "state_from"), "B": ("state", "input"), "C": ("output", "state_from")}
         dims["D"] = ("output", "input")
         names = {"state": self.states, "state_from": self.states, "input": self.inputs, "output": self.outputs}
         attributes = {"rate": self.rate, **{f"mode {name}": label for name, label in self.modes.items()}}
-        return found.Dataset(
+        return xarray.Dataset(
             {key: (axes, getattr(self, key)) for key, axes in dims.items()},
             coords={name: list(values) for name, values in names.items()},
             attrs=attributes,

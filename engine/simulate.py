@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engine import external, interpret, native, result_files
-from engine.arrays import xarray
 from engine.display import counts, number, spark, table
 from engine.errors import CompilerUnavailable, ParameterError, SimulationError, nearest
 from engine.model import TIME, Model, Vector
@@ -114,18 +113,15 @@ class Result:
         return frame
 
     def to_xarray(self) -> Any:
-        """An `xarray.Dataset` over ``time``, with the unit of each variable in its attribute ``units``.
+        """An `xarray.Dataset` over ``time``, with the unit of each variable in its attribute ``units``."""
+        import xarray
 
-        Raises:
-            ParameterError: xarray is not installed.
-        """
-        found = xarray()
         docs = {variable.name: variable.doc for variable in self.model.outputs}
         columns = {
             name: ("time", self.values[:, k], {"units": unit, "long_name": docs[name] or name})
             for k, (name, unit) in enumerate(self.units.items())
         }
-        return found.Dataset(columns, coords={"time": ("time", self.time, {"units": "s"})}, attrs=self._source())
+        return xarray.Dataset(columns, coords={"time": ("time", self.time, {"units": "s"})}, attrs=self._source())
 
     def save(self, path: str | Path) -> Path:
         """Write it as .csv, .parquet or .mat; returns the path. `flexarm.read` reads it back.

@@ -32,7 +32,7 @@ class FreeParameter:
         logarithmic: value = start * exp(scale * x) rather than start + scale * x.
         low, high: bounds (SI).
         may_vanish: a logarithmic one that is linear below ``start``, so that it can reach zero.
-        prior: whether it is a parameter of the user's, with a tolerance, or a starting value.
+        prior: whether it is a parameter of the user's, with a tolerance.
         spread: standard deviation of the prior, in units of the search variable.
         centre: search variable at which the prior is centred.
         recording: for a starting value, the recording it belongs to.

@@ -16,7 +16,7 @@ from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, resolved, variant
 from diagnosis.recordings.types import Recorded
-from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of, standing
+from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.screening import Origin, begun
 from diagnosis.search.wave_starts import solved
@@ -143,6 +143,11 @@ class CandidateFitter:
                 self._origins[key] = None
         return self._origins[key]
 
+    def forget(self, effects: Sequence[Candidate]) -> None:
+        """Drop what `origin` keeps of a model with effects: its tangents take room, and it is not asked for again."""
+        if effects:
+            self._origins = {key: o for key, o in self._origins.items() if o is None or not o.effects}
+
     def partial_fit(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> PartialFit:
         """Put an effect in beside others, and take a few steps from the sizes that promise most.
 
@@ -195,14 +200,6 @@ class CandidateFitter:
                 bold += found[SEARCH.starts :][:1]
         points.sort(key=lambda point: point.cost)
         return [*points[: SEARCH.starts], *bold[:1]]
-
-    def reduced(self, trial: ScoredModel, kept: Sequence[Candidate]) -> ScoredModel:
-        """Some effects of a trial alone, from where the trial ended.
-
-        Raises:
-            FlexarmError: the amended model has no meaning.
-        """
-        return self.finish(self.partial_fit(tuple(kept), [standing(trial.fit)]))
 
     def finish(self, partial: PartialFit) -> ScoredModel:
         """Finish a partial fit until it converges, or `SEARCH.most_steps` are taken, and score it."""

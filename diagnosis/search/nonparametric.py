@@ -58,7 +58,7 @@ def _law(study: Study, place: str, unit: str, curve: Curve) -> Candidate:
             )
         ]
 
-    parameters = tuple(EffectParameter(n, size, signed=True) for n in names)
+    parameters = tuple(EffectParameter(n, size, signed=True, spread=RECOVERY.unknown) for n in names)
     return Candidate(
         "unknown", place, block, name, edits, parameters, (dict(zip(names, heights.tolist(), strict=True)),)
     )

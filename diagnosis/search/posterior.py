@@ -26,7 +26,12 @@ def value(model: ScoredModel, tried: int) -> float:
         model: which.
         tried: number of effects at places that it was chosen from.
     """
-    return model.log_evidence - prices(model.effects) * math.log(max(tried, 2))
+    return model.log_evidence - prices(model.effects) * price(tried)
+
+
+def price(tried: int) -> float:
+    """What an effect costs that was chosen from as many as were tried."""
+    return math.log(max(tried, 2))
 
 
 def prices(effects: Sequence[Candidate]) -> int:

@@ -10,14 +10,14 @@ import numpy as np
 
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate
-from diagnosis.effects.scales import operating_scales
+from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.evidence import leftover
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import PartialFit, ended, standing
-from diagnosis.search.posterior import believed, complete, energy, misses, probabilities, value
+from diagnosis.search.posterior import believed, complete, energy, misses, price, probabilities, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, together
 from diagnosis.search.study import Study
@@ -60,24 +60,8 @@ def study(
     swapped = None if told or fitter.tables else exchanged(fitter, best, search.price)
     if swapped:
         return study(fitter.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
-    models = believed(search.models, refit)
-    odds = probabilities(models, search.tried)
-    chosen = max(models, key=lambda m: odds[m.keys])
-    trials = sorted((m for m in search.models if m.effects), key=lambda m: (-odds.get(m.keys, 0.0), -search.worth(m)))
-    found = Study(
-        fitter.scenario,
-        fitter.recordings,
-        before,
-        refit,
-        tuple(trials),
-        chosen,
-        odds,
-        search.tried,
-        scales,
-        tuple(search.failures),
-        tuple(told),
-    )
-    return _beside_curves(search, found)
+    found = search.study(before, scales, told)
+    return search.study(before, scales, told) if search.add_curves(found) else found
 
 
 class _Search:
@@ -95,7 +79,7 @@ class _Search:
     ) -> None:
         self.fitter, self.refit, self.listed, self.progress = fitter, refit, list(listed), progress
         self.tried = len(self.listed)
-        self.price = math.log(max(self.tried, 2))
+        self.price = price(self.tried)
         self.failures: list[tuple[str, str]] = []
         self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
         self._done: set[tuple[str, ...]] = set()
@@ -132,6 +116,38 @@ class _Search:
             self._vary(self.best)
             if count > 1 and self.worth(self.best) <= self.worth(before):
                 return
+
+    def study(self, nominal: tuple[float, float], scales: OperatingScales, notes: Sequence[str]) -> Study:
+        """What was tried so far, and how probable it is; arguments as of `Study`."""
+        models = believed(self.models, self.refit)
+        odds = probabilities(models, self.tried)
+        trials = [m for m in self.models if m.effects]
+        trials.sort(key=lambda m: (-odds.get(m.keys, 0.0), -self.worth(m)))
+        return Study(
+            self.fitter.scenario,
+            self.fitter.recordings,
+            nominal,
+            self.refit,
+            tuple(trials),
+            max(models, key=lambda m: odds[m.keys]),
+            odds,
+            self.tried,
+            scales,
+            tuple(self.failures),
+            tuple(notes),
+        )
+
+    def add_curves(self, found: Study) -> bool:
+        """Nonparametric laws where the best model leaves much; whether one does better than all that have a name."""
+        if self.fitter.tables or complete(found.chosen, self.refit) or not misses(found.chosen):
+            return False
+        curves = [(c,) for c in laws(replace(found, chosen=self.refit))]
+        named = dict(self._models)
+        self._fit([(c, [standing(self.refit.fit), {}]) for c in curves], len(curves))
+        if any(c.effect == "unknown" for c in self.best.effects):
+            return True
+        self._models = named
+        return False
 
     def _settled(self, model: ScoredModel) -> ScoredModel:
         """A model whose fit has not converged, tried again from around where it ended."""
@@ -200,6 +216,7 @@ class _Search:
         promised = self._screened(origins, [c for c in among if c.key not in names and c.name not in blocks])
         self._order = self._order or promised
         self._fit([((*kept, c), parents) for c in promised[:begin]], finish)
+        self.fitter.forget(kept)
 
     def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
         """Effects, those first that promise the lowest cost, and the lowest one of a whitened residual, by turns."""
@@ -281,24 +298,6 @@ class _Search:
         known = self._models.get(made.keys)
         if known is None or self.worth(made) > self.worth(known):
             self._models[made.keys] = made
-
-
-def _beside_curves(search: _Search, done: Study) -> Study:
-    """The study with a nonparametric law chosen where one does better than every effect with a name.
-
-    It is looked for where the best model leaves so much that the curve's own heights could pay.
-    """
-    refit = done.refit
-    if search.fitter.tables or complete(done.chosen, refit) or not misses(done.chosen):
-        return done
-    curves = [(c,) for c in laws(replace(done, chosen=refit))]
-    search._fit([(c, [standing(refit.fit)]) for c in curves], len(curves))
-    models = believed(search.models, refit)
-    odds = probabilities(models, search.tried)
-    chosen = max(models, key=lambda m: odds[m.keys])
-    if any(c.effect == "unknown" for c in chosen.effects):
-        return replace(done, chosen=chosen, odds=odds)
-    return done
 
 
 def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tuple[list[Recorded], str] | None:

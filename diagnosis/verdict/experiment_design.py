@@ -20,6 +20,7 @@ from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import NEXT_EXPERIMENT
 from diagnosis.verdict.table_report import choose_rows
 from engine.errors import FlexarmError
+from engine.model import Model
 from engine.simulate import Drive
 
 NOTHING = "no_input"
@@ -115,7 +116,7 @@ def _held(t: Array, hold: float, levels: bool = False) -> Array:
     return np.asarray(values[place])
 
 
-def propose(rivals: Sequence[ScoredModel], most: int = 8) -> Proposal | None:
+def propose(rivals: Sequence[ScoredModel], given: Model, most: int = 8) -> Proposal | None:
     """The input of the menu that best separates the rivals.
 
     A rival that is a richer form of another one cannot be separated from it where the simpler one is right, so that
@@ -123,6 +124,7 @@ def propose(rivals: Sequence[ScoredModel], most: int = 8) -> Proposal | None:
 
     Args:
         rivals: fitted models, first the one that leads.
+        given: the user's model, whose input the experiment drives: that of a rival may lie before what was put in.
         most: number of rivals that are compared.
     """
     problem = rivals[0].fit.problem
@@ -137,7 +139,7 @@ def propose(rivals: Sequence[ScoredModel], most: int = 8) -> Proposal | None:
     )
     pairs = list(itertools.combinations(range(len(kept)), 2))
     held = [_held_by(r) for r in kept]
-    driven, signals = problem.model.inputs[0], tuple(v.name for v in problem.model.outputs)
+    driven, signals = given.inputs[0], tuple(v.name for v in given.outputs)
     best: Proposal | None = None
     most_worth = -math.inf
     highest = dict.fromkeys(pairs, 0.0)

@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit, with_covariance
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.posterior import credible, explained, floor, misses, probability, value
+from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import LEAST_ODDS, Study
 from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH
@@ -128,7 +128,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
             status = "wrong_parameter" if effect.effect == "wrong_parameter" else "named"
         findings.append(_finding(study, k, status, share, odds, intervals, against))
     weakest = min((f["status"] for f in findings), key=WEAKEST.index)
-    proposal = propose([chosen, *others]) if others else None
+    proposal = propose([chosen, *others], refit.fit.problem.model) if others else None
     force = recover(study, *place_of(chosen.effects[0], study))
     return Diagnosis(study, weakest, tuple(findings), others, proposal, warnings, made, force)
 
@@ -136,7 +136,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
 def _missing(study: Study) -> bool:
     """Whether more than a further effect costs is unexplained, and held out more than the noise itself."""
     refit = study.refit
-    worthwhile = refit.left.unexplained > math.log(max(study.tried, 2)) + SEARCH.effort
+    worthwhile = refit.left.unexplained > price(study.tried) + SEARCH.effort
     return worthwhile and misses(refit)
 
 

@@ -31,7 +31,9 @@ def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any]:
     path.write_text(text.replace("# measured cold", f"# measured cold {HOSTILE}"))
     found = diagnose(path)
     other = next(t for t in found.study.trials if t.effects != found.study.chosen.effects)
-    found = replace(found, rivals=(other,), proposal=propose([found.study.chosen, other]))
+    found = replace(
+        found, rivals=(other,), proposal=propose([found.study.chosen, other], found.study.refit.fit.problem.model)
+    )
     assert found.evidence
     page = write_diagnosis(found, folder / "report.html", seed=3, command=f"flexarm diagnose {HOSTILE}")
     return found, page

@@ -111,7 +111,6 @@ def test_the_curve_of_dry_friction_is_a_step_against_the_motion(sticky: Any) -> 
     np.testing.assert_allclose(torque[beyond], law, rtol=0, atol=0.25 * LEVEL)
 
 
-@pytest.mark.xfail(reason="the rebuilt fit bends parameters beside a curve: issue of the curve's prior, open")
 def test_the_curve_of_a_drag_bends_as_the_drag(slowed: Any) -> None:
     """What is linear in the speed may as well be the motor's; what bends is the drag's alone."""
     speed, torque = curve(slowed)
@@ -123,7 +122,6 @@ def test_the_curve_of_a_drag_bends_as_the_drag(slowed: Any) -> None:
     np.testing.assert_allclose(bent(torque), bent(law), rtol=0, atol=0.15 * np.ptp(bent(law)))
 
 
-@pytest.mark.xfail(reason="the rebuilt fit bends parameters beside a curve: issue of the curve's prior, open")
 def test_the_curve_reaches_as_far_as_the_recordings(slowed: Any) -> None:
     """Held beyond its ends, a shorter one would have bent the motor's own parameters: they stay in their tolerances."""
     speed = curve(slowed)[0]

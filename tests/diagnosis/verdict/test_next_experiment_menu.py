@@ -71,7 +71,7 @@ def test_no_input_is_larger_or_faster_than_it_may_be(sample: float) -> None:
 
 def test_a_lag_against_a_delay_calls_for_a_fast_input(rivals: list[Any]) -> None:
     """Driven behind a lag and behind a delay, a motor of our own differs most where the input changes fast."""
-    found = propose(rivals)
+    found = propose(rivals, rivals[0].fit.problem.model)
     assert found is not None
     assert {label.split(" at ")[0] for label in found.separates} == {"lag", "delay"}
     assert found.separating
@@ -89,7 +89,7 @@ def test_a_lag_against_a_delay_calls_for_a_fast_input(rivals: list[Any]) -> None
 
 
 def test_two_models_that_are_one_law_have_no_input(rivals: list[Any]) -> None:
-    found = propose([rivals[0], rivals[0]])
+    found = propose([rivals[0], rivals[0]], rivals[0].fit.problem.model)
     assert found is not None
     assert found.kind == NOTHING
     assert not found.separating
@@ -98,7 +98,7 @@ def test_two_models_that_are_one_law_have_no_input(rivals: list[Any]) -> None:
 
 
 def test_one_law_beside_another_is_told(rivals: list[Any]) -> None:
-    found = propose([rivals[0], rivals[1], rivals[0]])
+    found = propose([rivals[0], rivals[1], rivals[0]], rivals[0].fit.problem.model)
     assert found is not None
     assert found.separating
     assert found.expected > 3
