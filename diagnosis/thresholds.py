@@ -469,8 +469,8 @@ class Recovery:
     unknown: float = number(
         100.0,
         "largest heights",
-        "Standard deviation of a height before it is fitted: nothing is known of it, and a prior that held it would have "
-        "the user's parameters make up for it.",
+        "Standard deviation of a height before it is fitted: nothing is known of it, and a prior that held it would "
+        "have the user's parameters make up for it.",
         "drag against the back electromotive force",
     )
     places: int = number(
