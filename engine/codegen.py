@@ -9,7 +9,7 @@ shared between the functions, and a division by a lower-level value becomes a pr
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -394,17 +394,71 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
     emitter = _emitter(model)
     arguments = [*e.arguments, e.fire]
     seeds = ca.vertcat(e.x, e.t, e.u, e.d, *[e.p[i] for i in parameters])
-    lines = [f"#define FA_DIRS {directions}"]
+    lines, rules = [f"#define FA_DIRS {directions}"], [_PLACES]
     for name in ("derivative", "guards", "update", "outputs", "following", *(["entering"] if model.lines else [])):
         jacobian = ca.jacobian(getattr(e, name), seeds)
         values = ca.vertcat(*jacobian.nonzeros())
         row, column = (list(part) for part in jacobian.sparsity().get_triplet())
         lines.append(f"#define FA_{name.upper()}_NNZ {len(row)}")
-        lines.append(_array("int", f"fa_{name}_row", [str(i) for i in row]))
-        lines.append(_array("int", f"fa_{name}_col", [str(i) for i in column]))
         if name == "derivative":
             emitter.add("stage_values", arguments, ca.vertcat(e.derivative, values))
         else:
             emitter.add(f"{name}_values", arguments, values if row else ca.SX(0, 1))
-    rules = runtime("core.c") + runtime("simulate.c") + runtime("tangent_rules.c")
-    return "\n".join([_INCLUDES, _CANCELLABLE, _sizes(model), *lines, emitter.text(), runtime("tangent.c")]) + rules
+        if name in ("guards", "following"):
+            lines.append(_array("int", f"fa_{name}_row", [str(i) for i in row]))
+            lines.append(_array("int", f"fa_{name}_col", [str(i) for i in column]))
+        if name != "following":
+            rules.append(_tangent_rule(name, model, jacobian.size1(), list(zip(row, column, strict=True))))
+    head = [_INCLUDES, _CANCELLABLE, _sizes(model), *lines, emitter.text(), runtime("tangent.c")]
+    return "\n".join([*head, runtime("core.c") + runtime("simulate.c"), *rules, runtime("tangent_rules.c")])
+
+
+_PLACES = """
+/* Columns of a Jacobian: [x | t | u | d | q]. */
+enum { FA_AT_T = FA_NX, FA_AT_U = FA_NX + 1, FA_AT_D = FA_NX + 1 + FA_NI, FA_AT_Q = FA_NX + 1 + FA_NI + FA_ND };
+/* Inlined everywhere, so that a rule whose dt is NULL loses its branch. */
+#define FA_INLINE static inline __attribute__((always_inline))
+"""
+
+
+def _tangent_rule(name: str, model: Model, height: int, nonzeros: list[tuple[int, int]]) -> str:
+    """C of ``fa_NAME_tangent``: a sparse Jacobian, nonzeros ``j``, times the seeds.
+
+    Every nonzero has a line of its own, so that a row's sums stay in registers. A parameter's own column enters as a
+    constant vector: written as one element, it would wait for the memory that the next vector load reads.
+    """
+    at_t = len(model.states)
+    at_u, at_d = at_t + 1, at_t + 1 + len(model.inputs)
+    at_q = at_d + len(model.memories)
+    lines = [
+        f"FA_INLINE void fa_{name}_tangent(const fa_sim *s, const double *j, const fa_columns *S, const fa_columns *D,",
+        "    const fa_lane *dt, fa_columns *out) {",
+    ]
+    for i in range(height):
+        sums, rates, own = [], [], {}
+        for k, (row, c) in enumerate(nonzeros):
+            if row != i:
+                continue
+            if c < at_t:
+                sums.append(f"j[{k}] * S[{c}][l]")
+            elif c < at_u:
+                rates.append(f"j[{k}]")
+            elif c < at_d:
+                rates.append(f"j[{k}] * s->slope[{c - at_u}]")
+            elif c < at_q:
+                sums.append(f"j[{k}] * D[{c - at_d}][l]")
+            else:
+                own[c - at_q] = f"j[{k}]"
+        lines.append(f"  FA_EACH(l) out[{i}][l] = {' + '.join(sums) or '(fa_lane){0}'};")
+        if rates:
+            lines.append(f"  if (dt) FA_EACH(l) out[{i}][l] += ({' + '.join(rates)}) * dt[l];")
+        if own:
+            lines += ["#if FA_WIDTH == 4", *_own_columns(i, own, 4), "#else", *_own_columns(i, own, 8), "#endif"]
+    return "\n".join([*lines, "}"])
+
+
+def _own_columns(row: int, own: Mapping[int, str], width: int) -> list[str]:
+    """Lines that add values at columns to a row, a vector of ``width`` at a time."""
+    lanes = sorted({c // width for c in own})
+    vectors = {lane: ", ".join(own.get(lane * width + c, "0") for c in range(width)) for lane in lanes}
+    return [f"  out[{row}][{lane}] += (fa_lane){{{vector}}};" for lane, vector in vectors.items()]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from html import escape
@@ -150,13 +151,19 @@ class Result:
         return table(["signal", "unit", "end", "least", "greatest", ""], rows, repr(self).strip("<>"))
 
 
+@functools.lru_cache(maxsize=1024)
 def rational(value: float) -> Fraction:
     """A time as an exact fraction: 0.1 becomes 1/10."""
     return Fraction(value).limit_denominator(10**9)
 
 
-def common_tick(instants: list[float]) -> Fraction:
+def common_tick(instants: Iterable[float]) -> Fraction:
     """The longest tick of which all given instants are whole multiples."""
+    return _common_tick(tuple(instants))
+
+
+@functools.lru_cache(maxsize=256)
+def _common_tick(instants: tuple[float, ...]) -> Fraction:
     tick = Fraction(0)
     for value in instants:
         fraction = rational(value)

@@ -73,6 +73,7 @@ def tangents(
     drive: Drive | None = None,
     initial: dict[str, float] | None = None,
     internal_step: float | None = None,
+    room: int = 0,
 ) -> Tangents:
     """Simulate with sensitivities; needs a C compiler.
 
@@ -85,6 +86,7 @@ def tangents(
         drive: the external inputs.
         initial: starting values by name, SI units.
         internal_step: longest integration step (s).
+        room: directions that the compiled code has room for, at least; runs of equal room share it.
 
     Raises:
         ParameterError: a name that is neither a parameter nor a starting value, or a model that calls Python functions.
@@ -104,10 +106,11 @@ def tangents(
     ordered = [name for name in wrt if name in known] + [name for name in wrt if name not in known]
     indices = tuple(known.index(name) for name in ordered if name in known)
     job = prepare(model, stop, step, parameters=parameters, drive=drive, initial=initial, internal_step=internal_step)
-    S0, D0 = _seeds(model, job.p, dict(initial or {}), ordered, indices)
-    rows = np.zeros((job.outputs + 1, len(model.outputs), len(ordered)))
+    room = max(len(ordered), room)
+    S0, D0 = _seeds(model, job.p, dict(initial or {}), ordered, indices, room)
+    rows = np.zeros((job.outputs + 1, len(model.outputs), room))
     least = np.zeros(1)
-    function = _compiled(model, indices, len(ordered))
+    function = _compiled(model, indices, room)
     extra = [a.ctypes.data_as(POINTER(c_double)) for a in (S0, D0, rows, least)]
     outcome = native.call(model, job, lambda c: function(ctypes.addressof(c), *extra))
     if outcome.status:
@@ -118,11 +121,11 @@ def tangents(
 
 
 def _seeds(
-    model: Model, p: Vector, initial: dict[str, float], names: list[str], indices: tuple[int, ...]
+    model: Model, p: Vector, initial: dict[str, float], names: list[str], indices: tuple[int, ...], room: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """dx0/dq and dd0/dq. Starting values are smooth, nearly linear functions: central differences are exact enough."""
-    S0 = np.zeros((len(model.states), len(names)))
-    D0 = np.zeros((len(model.memories), len(names)))
+    S0 = np.zeros((len(model.states), room))
+    D0 = np.zeros((len(model.memories), room))
 
     def memories(q: Vector) -> Vector:
         return np.array(model.functions["memory_start"](q).full()).ravel()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
@@ -166,6 +167,8 @@ class TimeExperiment(Experiment):
         ]
         names = [free[i].name for i in mine]
         followers = list(self.begin.follows)
+        own_starts = Counter(f.recording for f in free if f.recording)
+        room = sum(not f.recording for f in free) + max(own_starts.values(), default=0) + len(followers)
         try:
             found = tangents(
                 model,
@@ -176,6 +179,7 @@ class TimeExperiment(Experiment):
                 drive=self.drive,
                 initial=self.begin.complete(starts),
                 internal_step=longest,
+                room=room,
             )
         except ParameterError as error:
             raise SimulationError(error.message) from error

@@ -97,3 +97,12 @@ def test_a_changed_order_of_events_is_reported(model: Any) -> None:
 def test_an_unknown_direction_is_refused_with_the_nearest_name(model: Any) -> None:
     with pytest.raises(ParameterError, match=r"did you mean 'f\.level'"):
         tangents(model, 1.0, wrt=["f.levl"])
+
+
+@pytest.mark.parametrize("count", [1, 3, 4, 7, 8, 11, 14])
+def test_directions_together_are_those_of_each_alone(model: Any, count: int) -> None:
+    # However the directions fill the lanes of a vector, and however many are left empty.
+    together = tangents(model, 1.0, 0.01, wrt=WRT[:count], room=count + 2)
+    for k, name in enumerate(WRT[:count]):
+        alone = tangents(model, 1.0, 0.01, wrt=[name])
+        np.testing.assert_allclose(together.values[:, :, k], alone.values[:, :, 0], rtol=1e-9, atol=1e-12)
