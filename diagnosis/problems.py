@@ -224,19 +224,20 @@ def resolved(made: Problem, x: Array) -> Problem | None:
     asked = made.scenario.simulation.internal_step if made.scenario.simulation else None
     if asked is not None:
         return replace(made, internal_step=asked)
-    steps = [e.longest_step for e in made.experiments if e.longest_step is not None]
+    steps = [(e.longest_step, e.finest_step) for e in made.experiments if e.longest_step and e.finest_step]
     if not steps:
         return made
-    model, step, values = made.model, min(steps), made.values(x)[0]
+    model, values = made.model, made.values(x)[0]
+    step, least = (min(column) for column in zip(*steps, strict=True))
     settings = {tuple(sorted(e.settings.items())) for e in made.experiments}
     finest = step
     for changed in sorted(settings):
         p = model.parameter_vector({**values, **dict(changed)})
         start = start_values(model, p)
-        if fastest(model, p, start).rate * step / FITTING.finest > FITTING.stable:
+        if fastest(model, p, start).rate * least > FITTING.stable:
             return None
         finest = min(finest, internal_step(model, p, start, step))
-    return replace(made, internal_step=max(finest, step / FITTING.finest))
+    return replace(made, internal_step=max(finest, least))
 
 
 def _within(bounds: tuple[float, float]) -> tuple[float, float]:

@@ -228,6 +228,36 @@ class Intervals:
 
 
 @dataclass(frozen=True)
+class Coarse:
+    """How coarse recordings are made while many models are looked at."""
+
+    samples: int = number(
+        4000,
+        "samples",
+        "Recordings to fit that hold no more together are used as they are: fewer save little time.",
+        "random rigs 0 to 29",
+    )
+    varies: float = number(
+        0.2,
+        "1",
+        "Share of an input's variance between coarse samples: a dead zone would answer the mean in another way.",
+        "random rigs 0 to 29",
+    )
+    hidden: float = number(
+        0.1,
+        "1",
+        "Share of what the refitted model leaves over, and of the noise, that may be faster than the coarse samples.",
+        "random rigs 0 to 29",
+    )
+    error: float = number(
+        0.001,
+        "1",
+        "What the samples may be corrected by, as a share of a signal's variance: the correction is to be small.",
+        "random rigs 0 to 29",
+    )
+
+
+@dataclass(frozen=True)
 class Evidence:
     """How much recordings speak for a model, and when an effect is named."""
 
@@ -357,6 +387,12 @@ class Search:
         "Effects that are looked at beside others, those that promised most alone.",
         "random rigs",
     )
+    cuts: int = number(
+        6,
+        "cuts",
+        "Ways to cut the machine at which every law of a joint is looked at, those that promise most with one law.",
+        "random rigs 0 to 29",
+    )
     exchanged: int = number(
         6,
         "effects",
@@ -399,6 +435,18 @@ class Search:
         "The same for a further effect beside a model.",
         "random rigs",
     )
+    slow: float = number(
+        0.0005,
+        "1",
+        "A fit is left where a step lowers its cost by a smaller share, until its model turns out to be the best.",
+        "random rigs 0 to 29",
+    )
+    settled: int = number(
+        4,
+        "models",
+        "Models that are fitted to the end at last, those that are worth most.",
+        "random rigs 0 to 29",
+    )
     most_steps: int = number(
         100,
         "steps",
@@ -406,7 +454,7 @@ class Search:
         "table of optimisers",
     )
     beam: int = number(
-        2,
+        3,
         "models",
         "Models that are extended by a further effect.",
         "random rigs",
@@ -689,6 +737,7 @@ NOISE = Noise()
 FITTING = Fitting()
 TABLES = Tables()
 INTERVALS = Intervals()
+COARSE = Coarse()
 EVIDENCE = Evidence()
 SEARCH = Search()
 RECOVERY = Recovery()
@@ -701,6 +750,7 @@ GROUPS = (
     FITTING,
     TABLES,
     INTERVALS,
+    COARSE,
     EVIDENCE,
     SEARCH,
     RECOVERY,

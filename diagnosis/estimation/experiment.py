@@ -37,6 +37,7 @@ class Experiment(ABC):
         deviations: standard deviation of what is known of each free starting value before the fit (SI).
         measured_starts: free starting values that first samples of stated noise tell.
         settings: parameters that have another value in this recording, whatever a fit moves (SI).
+        thinned: samples of the recording from each of these to the next.
     """
 
     sparse: ClassVar[bool]
@@ -52,10 +53,16 @@ class Experiment(ABC):
     deviations: dict[str, float] = field(default_factory=dict)
     measured_starts: frozenset[str] = frozenset()
     settings: dict[str, float] = field(default_factory=dict)
+    thinned: int = 1
 
     @property
     def longest_step(self) -> float | None:
         """Integration step (s) that must not be exceeded; None where the experiment chooses its steps itself."""
+        return None
+
+    @property
+    def finest_step(self) -> float | None:
+        """The shortest integration step (s) that a model is given; None where the experiment chooses them itself."""
         return None
 
     @property

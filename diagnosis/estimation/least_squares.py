@@ -287,6 +287,7 @@ def fit(
     workers: int | None = None,
     progress: Progress | None = None,
     iterations: int = 25,
+    relative_drop: float = 0.0,
 ) -> Fit:
     """Fit the free parameters to the training recordings.
 
@@ -302,6 +303,7 @@ def fit(
         workers: threads.
         progress: told what is being done.
         iterations: at most, per horizon.
+        relative_drop: as of `descend`.
 
     Returns:
         The best fit over all starts.
@@ -318,7 +320,7 @@ def fit(
                 progress(f"start {number + 1} of {len(begin)}")
             for share in horizons:
                 part = [e.cut(share) for e in training]
-                x, cost, converged = descend(problem, x, part, pool, iterations=iterations)
+                x, cost, converged = descend(problem, x, part, pool, iterations=iterations, relative_drop=relative_drop)
             if best is None or cost < best[0]:
                 best = (cost, x, converged)
         assert best is not None

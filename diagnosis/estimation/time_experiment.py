@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections import Counter
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.fft
+import scipy.signal
 
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.initial_states import FirstSamples, Start, Statics
@@ -113,9 +115,14 @@ class TimeExperiment(Experiment):
         return self.step * self.every
 
     @property
+    def finest_step(self) -> float:
+        """The shortest integration step (s) that a model is given; what needs shorter ones, the samples cannot show."""
+        return self.step / self.thinned / FITTING.finest
+
+    @property
     def shortest(self) -> float:
-        """The shortest time (s) that it resolves: the interval between samples."""
-        return self.interval
+        """The shortest time (s) that it resolves: the interval between the samples that were recorded."""
+        return self.interval / self.thinned
 
     def sampled(self, rows: Array) -> Array:
         """Simulated rows at the recorded instants, shape (samples, ...)."""
@@ -132,6 +139,36 @@ class TimeExperiment(Experiment):
             return self
         keep = max(8, int(np.searchsorted(self.time, share * float(self.time[-1]))))
         return replace(self, time=self.time[:keep], measured=self.measured[:keep])
+
+    def averaged(self, count: int) -> TimeExperiment:
+        """The experiment at every ``count``-th sample, smoothed there, with the mean input from it to the next.
+
+        The first and the last sample are left out, for they have no others on one side.
+        """
+        drive = self.drive
+        if drive is not None:
+            drive = _mean_drive(drive, self.interval * count, self.stop)
+        return replace(
+            self,
+            time=self.time[::count],
+            measured=self.smoothed(self.measured, count),
+            sigma=self.sigma * math.sqrt(float(np.sum(_smoother(count) ** 2))),
+            drive=drive,
+            step=self.interval * count,
+            every=1,
+            thinned=self.thinned * count,
+        )
+
+    def smoothed(self, rows: Array, count: int) -> Array:
+        """Every ``count``-th sample (samples, columns) of a cubic through those around it [Savitzky 1964].
+
+        NaN where one of them is missing, and at the ends.
+        """
+        size = len(self.time[::count])
+        padded = np.full((size * count + count + 1, rows.shape[1]), np.nan)
+        padded[count : count + len(rows)] = rows[: len(padded) - count]
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * count + 1, axis=0)[::count][:size]
+        return np.asarray(windows @ _smoother(count))
 
     def outputs(
         self, model: Model, parameters: dict[str, float], starts: dict[str, float], longest: float | None
@@ -319,6 +356,32 @@ class TimeExperiment(Experiment):
         k = int(np.argmax(np.sum(r**2, axis=0)))
         peak = int(np.argmax(power_spectrum(r[:, [k]])[1:])) + 1
         return when, f"strongest at {peak / (len(r) * dt):.3g} Hz, in {names[k]}"
+
+
+@functools.cache
+def _smoother(count: int) -> Array:
+    """Weights of a cubic through ``2 count + 1`` samples, at its middle; it bends no signal that is slow there."""
+    return np.asarray(scipy.signal.savgol_coeffs(2 * count + 1, 3))
+
+
+def _mean_drive(drive: Drive, interval: float, stop: float) -> Drive:
+    """The drive held over intervals at its mean there."""
+    time = np.asarray(drive.time, dtype=float)
+    values = np.asarray(drive.values, dtype=float).reshape(len(time), -1)
+    holds = (drive.hold,) * values.shape[1] if isinstance(drive.hold, str) else drive.hold
+    edges = np.arange(int(stop / interval + 1e-6) + 2) * interval
+    columns = []
+    for column, hold in zip(values.T, holds, strict=True):
+        rise = np.diff(time) * (column[:-1] if hold == "zero_order" else (column[:-1] + column[1:]) / 2)
+        area = np.concatenate([[0.0], np.cumsum(rise)])
+        k = np.clip(np.searchsorted(time, edges, side="right") - 1, 0, len(time) - 1)
+        later = edges - time[k]
+        slope = np.zeros(len(edges))
+        if hold != "zero_order":
+            inside = k < len(time) - 1
+            slope[inside] = np.diff(column)[k[inside]] / np.diff(time)[k[inside]]
+        columns.append(np.diff(area[k] + column[k] * later + 0.5 * slope * later**2) / interval)
+    return Drive(edges[:-1], np.column_stack(columns), "zero_order")
 
 
 def power_spectrum(r: Array) -> Array:

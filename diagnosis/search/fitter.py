@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -16,6 +18,7 @@ from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, resolved, variant
 from diagnosis.recordings.types import Recorded
+from diagnosis.search.coarse import coarse
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.screening import Origin, begun
@@ -25,6 +28,9 @@ from engine.errors import FlexarmError, SimulationError
 from engine.spread import Store
 from engine.threads import Threads
 from scenarios.load import Scenario
+
+KEPT = 400
+"""Models that are kept after they were built: those of one round of a search."""
 
 
 class CandidateFitter:
@@ -52,19 +58,37 @@ class CandidateFitter:
         self.tables = self.base.sparse
         self.digest = _digest(self.base, seed)
         self._origins: dict[str, Origin | None] = {}
+        self._built: OrderedDict[str, Problem] = OrderedDict()
 
     def again(self, recordings: Sequence[Recorded]) -> CandidateFitter:
         """The same with other recordings."""
         return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store)
 
+    @functools.cached_property
     def refit(self) -> ScoredModel:
-        """The user's own model, its parameters fitted from several starts."""
+        """The user's own model, its parameters fitted from several starts, to coarse recordings first."""
 
         def compute() -> PartialFit:
-            made = fit(self.base, random_starts=2, seed=self.seed, workers=self.workers)
-            return PartialFit((), StartingPoint(made.cost, self.base, made.x, (), ()), made.converged)
+            rough = coarse(self.base, np.zeros(len(self.base.free)))
+            drop = SEARCH.slow
+            made = fit(rough, random_starts=2, seed=self.seed, workers=self.workers, relative_drop=drop)
+            with Threads(self.workers) as pool:
+                x, cost, converged = descend(self.base, made.x, self.base.training, pool, relative_drop=drop)
+            return PartialFit((), StartingPoint(cost, self.base, x, (), ()), converged)
 
         return self._trial(self._kept("refit", (), compute))
+
+    def settled(self, model: ScoredModel) -> ScoredModel:
+        """A model whose fit was left where it hardly gained, fitted to the end."""
+        point = StartingPoint(model.fit.cost, model.fit.problem, model.fit.x, model.sizes, model.sizes)
+
+        def compute() -> PartialFit:
+            with Threads(self.workers) as pool:
+                made, x = point.problem, point.x
+                x, cost, converged = descend(made, x, made.training, pool, iterations=SEARCH.most_steps)
+            return PartialFit(model.effects, replace(point, x=x, cost=cost), converged)
+
+        return self._trial(compute())
 
     def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:
         """What ``compute`` gives, or what it gave before under the same key."""
@@ -78,7 +102,7 @@ class CandidateFitter:
 
     def restored(self, effects: tuple[Candidate, ...], row: dict[str, Any]) -> PartialFit:
         """The partial fit that was written down by `PartialFit.row`."""
-        made = self.build(effects, row["built"]) if effects else self.base
+        made = self.build(effects, row["built"], whole=row["whole"]) if effects else self.base
         made = replace(made, internal_step=row["internal_step"])
         point = StartingPoint(row["cost"], made, np.array(row["x"]), tuple(row["sizes"]), tuple(row["built"]))
         return PartialFit(effects, point, row["converged"])
@@ -91,15 +115,35 @@ class CandidateFitter:
         found = Fit(made, x, partial.point.cost, chi2, partial.converged, np.zeros((n, n)))
         return scored(found, partial.effects, partial.point.sizes)
 
-    def build(self, effects: Sequence[Candidate], starts: Sequence[Sizes]) -> Problem:
-        """The problem with effects put in at starting values.
+    @functools.cached_property
+    def coarse(self) -> Problem:
+        """The user's model with coarse recordings, on which effects are looked at before they are fitted."""
+        return coarse(self.base, self.refit.fit.x)
+
+    def build(self, effects: Sequence[Candidate], starts: Sequence[Sizes], *, whole: bool = False) -> Problem:
+        """The problem with effects put in at starting values; some of those built last are kept.
+
+        Args:
+            effects: what is put in.
+            starts: sizes of each.
+            whole: with the recordings as they are, rather than coarse ones.
 
         Raises:
             FlexarmError: the amended model has no meaning.
         """
+        whole = whole or self.coarse is self.base
+        mark = repr([whole, *((c.key, c.option, c.name, s) for c, s in zip(effects, starts, strict=True))])
+        made = self._built.get(mark)
+        if made is None:
+            made = self._built[mark] = self._build(self.base if whole else self.coarse, effects, starts)
+            while len(self._built) > KEPT:
+                self._built.popitem(last=False)
+        return made
+
+    def _build(self, base: Problem, effects: Sequence[Candidate], starts: Sequence[Sizes]) -> Problem:
         edits = [edit for c, s in zip(effects, starts, strict=True) for edit in c.edits(s)]
         extra = [f for c, s in zip(effects, starts, strict=True) for f in c.free(s)]
-        return variant(self.base, edits, extra, held={f"{c.name}.{key}" for c in effects for key in c.held})
+        return variant(base, edits, extra, held={f"{c.name}.{key}" for c in effects for key in c.held})
 
     def placed(
         self, effects: tuple[Candidate, ...], group: Sequence[tuple[Sizes, ...]], parent: dict[str, float]
@@ -134,7 +178,7 @@ class CandidateFitter:
         )
         if key not in self._origins:
             built = tuple(c.starts[0] for c in effects)
-            made = self.build(effects, built) if effects else self.base
+            made = self.build(effects, built) if effects else self.coarse
             x = _placed(made, values, effects, built)
             made = resolved(made, x) or made
             try:
@@ -176,7 +220,10 @@ class CandidateFitter:
             for number, point in enumerate(points):
                 # A bold start has farther to go.
                 steps = SEARCH.first_steps if number < SEARCH.starts else SEARCH.bold_steps
-                x, cost, converged = descend(point.problem, point.x, point.problem.training, pool, iterations=steps)
+                there = point.problem
+                x, cost, converged = descend(
+                    there, point.x, there.training, pool, iterations=steps, relative_drop=SEARCH.slow
+                )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
         return min(tried, key=lambda partial: partial.point.cost)
 
@@ -238,16 +285,20 @@ class CandidateFitter:
         return self._descended(self._refined(partial))
 
     def _descended(self, partial: PartialFit) -> PartialFit:
-        """The partial fit fitted until it converges, or `SEARCH.most_steps` are taken."""
-        if partial.converged:
-            return partial
-        point = partial.point
-        made = resolved(point.problem, point.x) or point.problem
-        with Threads(1) as pool:
-            x, cost, converged = descend(made, point.x, made.training, pool, iterations=SEARCH.most_steps)
-        if not math.isfinite(cost):
-            return partial  # it stands where the model cannot be differentiated
-        return PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
+        """The partial fit fitted until it converges or hardly gains: to coarse recordings, then to all."""
+        for whole in [False] if self.coarse is self.base else [False, True]:
+            point = partial.point
+            if partial.converged and not whole:
+                continue
+            made = self.build(partial.effects, point.built, whole=True) if whole else point.problem
+            made = resolved(made, point.x) or made
+            with Threads(1) as pool:
+                x, cost, converged = descend(
+                    made, point.x, made.training, pool, iterations=SEARCH.most_steps, relative_drop=SEARCH.slow
+                )
+            if math.isfinite(cost):  # else it stands where the model cannot be differentiated
+                partial = PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
+        return partial
 
     def _refined(self, partial: PartialFit) -> PartialFit:
         """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""

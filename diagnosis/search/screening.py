@@ -32,7 +32,7 @@ class Course:
         effect, sizes: which.
         values: change of the residual, training recordings and prior stacked, less what the parameters can make good.
         gain: how much of the cost it takes away, its size multiplied by the best factor up to `SEARCH.factor`.
-        whitened: the same of the cost with each band of frequency in units of what the origin leaves there.
+        likelihood: logarithm of the likelihood that it would reach, with coloured noise as of the evidence.
         change: of the search vector that goes with the first.
     """
 
@@ -40,7 +40,7 @@ class Course:
     sizes: Sizes
     values: Array
     gain: float
-    whitened: float
+    likelihood: float
     change: Array
 
 
@@ -67,16 +67,19 @@ class Origin:
         """Effects that could not be put in here, and why."""
         self.every = max(1, sum(len(e.time) for e in problem.training) // SEARCH.samples)
         strengths = leftover(problem, x, problem.training).by_band
-        self._weights = [_weights(e, strengths) for e in problem.training]
+        self._whitening = [_Whitening(e, strengths, self.every) for e in problem.training]
         plain, white = [], []
-        for e, weights in zip(problem.training, self._weights, strict=True):
+        for e, whitening in zip(problem.training, self._whitening, strict=True):
             r, J = problem.linearised(x, e)
             r, J = r.reshape(e.measured.shape), J.reshape(*e.measured.shape, -1)
             plain.append((self._thinned(r), self._thinned(J).reshape(-1, J.shape[-1])))
-            flat = e.components(J.reshape(len(J), -1)).reshape(J.shape) * weights[:, :, None]
-            white.append(((e.components(r) * weights).ravel(), flat.reshape(-1, J.shape[-1])))
+            columns = [whitening(J[:, :, k]) for k in range(J.shape[-1])]
+            white.append((whitening(r), np.column_stack(columns) if columns else np.zeros((len(whitening(r)), 0))))
         self.own = problem.prior(x)
         self.plain, self.white = _Linear(plain, self.own), _Linear(white, self.own)
+        self._bands = _Bands(self._whitening, strengths)
+        self.likelihood = self._bands.likelihood(self.white.rest)
+        """Logarithm of the likelihood that the model's own parameters reach, less what they cost."""
 
     @property
     def cost(self) -> float:
@@ -93,9 +96,10 @@ class Origin:
         assert effect.freed is not None
         i, weaker = [f.name for f in self.problem.free].index(effect.freed.name), 1 / effect.freed.spread
         gain, change = self.plain.with_weaker_prior(i, len(self.own[0]), weaker)
-        whitened, _ = self.white.with_weaker_prior(i, len(self.own[0]), weaker)
+        gained, _ = self.white.with_weaker_prior(i, len(self.own[0]), weaker)
         change = np.clip(change, -SEARCH.farthest, SEARCH.farthest)
-        return Course(effect, effect.starts[0], np.zeros(len(self.plain.r)), gain, whitened, change)
+        nothing = np.zeros(len(self.plain.r))
+        return Course(effect, effect.starts[0], nothing, gain, self.likelihood + 0.5 * gained, change)
 
     def course(self, made: Problem, x: Array, effect: Candidate, sizes: Sizes) -> Course | None:
         """What a size adds; None where it cannot be simulated, or adds nothing.
@@ -107,14 +111,14 @@ class Origin:
             sizes: its own.
         """
         rows = [made.residual(x, e) for e in made.training]
-        pairs = zip(made.training, rows, self._weights, strict=True)
         plain = self.plain.added([self._thinned(r).ravel() for r in rows])
-        white = self.white.added([(e.components(r) * weights).ravel() for e, r, weights in pairs])
+        white = self.white.added([whitening(r) for whitening, r in zip(self._whitening, rows, strict=True)])
         if np.abs(plain).max() > FITTING.huge / 10 * np.sqrt(self.every) or not float(plain @ plain) > 0:
             return None
         gain, factor, values = self.plain.gain(plain)
         change = self.plain.change(factor * plain)
-        return Course(effect, sizes, values, gain, self.white.gain(white)[0], change)
+        _, share, course = self.white.gain(white)
+        return Course(effect, sizes, values, gain, self._bands.likelihood(self.white.rest + share * course), change)
 
 
 class _Linear:
@@ -158,13 +162,65 @@ class _Linear:
         return self.cost - float(np.sum((r + J @ change) ** 2)), change
 
 
-def _weights(e: Experiment, strengths: Mapping[tuple[int, int], float]) -> Array:
-    """One over the standard deviation of each component of an experiment, shape (components, signals)."""
-    found: Array = np.ones(e.measured.shape)
-    for band, rows in e.bands(EVIDENCE.fewest):
-        for k in range(e.measured.shape[1]):
-            found[rows, k] = strengths.get((k, band), 1.0) ** -0.5
-    return found
+class _Whitening:
+    """Residuals of an experiment as components of equal noise, several in one.
+
+    Neighbours in a band are added with random signs: that keeps squares and products on average, and a line of the
+    spectrum stays as strong as it is [Charikar 2002].
+
+    Args:
+        e: which.
+        strengths: mean square of the noise, by signal and band.
+        every: components that are added.
+    """
+
+    def __init__(self, e: Experiment, strengths: Mapping[tuple[int, int], float], every: int) -> None:
+        self.e = e
+        rows, signals = e.measured.shape
+        edges, weights = [], np.ones((rows, signals))
+        for band, part in e.bands(EVIDENCE.fewest):
+            edges.append(np.arange(part.start, part.stop, every))
+            for k in range(signals):
+                weights[part, k] = strengths.get((k, band), 1.0) ** -0.5
+        self.edges = np.concatenate(edges)
+        sizes = np.diff([*self.edges, rows])
+        known = np.isfinite(e.measured).mean(axis=0)
+        numbers = [band for (band, _), some in zip(e.bands(EVIDENCE.fewest), edges, strict=True) for _ in some]
+        self.names = [(k, band) for band in numbers for k in range(signals)]
+        """Signal and band of each component."""
+        self.counts = np.outer(sizes, known).ravel()
+        """Recorded values that each stands for."""
+        self.weights = weights * np.random.default_rng(0).choice([-1.0, 1.0], (rows, 1))
+
+    def __call__(self, r: Array) -> Array:
+        """Of a residual, shape (samples, signals); flat."""
+        return np.asarray(np.add.reduceat(self.e.components(r) * self.weights, self.edges, axis=0).ravel())
+
+
+class _Bands:
+    """The likelihood of whitened residuals when the noise of each band is as strong as they are, or the sensor's.
+
+    Args:
+        whitening: of each experiment.
+        strengths: mean square of the noise that they were whitened with, by signal and band.
+    """
+
+    def __init__(self, whitening: Sequence[_Whitening], strengths: Mapping[tuple[int, int], float]) -> None:
+        names = [name for each in whitening for name in each.names]
+        self._kinds = sorted(set(names))
+        number = {name: k for k, name in enumerate(self._kinds)}
+        self._place = np.array([number[name] for name in names])
+        self._strength = np.array([strengths.get(name, 1.0) for name in self._kinds])
+        self._count = np.zeros(len(self._kinds))
+        for each in whitening:
+            np.add.at(self._count, [number[name] for name in each.names], each.counts)
+
+    def likelihood(self, rest: Array) -> float:
+        """Of a residual, the rows of the prior at its end."""
+        n = len(self._place)
+        energy = np.bincount(self._place, rest[:n] ** 2, len(self._kinds)) * self._strength
+        strength = np.maximum(energy / self._count, 1.0)
+        return float(-0.5 * np.sum(self._count * np.log(strength) + energy / strength) - 0.5 * np.sum(rest[n:] ** 2))
 
 
 def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]:

@@ -48,7 +48,7 @@ def study(
     """
     if progress:
         progress("fitting the model's own parameters", 0, 1)
-    refit = fitter.refit()
+    refit = fitter.refit
     base = fitter.base
     zero = np.zeros(len(base.free))
     before = (base.chi2(zero, base.training), base.chi2(zero, base.held_out))
@@ -84,6 +84,9 @@ class _Search:
         self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
         self._done: set[tuple[str, ...]] = set()
         self._order: list[Candidate] = []
+        self._settling: set[frozenset[str]] = set()
+        self._seen: list[Candidate] = []
+        """Effects that were looked at beside the user's model alone."""
 
     @property
     def models(self) -> list[ScoredModel]:
@@ -95,27 +98,35 @@ class _Search:
         """The believed model of greatest worth."""
         return max(believed(self.models, self.refit), key=self.worth)
 
+    @property
+    def _declared(self) -> int:
+        """Parameters that the user's model has a tolerance for."""
+        return sum(1 for f in self.fitter.base.free if f.prior and not f.recording)
+
     def worth(self, model: ScoredModel) -> float:
         """Evidence less price."""
         return value(model, self.tried)
 
     def run(self, most: int) -> None:
         """Add effects one by one, from the best few models, while even a perfect further effect would pay."""
+        self._grow(most)
+        for model in sorted(self.models, key=self.worth, reverse=True)[: SEARCH.settled]:
+            self._settled(model)
+
+    def _grow(self, most: int) -> None:
         for count in range(1, most + 1):
-            before = self._settled(self.best)
+            before = self.best if count == 1 else self._settled(self.best)
             if before.room < self.price + SEARCH.effort or complete(before, self.refit):
                 return
             if count > 1 and not before.effects and not misses(self.refit):
                 return
             if count == 1:
-                # Where the refit hardly moved, it stands where the model was given.
-                given: list[Values] = [{}] if self.refit.strain > 1 else []
+                # A right model's parameters are a tolerance off each, on average; beyond that they are bent.
+                given: list[Values] = [{}] if self.refit.strain > self._declared else []
                 self.add((), [standing(self.refit.fit), *given], SEARCH.fitted, SEARCH.finished)
             else:
                 self._deepen(count)
             self._vary(self.best)
-            if count > 1 and self.worth(self.best) <= self.worth(before):
-                return
 
     def study(self, nominal: tuple[float, float], scales: OperatingScales, notes: Sequence[str]) -> Study:
         """What was tried so far, and how probable it is; arguments as of `Study`."""
@@ -144,16 +155,21 @@ class _Search:
         curves = [(c,) for c in laws(replace(found, chosen=self.refit))]
         named = dict(self._models)
         self._fit([(c, [standing(self.refit.fit), {}]) for c in curves], len(curves))
-        if any(c.effect == "unknown" for c in self.best.effects):
+        if any(c.effect == "unknown" for c in self._settled(self.best).effects):
             return True
         self._models = named
         return False
 
     def _settled(self, model: ScoredModel) -> ScoredModel:
-        """A model whose fit has not converged, tried again from around where it ended."""
-        if model.fit.converged or not model.effects:
+        """A model whose fit has not converged, fitted on, and tried again from around where it ended."""
+        if model.fit.converged or model.keys in self._settling:
             return model
-        self._keep(self.fitter.retried(model))
+        self._settling.add(model.keys)
+        model = self._models[model.keys] = self.fitter.settled(model)
+        if not model.fit.converged and model.effects:
+            self._keep(self.fitter.retried(model))
+        if not model.effects:
+            self.refit = self._models[model.keys]
         return self._models[model.keys]
 
     def _deepen(self, count: int) -> None:
@@ -169,7 +185,7 @@ class _Search:
 
         Beside another effect that is still missing, evidence alone prefers what acts at many frequencies.
         """
-        able = [m for m in believed(self.models, self.refit) if len(m.effects) == count]
+        able = [m for m in self.models if len(m.effects) == count]
         ranked = zip(sorted(able, key=self.worth, reverse=True), sorted(able, key=energy), strict=True)
         found: dict[frozenset[str], ScoredModel] = {}
         for pair in ranked:
@@ -219,31 +235,45 @@ class _Search:
         self.fitter.forget(kept)
 
     def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
-        """Effects, those first that promise the lowest cost, and the lowest one of a whitened residual, by turns."""
+        """Effects, those first that promise the lowest cost, and the greatest likelihood, by turns.
 
-        def one(effect: Candidate) -> tuple[float, float]:
-            plain = white = math.inf
-            for origin in origins:
-                for course in courses(self.fitter, origin, effect):
-                    plain = min(plain, origin.cost - course.gain)
-                    white = min(white, origin.white.cost - course.whitened)
-            return plain, white
-
-        with Spread(self.fitter.workers, threads=True) as pool:
-            promise = []
-            for done, left in enumerate(pool.map(one, able), 1):
-                promise.append(left)
-                if self.progress:
-                    self.progress("looking at effects", done, len(able))
-        orders = [sorted(range(len(able)), key=lambda k: promise[k][which]) for which in (0, 1)]
-        order = list(dict.fromkeys(k for both in zip(*orders, strict=True) for k in both))
+        Those that would gain less than they cost are left out.
+        """
+        first, later = _spoken_for(able)
+        promise = dict(zip(map(id, first), self._promises(origins, first), strict=True))
+        cuts = [_cut(c) for c in _ranked(first, promise) if _cut(c) in later][: SEARCH.cuts]
+        waiting = [c for cut in cuts for c in later[cut]]
+        promise |= dict(zip(map(id, waiting), self._promises(origins, waiting), strict=True))
+        self._seen = self._seen or [*first, *waiting]
         whys = {key: why for origin in origins if not origin.effects for key, why in origin.refused.items()}
         self.failures += [pair for pair in whys.items() if pair not in self.failures]
         found: dict[str, Candidate] = {}
-        for k in order:  # of several ways to put an effect in at a place, the one that promises most
-            if promise[k][0] < math.inf:
-                found.setdefault(able[k].key, able[k])
+        for c in _ranked([*first, *waiting], promise):
+            found.setdefault(c.key, c)  # of several ways to put an effect in at a place, the one that promises most
         return list(found.values())
+
+    def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[tuple[float, float]]:
+        """The lowest cost that each effect promises, and the least unlikelihood.
+
+        Infinite for one that would gain less than it costs.
+        """
+
+        def one(effect: Candidate) -> tuple[float, float]:
+            cost = unlikely = math.inf
+            for origin in origins:
+                for course in courses(self.fitter, origin, effect):
+                    if course.likelihood > origins[0].likelihood + self.price:
+                        cost = min(cost, origin.cost - course.gain)
+                        unlikely = min(unlikely, -course.likelihood)
+            return cost, unlikely
+
+        found = []
+        with Spread(self.fitter.workers, threads=True) as pool:
+            for done, left in enumerate(pool.map(one, able), 1):
+                found.append(left)
+                if self.progress:
+                    self.progress("looking at effects", done, len(able))
+        return found
 
     def _pairs(self) -> None:
         """Two effects at once, where they promise most together."""
@@ -251,7 +281,7 @@ class _Search:
         if origin is None or self.fitter.tables:
             return
         found = [
-            course for c in self.listed if not c.freed for course in courses(self.fitter, origin, c)[: SEARCH.sizes]
+            course for c in self._seen if not c.freed for course in courses(self.fitter, origin, c)[: SEARCH.sizes]
         ]
         pairs = together(found, origin, SEARCH.fitted)
         self._fit([(pair, [standing(self.refit.fit), {}]) for pair in pairs], SEARCH.finished_beside)
@@ -298,6 +328,36 @@ class _Search:
         known = self._models.get(made.keys)
         if known is None or self.worth(made) > self.worth(known):
             self._models[made.keys] = made
+
+
+def _cut(effect: Candidate) -> tuple[str, str]:
+    """Where an effect sits, and how it is put in there."""
+    return effect.place, effect.option
+
+
+def _spoken_for(able: Sequence[Candidate]) -> tuple[list[Candidate], dict[tuple[str, str], list[Candidate]]]:
+    """The effects to look at first, and by their cut those that wait for what another law promises there.
+
+    A node of many flanges can be cut in tens of ways, for each law of a joint: the law with the fewest sizes speaks for
+    the others, since what lies on either side matters more.
+    """
+    laws: dict[tuple[str, str], list[Candidate]] = {}
+    for c in able:
+        if c.option:
+            laws.setdefault(_cut(c), []).append(c)
+    first = [c for c in able if not c.option]
+    for cut, there in laws.items():
+        spokesman = min(there, key=lambda c: len(c.starts))
+        first.append(spokesman)
+        laws[cut] = [c for c in there if c is not spokesman]
+    return first, laws
+
+
+def _ranked(able: Sequence[Candidate], promise: dict[int, tuple[float, float]]) -> list[Candidate]:
+    """Effects that promise something: the lowest cost and the greatest likelihood, by turns."""
+    orders = [sorted(able, key=lambda c: promise[id(c)][which]) for which in (0, 1)]
+    found = {id(c): c for both in zip(*orders, strict=True) for c in both}
+    return [c for c in found.values() if promise[id(c)][0] < math.inf]
 
 
 def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tuple[list[Recorded], str] | None:

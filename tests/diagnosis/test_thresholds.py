@@ -25,6 +25,7 @@ NO_RULES = {
     ("estimation/initial_states.py", "_INDEPENDENT"),
     ("estimation/initial_states.py", "_ROUNDS"),
     ("search/dask_fitter.py", "STUDIES"),
+    ("search/fitter.py", "KEPT"),
     ("search/study.py", "LEAST_ODDS"),
     ("estimation/least_squares.py", "UNDETERMINED"),
     ("verdict/examination.py", "SAME_DRIVE"),

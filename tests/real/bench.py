@@ -36,4 +36,4 @@ def bench(name: str, *overrides: str) -> Bench:
     """Prepare a shipped scenario with all its recordings."""
     scenario = load(name, overrides)
     fitter = CandidateFitter(scenario, gather(scenario, (), ()), 2, 0)
-    return Bench(fitter, fitter.refit(), candidates(operating_scales(fitter.base)))
+    return Bench(fitter, fitter.refit, candidates(operating_scales(fitter.base)))

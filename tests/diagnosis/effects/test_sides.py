@@ -123,7 +123,7 @@ def test_of_two_angles_mapped_to_one_node_each_may_sit_on_either_side(four: Syst
 def test_the_side_on_which_the_encoder_sits_fits_best(tmp_path: Path, sits: str, mapped: str) -> None:
     """Wherever the scenario reads it; both are one rigid shaft in the user's model."""
     fitter = rig(tmp_path, sits, f"{mapped}.shaft.angle")
-    refit = fitter.refit()
+    refit = fitter.refit
     listed = [c for c in joints(fitter) if c.place.endswith("-> arm.shaft")]
     assert {c.place for c in listed} == {"drive.shaft -> arm.shaft"}
     parted = [c for c in listed if "with rotor.shaft on the side of drive.shaft" in c.option]

@@ -140,7 +140,7 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
     scenario = load(case(tmp_path, seed=5))
     fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
-    exchange = exchanged(fitter, fitter.refit(), math.log(40))
+    exchange = exchanged(fitter, fitter.refit, math.log(40))
     assert exchange is not None
     moved, told = exchange
     roles = {r.name: r.role for r in moved}

@@ -40,7 +40,7 @@ def test_a_fit_that_runs_away_is_left_at_its_last_good_place(
 ) -> None:
     """Where a model cannot be differentiated, descending gives no cost."""
     zone = next(c for c in listed if c.effect == "dead_zone")
-    partial = replace(fitter.partial_fit((zone,), [standing(fitter.refit().fit)]), converged=False)
+    partial = replace(fitter.partial_fit((zone,), [standing(fitter.refit.fit)]), converged=False)
     monkeypatch.setattr(fitting, "descend", lambda problem, x, *rest, **more: (x + 9.0, math.inf, False))
     after = fitter.finish(partial)
     assert after.fit.cost == partial.point.cost

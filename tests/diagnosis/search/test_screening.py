@@ -53,7 +53,7 @@ def test_courses_that_are_one_and_the_same_make_no_pair() -> None:
 def test_a_course_gains_what_least_squares_with_the_prior_gives(tmp_path: Path) -> None:
     """The residual of the model's tangents and of one course, by numpy; derivatives are differences of simulations."""
     fitter = bench(tmp_path, seed=3, coulomb=1.5e-4)
-    origin = fitter.origin((), standing(fitter.refit().fit))
+    origin = fitter.origin((), standing(fitter.refit.fit))
     assert origin is not None
     made, x = origin.problem, origin.x
     friction = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "coulomb_friction")
@@ -90,7 +90,7 @@ def test_a_course_gains_what_least_squares_with_the_prior_gives(tmp_path: Path) 
 def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_path: Path) -> None:
     """A motor with 25 mV of dead zone and 1.5e-5 N.m of dry friction, integrated without flexarm."""
     fitter = bench(tmp_path, seed=3, coulomb=1.5e-5, dead=0.025)
-    refit = fitter.refit()
+    refit = fitter.refit
     origin = fitter.origin((), standing(refit.fit))
     assert origin is not None
     listed = [c for c in candidates(operating_scales(fitter.base)) if not c.freed]
@@ -124,7 +124,7 @@ def test_of_an_amplifier_that_reached_one_limit_the_other_is_taken_to_be_as_larg
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
     fitter = bench(tmp_path, seed=5)
     limits = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "saturation")
-    made = fitter.finish(fitter.partial_fit((limits,), [standing(fitter.refit().fit)]))
+    made = fitter.finish(fitter.partial_fit((limits,), [standing(fitter.refit.fit)]))
     found = made.added()
     assert found["saturation.upper"] == pytest.approx(1.0, rel=0.01)
     assert found["saturation.lower"] == pytest.approx(-found["saturation.upper"], rel=1e-3)
@@ -137,7 +137,7 @@ def test_two_ends_that_the_recordings_know_may_differ(tmp_path: Path, monkeypatc
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -0.7, 1.0), **more))
     fitter = bench(tmp_path, seed=5)
     limits = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "saturation")
-    found = fitter.finish(fitter.partial_fit((limits,), [standing(fitter.refit().fit)])).added()
+    found = fitter.finish(fitter.partial_fit((limits,), [standing(fitter.refit.fit)])).added()
     assert (found["saturation.lower"], found["saturation.upper"]) == pytest.approx((-0.7, 1.0), rel=0.01)
 
 

@@ -57,7 +57,7 @@ def strong(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong: Any) -> None:
     fitter, listed = strong
-    ripple, refit = listed["torque_ripple"], fitter.refit()
+    ripple, refit = listed["torque_ripple"], fitter.refit
     found = fitter.finish(fitter.partial_fit((ripple,), [standing(refit.fit)]))
     assert refit.hold_out > 100
     assert found.hold_out < 1.2
@@ -80,7 +80,7 @@ def test_an_order_is_solved_for_beside_another_effect(pushed: Any) -> None:
     """The offset alone has bent the motor's parameters; beside it the ripple is found, and a wrong order does worse."""
     fitter, listed = pushed
     ripple, offset = listed["torque_ripple"], listed["offset"]
-    alone = fitter.finish(fitter.partial_fit((offset,), [standing(fitter.refit().fit)]))
+    alone = fitter.finish(fitter.partial_fit((offset,), [standing(fitter.refit.fit)]))
     kept = ended(alone, alone.effects[0])
     pair = fitter.finish(fitter.partial_fit((kept, ripple), [standing(alone.fit)]))
     assert pair.added()["torque_ripple.order"] == 2.0
@@ -95,6 +95,6 @@ def test_an_order_is_solved_for_beside_another_effect(pushed: Any) -> None:
 def test_the_linear_solution_ranks_the_orders(pushed: Any) -> None:
     fitter, listed = pushed
     effects = (listed["torque_ripple"], replace(listed["offset"], starts=({"offset": 0.01},)))
-    best, second, *_ = solved(fitter, effects, 0, standing(fitter.refit().fit))
+    best, second, *_ = solved(fitter, effects, 0, standing(fitter.refit.fit))
     assert best.sizes[0]["order"] == 2.0
     assert best.cost < 0.5 * second.cost

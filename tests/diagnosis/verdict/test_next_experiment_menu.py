@@ -51,7 +51,7 @@ def rivals(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
         path = plants.case(tmp_path_factory.mktemp("late"), noise=0.05, seed=5)
     scenario = load(path)
     fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
-    refit = fitter.refit()
+    refit = fitter.refit
     listed = [c for c in candidates(operating_scales(fitter.base)) if c.effect in ("lag", "delay")]
     return [fitter.finish(fitter.partial_fit((c,), [standing(refit.fit)])) for c in listed]
 

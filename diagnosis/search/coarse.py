@@ -1,0 +1,105 @@
+"""Long recordings made coarse, to look at many models in little time.
+
+A logger is often much faster than the machine. A coarse recording has one sample of several, smoothed, and the mean
+input in between. What a model answers to it differs a little from what it answers to the whole; the samples are
+corrected by that difference, as the refitted model shows it. So the residual of the refitted model is the true one, and
+models near it are compared rightly: the defect correction of multigrid methods [Brandt 1977]. Those that promise most
+are then fitted to the recordings as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import TimeExperiment
+from diagnosis.thresholds import COARSE, EVIDENCE
+from engine.errors import SimulationError
+
+
+def coarse(problem: Problem, x: Array) -> Problem:
+    """The problem on coarse recordings, or as it is where they are short or would hide what is missing.
+
+    Args:
+        problem: of the user's model.
+        x: its search vector as refitted.
+    """
+    given = [e for e in problem.experiments if isinstance(e, TimeExperiment)]
+    count = sum(len(e.time) for e in given if e.role != "hold_out") // COARSE.samples
+    if count < 2 or len(given) < len(problem.experiments):
+        return problem
+    try:
+        rows = [problem.simulate(x, e) for e in given]
+        while count > 1:
+            made = _made(problem, x, given, rows, count)
+            if made is not None:
+                return made
+            count = count * 2 // 3
+    except SimulationError:
+        pass
+    return problem
+
+
+def _made(
+    problem: Problem, x: Array, given: Sequence[TimeExperiment], rows: Sequence[Array], count: int
+) -> Problem | None:
+    """The problem on every ``count``-th sample; None where that hides too much.
+
+    Args:
+        problem: as of `coarse`.
+        x: as of `coarse`.
+        given: its experiments.
+        rows: what the model answers to each.
+        count: number of samples.
+
+    Raises:
+        SimulationError: a coarse run diverges.
+    """
+    experiments = []
+    for e, answer in zip(given, rows, strict=True):
+        r = e.residual(answer)
+        there = e.averaged(count)
+        if _varies(e, there) > COARSE.varies or _hides(e, r, count):
+            return None
+        whole = replace(problem, experiments=(there,))
+        left = e.smoothed(np.where(np.isfinite(e.measured), r, np.nan), count) * e.sigma
+        # The residual of zero samples is what the model answers, as far as it counts.
+        known = replace(there, measured=np.zeros_like(there.measured))
+        ours = -known.residual(whole.simulate(x, there)) * there.sigma
+        size = np.nanmean((there.measured - ours - left) ** 2, axis=0)
+        if (size > COARSE.error * np.nanvar(there.measured, axis=0)).any():
+            return None
+        experiments.append(replace(there, measured=ours + left))
+    return replace(problem, experiments=tuple(experiments))
+
+
+def _varies(e: TimeExperiment, there: TimeExperiment) -> float:
+    """The largest share of an input's variance that the mean input does not have."""
+    if e.drive is None or there.drive is None:
+        return 0.0
+    time = np.asarray(e.drive.time, dtype=float)
+    given = np.asarray(e.drive.values, dtype=float).reshape(len(time), -1)
+    held = np.asarray(there.drive.values, dtype=float)
+    place = np.clip((time / there.step + 1e-6).astype(int), 0, len(held) - 1)
+    spread = given.var(axis=0)
+    return float(np.max(((given - held[place]) ** 2).mean(axis=0) / np.where(spread > 0, spread, 1.0), initial=0.0))
+
+
+def _hides(e: TimeExperiment, r: Array, count: int) -> bool:
+    """Whether much of what a model leaves over, beyond the sensors' noise, is faster than the coarse samples."""
+    power = e.components(r) ** 2
+    for column in power.T:
+        excess, hidden = 0.0, 0.0
+        for _, part in e.bands(EVIDENCE.fewest):
+            size = part.stop - part.start
+            chance = 1 + EVIDENCE.chance * np.sqrt(2 / size)
+            left = max(float(column[part].sum()) - chance * size, 0.0)
+            excess += left
+            hidden += left * (part.stop > len(r) // count)
+        if hidden > COARSE.hidden * max(excess, float(len(r))):
+            return True
+    return False

@@ -1,0 +1,81 @@
+"""Coarse recordings: the residual of the refitted model stays as it is, and fits near it end where whole ones do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.api import gather
+from diagnosis.estimation.least_squares import descend
+from diagnosis.estimation.time_experiment import TimeExperiment, _mean_drive
+from diagnosis.problems import problem
+from diagnosis.search.coarse import coarse
+from diagnosis.thresholds import COARSE
+from engine.simulate import Drive
+from engine.threads import Threads
+from scenarios.load import load
+from tests.diagnosis.plants import case
+
+
+def test_a_study_of_few_samples_is_left_as_it_is(tmp_path: Path) -> None:
+    scenario = load(case(tmp_path, seed=1))
+    made = problem(scenario, gather(scenario, [], []))
+    assert sum(len(e.time) for e in made.training) < 8000
+    assert coarse(made, np.zeros(len(made.free))) is made
+
+
+def test_coarse_fits_end_where_whole_ones_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("diagnosis.search.coarse.COARSE", replace(COARSE, samples=800))
+    scenario = load(case(tmp_path, seed=2))
+    made = problem(scenario, gather(scenario, [], []))
+    start = np.zeros(len(made.free))
+    with Threads(1) as pool:
+        best, _, converged = descend(made, start, made.training, pool)
+    assert converged
+    rough = coarse(made, best)
+    assert {e.thinned for e in rough.experiments} == {3}
+    for e, there in zip(made.experiments, rough.experiments, strict=True):
+        assert isinstance(e, TimeExperiment)
+        assert isinstance(there, TimeExperiment)
+        smooth = e.smoothed(e.residual(made.simulate(best, e)), 3) * e.sigma
+        known = np.isfinite(there.measured)
+        np.testing.assert_allclose(
+            (rough.residual(best, there) * there.sigma)[known],
+            smooth[known],
+            atol=1e-9 * float(np.abs(e.measured).max()),
+        )
+    with Threads(1) as pool:
+        found, _, converged = descend(rough, start, rough.training, pool)
+    assert converged
+    # The noise that smoothing takes away moves the optimum by a part of its uncertainty.
+    assert np.abs(found - best).max() < 0.2
+
+
+def test_a_mean_input_has_the_area_of_the_input() -> None:
+    random = np.random.default_rng(3)
+    time = np.cumsum(random.uniform(0.5e-3, 1.5e-3, 400))
+    time -= time[0]
+    values = random.normal(size=(400, 2))
+    held = _mean_drive(Drive(time, values, ("zero_order", "linear")), 0.01, float(time[-1]))
+    fine = np.arange(0.0, 0.3, 1e-6) + 5e-7
+    given = [values[np.searchsorted(time, fine, side="right") - 1, 0], np.interp(fine, time, values[:, 1])]
+    for k, column in enumerate(given):
+        means = column.reshape(30, -1).mean(axis=1)
+        np.testing.assert_allclose(np.asarray(held.values)[:30, k], means, atol=2e-3)
+
+
+def test_an_input_that_jumps_between_samples_is_kept_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("diagnosis.search.coarse.COARSE", replace(COARSE, samples=800))
+    scenario = load(case(tmp_path, seed=2))
+    made = problem(scenario, gather(scenario, [], []))
+    first = made.experiments[0]
+    assert isinstance(first, TimeExperiment)
+    assert first.drive is not None
+    time = np.asarray(first.drive.time)
+    chatter = Drive(time, np.where(np.arange(len(time)) % 2, 1.0, -1.0)[:, None], first.drive.hold)
+    changed = [e if e is not first else replace(first, drive=chatter) for e in made.experiments]
+    chattering = replace(made, experiments=tuple(changed))
+    assert coarse(chattering, np.zeros(len(made.free))) is chattering
