@@ -187,6 +187,15 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
         ),
     ),
     (
+        "What users of importers report: zeros at initialization, false loops, hidden delays, missed events",
+        (
+            "test_reported.test_outputs_have_their_values_at_initialization",
+            "test_reported.test_no_false_algebraic_loop",
+            "test_reported.test_no_hidden_delay",
+            "test_reported.test_an_importer_that_looks_at_its_steps_alone_misses_no_event",
+        ),
+    ),
+    (
         "Foreign plants under our controllers, and the reverse",
         (
             "test_foreign_plants.test_a_foreign_plant_under_our_controller",
