@@ -219,7 +219,7 @@ def test_fmusim_reads_arrays(made: Any, tmp_path: Path) -> None:
         command = [tool, "--interface-type", kind, "--stop-time", "0.2", "--output-file", str(result)]
         command += ["--solver", "cvode"] if kind == "me" else []
         run = subprocess.run(
-            [*command, str(made("harmonic-drive-arm", True))], capture_output=True, text=True, timeout=300, check=False
+            [*command, str(made("harmonic-drive-arm", True))], capture_output=True, text=True, timeout=3600, check=False
         )
         assert run.returncode == 0, run.stdout + run.stderr
 
