@@ -13,9 +13,6 @@ from flexarm.api import uncertain
 from flexarm.design.margins import margins_of
 from flexarm.design.uncertainty import SMOOTH, Weight, _calibrated, _Piece, write
 
-pytestmark = pytest.mark.slow
-"""A family and its bounds are simulated hundreds of times."""
-
 RIG = """\
 schema: 1
 name: rig
