@@ -100,7 +100,7 @@ def margins_of(loop: control.StateSpace) -> Margins:
             f"a loop has one input and one output, and here are {loop.ninputs} and {loop.noutputs}",
             remedy="open one loop at a time, the others closed",
         )
-    loop = without_drift(loop)
+    loop = without_drift(control.ss(loop))
     omega = _frequencies(loop)
     response = np.asarray(loop(np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega)).ravel()
     keep = np.isfinite(response)

@@ -49,7 +49,7 @@ def test_a_third_order_loop(k: float) -> None:
 
 @pytest.mark.parametrize("period", [0.0, 0.01])
 def test_what_drifts_unseen_is_no_part_of_the_loop(period: float) -> None:
-    """Two wheels on a spring, torque to speed: the common angle drifts, and margins are those of the transfer function."""
+    """Two wheels on a spring, torque to speed: the common angle drifts; margins are those of the transfer function."""
     J1, J2, k, d, b = 0.01, 0.02, 10.0, 0.02, 0.05
     A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k / J1, k / J1, -(d + b) / J1, d / J1], [k / J2, -k / J2, d / J2, -d / J2]]
     wheels = control.ss(A, [[0], [0], [1 / J1], [0]], [[0, 0, 1, 0]], 0)
