@@ -278,8 +278,8 @@ def exchange(report: ET.Element) -> list[str]:
         version, _, name = case_of.removesuffix("]").partition("-")
         for importer, function in EXCHANGERS.items():
             if test == function:
-                figure = next((p.get("value", "") for p in case.iter("property")), "passed")
                 failed = case.find("failure") is not None or case.find("error") is not None
+                figure = next((p.get("value", "") for p in case.iter("property")), "failed" if failed else "passed")
                 skipped = case.find("skipped") is not None
                 text = "not there" if skipped else f"**{figure}**" if failed else figure
                 cells[name, f"{importer}, FMI {version}"] = text
