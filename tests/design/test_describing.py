@@ -118,27 +118,34 @@ def test_relay_with_hysteresis(half_width: float, tmp_path: Path) -> None:
         assert abs(found.gain[k, 0, 0] / (4 * level / (math.pi * a) * (math.sqrt(1 - h**2) - 1j * h)) - 1) < TOLERANCE
 
 
-def test_measured_tables_lie_on_the_curves() -> None:
-    """Gao's Tables 2.2 and A.2 over the frequencies of every fourth row: the errors that the scenarios state, in dB."""
+@pytest.mark.parametrize(
+    ("name", "table_name", "most"),
+    [("srv02-bare", "table_2_2", 0.40), ("srv02-backlash", "table_a2", 1.31), ("srv02-2mass-b3", "table_a2", 6.0)],
+)
+def test_measured_tables_lie_on_the_curves(name: str, table_name: str, most: float) -> None:
+    """Gao's Tables 2.2 and A.2, half the range in every row: root mean square errors in dB, as the scenarios say.
+
+    Of Table A.2 the thesis' linear model B.3 is off by 5.9 dB; a contact that only pushes, with a gap, by 1.3 dB.
+    The first harmonic alone would not do, for above 15 rad/s half of the answer are harmonics.
+    """
     from diagnosis.binding import find_recording
     from diagnosis.recordings.types import FrequencyTable
     from scenarios.load import load
 
-    for name, table_name, most in (("srv02-bare", "table_2_2", 2.0), ("srv02-backlash", "table_a2", 2.0)):
-        table = find_recording(load(name), table_name)
-        assert isinstance(table, FrequencyTable)
-        rows = range(0, len(table.frequency), 4)
-        errors = []
-        for k in rows:
-            found = describe(
-                load(name),
-                inputs=[table.drive],
-                outputs=["motor.shaft.speed"],
-                amplitudes=[float(table.amplitude[k])],
-                frequencies=[float(table.frequency[k])],
-            )
-            errors.append(20 * math.log10(found.half_range[0, 0, 0] / table.responses[0].values[k]))
-        assert math.sqrt(np.mean(np.square(errors))) < most, (name, errors)
+    table = find_recording(load(name), table_name)
+    assert isinstance(table, FrequencyTable)
+    (amplitude,) = set(map(float, table.amplitude))
+    found = describe(
+        load(name),
+        inputs=[table.drive],
+        outputs=["motor.shaft.speed"],
+        amplitudes=[amplitude],
+        frequencies=[float(w) for w in table.frequency],
+    )
+    errors = 20 * np.log10(found.half_range[0, :, 0] / table.responses[0].values)
+    assert 0.9 * most < math.sqrt(np.mean(errors**2)) < most
+    first = 20 * np.log10(np.abs(found.harmonics[0, :, 0, 0]) / table.responses[0].values)
+    assert (math.sqrt(np.mean(first**2)) > 4) == (table_name == "table_a2")
 
 
 def test_bad_input(tmp_path: Path) -> None:
