@@ -360,6 +360,7 @@ class ExportKeywords(TypedDict, total=False):
     at: Mapping[str, Any] | None
     variable_step: float | None
     results: Iterable[str]
+    arrays: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -378,6 +379,7 @@ class ExportOptions:
         at: operating point of the linear model, over that of the analysis.
         variable_step: relative tolerance of a variable internal step in Co-Simulation; a fixed step if None.
         results: further signals that importers may record, as local variables: names, or patterns such as ``link.*``.
+        arrays: numbered states and parameters of a block are one array variable each; FMI 3 alone.
     """
 
     inputs: Iterable[str] | None = None
@@ -391,6 +393,7 @@ class ExportOptions:
     at: Mapping[str, Any] | None = None
     variable_step: float | None = None
     results: Iterable[str] = ()
+    arrays: bool = False
 
 
 def export(
@@ -421,16 +424,18 @@ def export(
     made = source if isinstance(source, Cut) else cut(source, "export", analysis, inputs=o.inputs, outputs=o.outputs)
     if o.backend not in ("c", "python"):
         raise ParameterError(f"there is no backend '{o.backend}'", remedy="allowed: c, python")
+    if o.arrays and o.version != 3:
+        raise ParameterError("FMI 2 has no arrays", Where("--arrays"), "add --fmi 3, or leave it out")
     settings: dict[str, Any] = {}
     if made.simulation is not None:
         settings |= {"step": made.simulation.step, "stop": made.simulation.stop}
     if o.backend == "python":
-        further = o.variable_step is not None or tuple(o.results)
+        further = o.variable_step is not None or tuple(o.results) or o.arrays
         if o.version != 2 or o.linear_twin or o.platforms is not None or further:
             raise ParameterError(
                 "the python backend writes FMI 2 with outputs alone, a fixed step and no linear twin, for any platform "
                 "that has Python",
-                remedy="leave out --fmi, --linear-twin, --platforms, --variable-step and --results",
+                remedy="leave out --fmi, --linear-twin, --platforms, --variable-step, --results and --arrays",
             )
         from flexarm.recipe import LOADER, recipe
         from fmu.python_backend import export_python
@@ -445,6 +450,8 @@ def export(
     beside = o.beside and "linear" in settings
     if o.variable_step is not None:
         settings["variable_step"] = o.variable_step
+    if o.arrays:
+        settings["arrays"] = True
     if found := results(made, tuple(o.results)):
         settings["results"] = found
         model = made.scenario.build(made.settings.inputs, [*(output.name for output in model.outputs), *found])

@@ -6,7 +6,9 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 
+from fmu.arrays import Array
 from fmu.plan import Plan
+from fmu.structure import KINDS
 from fmu.units import definition
 from fmu.variables import (
     CLOCK,
@@ -25,6 +27,9 @@ from fmu.variables import (
 
 TOLERANCE = 1e-6
 """Relative tolerance that is suggested to integrators of Model Exchange."""
+
+Dependent = list[tuple[int, list[tuple[int, str]]]]
+"""Unknowns by reference, each with what it depends on: reference and kind of dependence."""
 
 _CATEGORIES = {
     "logEvents": "what happens inside a step",
@@ -125,8 +130,11 @@ def fmi3(plan: Plan, token: str) -> str:
     ET.SubElement(root, "CoSimulation", both | slave)
     _common(root, plan)
     listed = ET.SubElement(root, "ModelVariables")
+    heads = {array.first: array for array in plan.arrays}
+    shown = _heads(plan)
     for variable in plan.variables:
-        _variable3(listed, variable, plan)
+        if shown[variable.reference] == variable.reference:
+            _variable3(listed, variable, plan, heads.get(variable.reference))
     _structure3(ET.SubElement(root, "ModelStructure"), plan)
     return text(root)
 
@@ -220,7 +228,24 @@ def _variable(parent: ET.Element, variable: FmuVariable, plan: Plan) -> None:
     ET.SubElement(element, "Real" if variable.is_real else "Integer", typed)
 
 
-def _variable3(parent: ET.Element, variable: FmuVariable, plan: Plan) -> None:
+def _heads(plan: Plan) -> list[int]:
+    """For each reference the one under which FMI 3 shows it: of elements, that of their array."""
+    shown = list(range(len(plan.variables)))
+    for array in plan.arrays:
+        shown[array.first : array.first + array.size] = [array.first] * array.size
+    return shown
+
+
+def _array(array: Array, elements: list[FmuVariable]) -> dict[str, str]:
+    """What an array has in place of its first element's attributes. The nominal value, one for all, is the smallest."""
+    made = {"name": array.name, "description": "; ".join(dict.fromkeys(v.doc for v in elements if v.doc))}
+    made["start"] = " ".join(number(v.start) for v in elements if v.start is not None)
+    nominal = [v.nominal for v in elements if v.nominal is not None]
+    made["nominal"] = number(min(nominal)) if len(nominal) == len(elements) else ""
+    return made
+
+
+def _variable3(parent: ET.Element, variable: FmuVariable, plan: Plan, array: Array | None) -> None:
     if variable.kind == CLOCK:
         named = {"name": variable.name, "valueReference": str(variable.reference), "description": variable.doc}
         ET.SubElement(parent, "Clock", named | {"causality": "output", "intervalVariability": "triggered"})
@@ -229,7 +254,12 @@ def _variable3(parent: ET.Element, variable: FmuVariable, plan: Plan) -> None:
     attributes |= _role(variable) | _numbers(variable)
     if variable.kind == DERIVATIVE:
         attributes["derivative"] = str(plan.first(STATE) + variable.reference - plan.first(DERIVATIVE))
-    ET.SubElement(parent, "Float64" if variable.is_real else "Int32", attributes)
+    if array is not None:
+        elements = plan.variables[array.first : array.first + array.size]
+        attributes = {name: text for name, text in (attributes | _array(array, elements)).items() if text}
+    element = ET.SubElement(parent, "Float64" if variable.is_real else "Int32", attributes)
+    if array is not None:
+        ET.SubElement(element, "Dimension", {"start": str(array.size)})
 
 
 def _unknowns(plan: Plan) -> Iterator[tuple[str, int, list[tuple[int, str]]]]:
@@ -283,15 +313,24 @@ def _unknown_list(parent: ET.Element, heading: str, rows: list[tuple[int, list[t
 
 def _structure3(parent: ET.Element, plan: Plan) -> None:
     names = {OUTPUT: "Output", DERIVATIVE: "ContinuousStateDerivative"}
-    unknowns = list(_unknowns(plan))
-    place = next((k for k, (kind, _, _) in enumerate(unknowns) if kind == DERIVATIVE), len(unknowns))
-    unknowns[place:place] = [(OUTPUT, variable.reference, []) for variable in plan.variables if variable.kind == CLOCK]
-    for kind, reference, known in unknowns:
-        ET.SubElement(parent, names[kind], {"valueReference": str(reference), **_dependencies(known, 0)})
-    clocks: list[tuple[int, list[tuple[int, str]]]]
-    clocks = [(variable.reference, []) for variable in plan.variables if variable.kind == CLOCK]
-    for reference, known in [*_initial_unknowns(plan), *clocks]:
+    clocks: Dependent = [(variable.reference, []) for variable in plan.variables if variable.kind == CLOCK]
+    shown, unknowns = _heads(plan), list(_unknowns(plan))
+    for kind, further in ((OUTPUT, clocks), (DERIVATIVE, [])):
+        rows = [(reference, known) for what, reference, known in unknowns if what == kind] + further
+        for reference, known in _of_arrays(rows, shown):
+            ET.SubElement(parent, names[kind], {"valueReference": str(reference), **_dependencies(known, 0)})
+    for reference, known in _of_arrays([*_initial_unknowns(plan), *clocks], shown):
         ET.SubElement(parent, "InitialUnknown", {"valueReference": str(reference), **_dependencies(known, 0)})
     for variable in plan.variables:
         if variable.kind == INDICATOR:
             ET.SubElement(parent, "EventIndicator", {"valueReference": str(variable.reference)})
+
+
+def _of_arrays(rows: Dependent, shown: list[int]) -> Dependent:
+    """The rows with all elements of an array in one, whose dependence is of the least constant kind."""
+    found: dict[int, dict[int, str]] = {}
+    for reference, known in rows:
+        merged = found.setdefault(shown[reference], {})
+        for other, how in known:
+            merged[shown[other]] = max(merged.get(shown[other], how), how, key=KINDS.index)
+    return [(reference, list(merged.items())) for reference, merged in found.items()]

@@ -49,6 +49,7 @@ class PackageKeywords(TypedDict, total=False):
     coupling: Coupling | None
     variable_step: float | None
     results: Sequence[str]
+    arrays: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +73,7 @@ class PackageOptions:
             importer's; the result then no longer equals that of `engine.simulate` to the last bit. Fixed if None.
         results: names of the model's last outputs that are local variables of the FMU, under their own names, for
             importers that record them.
+        arrays: numbered states and parameters of a block are one array variable each; see `fmu.arrays`. FMI 3 alone.
     """
 
     platforms: Sequence[str] = DEFAULT
@@ -87,6 +89,7 @@ class PackageOptions:
     coupling: Coupling | None = None
     variable_step: float | None = None
     results: Sequence[str] = ()
+    arrays: bool = False
 
 
 def export(
@@ -114,6 +117,8 @@ def export(
     linear, discrete, others = o.linear, o.discrete, o.others
     if o.version not in (2, 3):
         raise FlexarmError(f"FMI {o.version} is not supported", remedy="allowed: 2, 3")
+    if o.arrays and o.version != 3:
+        raise FlexarmError("FMI 2 has no arrays", remedy="export FMI 3, or leave out the arrays")
     chosen = check(o.platforms)
     target = Path(path)
     check_target(target)
@@ -130,7 +135,16 @@ def export(
     travelling = with_results(travelling, model, o.results)
     files: dict[Path, Callable[[IO[bytes]], object]] = {}
     sizes = largest(model, o.stop, o.step) if o.magnitudes is None else o.magnitudes
-    made = make_plan(travelling, o.step, o.stop, sizes, o.coupling, variable_step=o.variable_step, results=o.results)
+    made = make_plan(
+        travelling,
+        o.step,
+        o.stop,
+        sizes,
+        o.coupling,
+        variable_step=o.variable_step,
+        results=o.results,
+        arrays=o.arrays,
+    )
     inside = contents(made, chosen, linear, o.version, discrete, others or ())
     files[target] = lambda handle: _zip(handle, inside)
     if linear is not None and o.beside:

@@ -17,6 +17,8 @@ from engine.model import Model, Vector
 from engine.simulate import common_tick, rational
 from engine.start import start_values
 from engine.step import fastest, following_step, internal_step
+from fmu.arrays import Array, with_elements
+from fmu.arrays import arrays as found_arrays
 from fmu.coupling import Coupling
 from fmu.nominal import nominals
 from fmu.structure import Structure, structure
@@ -46,6 +48,7 @@ class Plan:
         twists: shown as states in place of coordinates.
         variable_step: relative tolerance of a variable internal step in Co-Simulation, or None for a fixed one.
         results: names of outputs that are shown as local variables.
+        arrays: array variables of FMI 3, none unless they are asked for.
         typical: inputs and tables for which hmax is chosen.
         start: states at the start at the default parameters.
         memory: memories at the start at the default parameters.
@@ -65,6 +68,7 @@ class Plan:
     twists: tuple[Twist, ...]
     variable_step: float | None
     results: frozenset[str]
+    arrays: tuple[Array, ...]
     typical: Vector
     start: Vector
     memory: Vector
@@ -110,6 +114,7 @@ def plan(
     settable: bool = True,
     variable_step: float | None = None,
     results: Iterable[str] = (),
+    arrays: bool = False,
 ) -> Plan:
     """Plan an export.
 
@@ -121,6 +126,7 @@ def plan(
         coupling: what is known of inputs at cuts.
         variable_step: relative tolerance of a variable internal step; a fixed one if None.
         results: names of outputs that are local variables, for importers that record them.
+        arrays: whether numbered states and parameters of a block are one array variable; FMI 3 alone.
         settable: whether an importer may set the states' starts, and sees states at all as an integrator does.
 
     Raises:
@@ -152,12 +158,14 @@ def plan(
     if not settable:
         found = replace(found, exact=[False] * len(model.states))
     starts = {s.name: float(x) for s, x, exact in zip(model.states, start, found.exact, strict=True) if exact}
+    listed = variables(model, starts, nominals(model, magnitudes or {}, shown), coupling.starts(), shown, local)
+    grouped = found_arrays(listed) if arrays else ()
     return Plan(
         model=model,
         step=step,
         stop=stop,
         identifier=identifier(model.name),
-        variables=variables(model, starts, nominals(model, magnitudes or {}, shown), coupling.starts(), shown, local),
+        variables=with_elements(listed, grouped),
         structure=found,
         tick=tick,
         hmax=internal_step(model, p, start, step, stop, typical),
@@ -167,6 +175,7 @@ def plan(
         twists=shown,
         variable_step=variable_step,
         results=local,
+        arrays=grouped,
         typical=typical,
         start=start,
         memory=model.functions["memory_start"](p).full().ravel(),

@@ -101,6 +101,7 @@ def _tables(plan: Plan) -> str:
         _array("int", "fa_relation_meaning", [str(relation.meaning) for _, relation, _ in model.relations]),
         _array("char *const", "fa_relation_words", [_string(relation.words) for _, relation, _ in model.relations]),
         _array("double", "fa_x_nominal", [_literal(v.nominal or 1.0) for v in states]),
+        *_array_tables(plan),
         _array("char *const", "fa_name", [_string(variable.name) for variable in plan.variables]),
         _array("char *const", "fa_mode_name", [_string(mode.name) for mode in model.modes]),
         _array("char *const", "fa_mode_label", [_string(label) for mode in model.modes for label in mode.labels]),
@@ -127,6 +128,16 @@ def _twist_tables(plan: Plan) -> list[str]:
         _array("int", "fa_twist_other", [str(k) for twist in twists for k in twist.terms]),
         _array("double", "fa_twist_share", [_literal(c) for twist in twists for c in twist.terms.values()]),
     ]
+
+
+def _array_tables(plan: Plan) -> list[str]:
+    """How many elements each reference stands for: 0 of elements that are not the first of their array."""
+    if not plan.arrays:
+        return []
+    sizes = [1] * len(plan.variables)
+    for array in plan.arrays:
+        sizes[array.first : array.first + array.size] = [array.size] + [0] * (array.size - 1)
+    return ["#define FA_ARRAYS", _array("int", "fa_elements", [str(size) for size in sizes])]
 
 
 def model_source(model: Model) -> str:

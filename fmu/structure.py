@@ -16,7 +16,8 @@ from fmu.twists import Twist
 
 Pattern = NDArray[np.bool_]
 Known = tuple[list[int], list[int], list[int]]
-_KINDS = ("constant", "tunable", "discrete", "dependent")
+KINDS = ("constant", "tunable", "discrete", "dependent")
+"""Kinds of dependence, the most constant first."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def _merged(entries: Iterable[tuple[str, int, str]]) -> list[tuple[str, int, str
     """One entry for each known, of the least constant kind."""
     found: dict[tuple[str, int], str] = {}
     for what, k, kind in entries:
-        found[what, k] = max(found.get((what, k), kind), kind, key=_KINDS.index)
+        found[what, k] = max(found.get((what, k), kind), kind, key=KINDS.index)
     return [
         (what, k, kind)
         for (what, k), kind in sorted(found.items(), key=lambda entry: (entry[0][0] == "input", entry[0][1]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,6 +12,11 @@ from hypothesis import settings
 # The first example of a property may compile a model, so examples have no time limit.
 settings.register_profile("flexarm", deadline=None, max_examples=30, derandomize=True)
 settings.load_profile("flexarm")
+
+
+# A run in the background of a shell script is started with interrupts ignored, and tests of them would wait for ever.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,7 @@ Figures of cost come from benchmarks/results/fmu.json, which ``python -m benchma
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
 import os
@@ -177,6 +178,24 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
         ),
     ),
     (
+        "Arrays of FMI 3: the same values, tangents and results as the scalars",
+        (
+            "test_arrays.test_description_is_valid_and_holds_the_same_states",
+            "test_arrays.test_fmpy_gives_the_same_results",
+            "test_arrays.test_values_and_directional_derivatives_are_those_of_the_scalars",
+            "test_arrays.test_fmusim_reads_arrays",
+        ),
+    ),
+    (
+        "What users of importers report: zeros at initialization, false loops, hidden delays, missed events",
+        (
+            "test_reported.test_outputs_have_their_values_at_initialization",
+            "test_reported.test_no_false_algebraic_loop",
+            "test_reported.test_no_hidden_delay",
+            "test_reported.test_an_importer_that_looks_at_its_steps_alone_misses_no_event",
+        ),
+    ),
+    (
         "Foreign plants under our controllers, and the reverse",
         (
             "test_foreign_plants.test_a_foreign_plant_under_our_controller",
@@ -259,8 +278,8 @@ def exchange(report: ET.Element) -> list[str]:
         version, _, name = case_of.removesuffix("]").partition("-")
         for importer, function in EXCHANGERS.items():
             if test == function:
-                figure = next((p.get("value", "") for p in case.iter("property")), "passed")
                 failed = case.find("failure") is not None or case.find("error") is not None
+                figure = next((p.get("value", "") for p in case.iter("property")), "failed" if failed else "passed")
                 skipped = case.find("skipped") is not None
                 text = "not there" if skipped else f"**{figure}**" if failed else figure
                 cells[name, f"{importer}, FMI {version}"] = text
@@ -398,22 +417,21 @@ def write(files: Sequence[Path], identity: str) -> None:
 
 
 def main(arguments: Sequence[str] = ()) -> int:
-    """Run what has no report yet, or what is named, and write the pages; 1 if a test failed, 2 for a name of no file.
-
-    Args:
-        arguments: ``--importers``, ``--page``, names of test files such as ``test_state``; the rest goes to pytest.
-    """
+    """Run what has no report yet, or what is named, and write the pages; 1 if a test failed."""
     files = sorted(TESTS.glob("test_*.py"))
     names = {file.stem: file for file in files}
-    asked = [argument.removesuffix(".py") for argument in arguments if argument.startswith("test_")]
-    asked += ["test_scenarios"] if "--importers" in arguments else []
-    further = [a for a in arguments if not a.startswith("test_") and a not in ("--importers", "--page")]
+    parser = argparse.ArgumentParser(prog="python -m tools.fmu_conformance", description=__doc__, allow_abbrev=False)
+    parser.add_argument("files", nargs="*", metavar="FILE", help=f"of {', '.join(names)}")
+    parser.add_argument("--importers", action="store_true", help="run the table of Model Exchange alone")
+    parser.add_argument("--page", action="store_true", help="run nothing, write the pages from what is kept")
+    parser.epilog = "Other options, such as -x, go to pytest; their values with =, as -k=NAME."
+    given, further = parser.parse_known_args(arguments)
+    asked = [name.removesuffix(".py") for name in given.files] + ["test_scenarios"] * given.importers
     if unknown := [name for name in asked if name not in names]:
-        print(f"no file {', '.join(unknown)} in tests/fmu; there are {', '.join(names)}", file=sys.stderr)
-        return 2
+        parser.error(f"no file {', '.join(unknown)} in tests/fmu; there are {', '.join(names)}")
     identity, passed = sources(), True
     waiting = [names[name] for name in asked] or [file for file in files if not is_fresh(file, identity)]
-    for k, file in enumerate([] if "--page" in arguments else waiting, 1):
+    for k, file in enumerate([] if given.page else waiting, 1):
         print(f"{k} of {len(waiting)}: {file.name}", flush=True)
         passed &= run(file, identity, further)
         write(files, identity)

@@ -68,6 +68,10 @@ def export(
             help="Further signals that importers may record: names or patterns, as link.*.",
         ),
     ] = None,
+    arrays: Annotated[
+        bool,
+        typer.Option("--arrays", help="FMI 3: numbered states and parameters, as link.mode1.position, are arrays."),
+    ] = False,
     split: Annotated[
         list[str] | None,
         typer.Option(
@@ -96,7 +100,7 @@ def export(
     made = cut(loaded, "export", analysis, inputs=names(inputs), outputs=names(outputs))
     say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
     if split:
-        _refuse_with_split(linear_twin or variable_step is not None or bool(results), backend)
+        _refuse_with_split(linear_twin or variable_step is not None or bool(results) or arrays, backend)
         _split(made, path, split, names(platforms), {"version": fmi, "bare": bare})
         return
     options = ExportOptions(
@@ -108,6 +112,7 @@ def export(
         at=pairs(at, "--at"),
         variable_step=variable_step,
         results=names(results) or (),
+        arrays=arrays,
     )
     write_fmu(made, path, options=options)
     model: Model = made.model
@@ -121,9 +126,9 @@ def export(
 def _refuse_with_split(further: bool, backend: str) -> None:
     if further or backend != "c":
         raise ParameterError(
-            "an SSP holds FMUs of compiled C with a fixed step, outputs alone and no linear twin",
+            "an SSP holds FMUs of compiled C with a fixed step, outputs alone, no arrays and no linear twin",
             Where("--split"),
-            "leave out --linear-twin, --variable-step, --results and --backend",
+            "leave out --linear-twin, --variable-step, --results, --arrays and --backend",
         )
 
 

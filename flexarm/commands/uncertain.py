@@ -100,7 +100,9 @@ def uncertain_page(found: UncertainModel, name: str) -> str:
 
     parts = [family_page(found.family, name)]
     rows = [
-        [i.name, number(i.value), interval_in_words(i.numbers(), 5), i.unit.strip("*")] for i in found.fit.intervals()
+        [i.name, number(i.value), interval_in_words(i.numbers(), 5), i.unit.strip("*")]
+        for i in found.fit.intervals()
+        if i.name in found.names  # starting values of recordings are no parameters of the model
     ]
     parts.append(columns(["parameter", "fitted", "95 % interval", "unit"], rows))
     if not found.bands:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.linalg
 
 from engine.errors import FlexarmError, nearest
 from engine.linearise import LinearModel
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     import control
 
     from engine.family import LinearFamily
+
+DRIFT = 1e-9
+"""Singular value, of rows of unit length, below which a combination of states neither moves nor is seen."""
 
 POINTS = 2000
 """Frequencies at which sensitivities and disk margins are looked at, beside those at resonances."""
@@ -83,6 +87,9 @@ class LoopMargins:
 def margins_of(loop: control.StateSpace) -> Margins:
     """Margins of a loop transfer function with one input and one output, continuous or sampled.
 
+    What drifts unseen, such as the common angle of shafts in a loop of speeds, is no part of the loop: see
+    `without_drift`. Any other hidden mode counts for stability.
+
     Raises:
         FlexarmError: more inputs or outputs.
     """
@@ -93,6 +100,7 @@ def margins_of(loop: control.StateSpace) -> Margins:
             f"a loop has one input and one output, and here are {loop.ninputs} and {loop.noutputs}",
             remedy="open one loop at a time, the others closed",
         )
+    loop = without_drift(control.ss(loop))
     omega = _frequencies(loop)
     response = np.asarray(loop(np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega)).ravel()
     keep = np.isfinite(response)
@@ -105,6 +113,36 @@ def margins_of(loop: control.StateSpace) -> Margins:
     stable = bool((np.abs(poles) < 1 - 1e-9).all() if loop.dt else (poles.real < -1e-9 * _size(poles)).all())
     peak, other = float(np.abs(s).max(initial=0.0)), float(np.abs(response * s).max(initial=0.0))
     return Margins(stable, gain, phase, delay, crossover, disk if stable else 0.0, peak, other)
+
+
+def without_drift(system: control.StateSpace) -> control.StateSpace:
+    """A system without what only drifts in it: combinations of states that change nothing, or that nothing changes.
+
+    The first are the null vectors of A and C together, such as the common angle where only speeds and twists act; the
+    second those of the transposes of A and B. Of a sampled system, A - 1 stands for A. Input to output stays the same.
+    """
+    import control
+
+    A, B, C = (np.array(m, dtype=float) for m in (system.A, system.B, system.C))
+    if len(A):  # states of one size, so that ranks can be told
+        A, (size, _) = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+        B, C = B / size[:, None], C * size
+    while len(A):
+        rate = A - np.eye(len(A)) if system.dt else A
+        still = next((N for N in (_null(rate, C), _null(rate.T, B.T)) if N.size), None)
+        if still is None:
+            break
+        keep = scipy.linalg.null_space(still.T)
+        A, B, C = keep.T @ A @ keep, keep.T @ B, C @ keep
+    return control.ss(A, B, C, system.D, system.dt or 0)
+
+
+def _null(first: Any, second: Any) -> Any:
+    """Vectors that both matrices take to zero, shape (n, k)."""
+    rows = np.vstack([first, second])
+    size = np.linalg.norm(rows, axis=1)
+    rows = rows[size > 0] / size[size > 0, None]
+    return scipy.linalg.null_space(rows, rcond=DRIFT) if len(rows) else np.eye(first.shape[0])
 
 
 def _size(poles: Vector) -> float:
@@ -244,7 +282,7 @@ def margins(
 
 
 def negated(linear: LinearModel) -> Any:
-    """L = -G as a python-control system, without the states that neither input nor output knows."""
+    """L = -G as a python-control system."""
     import control
 
     found = linear.to_control()

@@ -326,16 +326,28 @@ def _smooth(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class _Calibration:
-    """What is predicted for the difference: draws, a weight on the response, and a white floor, times a factor."""
+    """What is predicted for the difference, times a factor: draws, a white floor, and what they leave over.
+
+    What is left over goes with the response, by a weight, or does not, as a disturbance; whichever is more.
+
+    Attributes:
+        weight: on the response.
+        floor: mean square of a bin.
+        knots, disturbance: rad/s, and the logarithm of the mean square left over about each, linear between them.
+        factor: of the whole.
+    """
 
     weight: Weight
     floor: float
+    knots: NDArray[np.float64]
+    disturbance: NDArray[np.float64]
     factor: float = 1.0
 
     def bound(self, piece: _Piece) -> NDArray[np.float64]:
         """On the amplitude of each bin."""
-        unexplained = (self.weight(piece.frequency) ** 2) * _smooth(piece.predicted**2)
-        return np.asarray(self.factor * np.sqrt(piece.variance + unexplained + self.floor))
+        follows = (self.weight(piece.frequency) ** 2) * _smooth(piece.predicted**2)
+        stays = np.exp(np.interp(np.log(piece.frequency), np.log(self.knots), self.disturbance))
+        return np.asarray(self.factor * np.sqrt(piece.variance + self.floor + np.maximum(follows, stays)))
 
 
 def _calibrated(pieces: Sequence[_Piece]) -> _Calibration:
@@ -351,7 +363,9 @@ def _calibrated(pieces: Sequence[_Piece]) -> _Calibration:
     squares = [_smooth(p.left**2) for p in pieces]
     over = np.concatenate([np.maximum(s - p.variance - floor, 0.02 * s) for s, p in zip(squares, pieces, strict=True)])
     drive = np.concatenate([_smooth(p.predicted**2) + 1e-300 for p in pieces])
-    rough = _Calibration(_weight(pieces[0].signal, omega, np.sqrt(over / drive)), floor)
+    knots, means = _binned(omega, over)
+    weight = _weight(pieces[0].signal, omega, np.sqrt(over / drive))
+    rough = _Calibration(weight, floor, knots, np.log(np.maximum(means, 1e-300)))
     ratios = np.concatenate([p.left / rough.bound(p) for p in pieces])
     order = np.argsort(ratios)
     share = np.cumsum((1 / omega)[order])
@@ -360,20 +374,32 @@ def _calibrated(pieces: Sequence[_Piece]) -> _Calibration:
     return replace(rough, factor=max(weighted, float(np.quantile(ratios, LEVEL))))
 
 
+def _binned(omega: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """Mean frequencies and mean values of 24 intervals of equal ratio; of those that hold bins."""
+    place = np.digitize(omega, np.geomspace(float(omega.min()), float(omega.max()) * (1 + 1e-9), 25))
+    found = np.unique(place)
+    return tuple(np.array([rows[place == k].mean() for k in found]) for rows in (omega, values))
+
+
 def _weight(signal: str, omega: NDArray[np.float64], size: NDArray[np.float64]) -> Weight:
     """The weight of lowest order that fits log gains, least squares over log frequency."""
     low, high = float(omega.min()), float(omega.max())
-    edges = np.geomspace(low, high * (1 + 1e-9), 25)
-    place = np.digitize(omega, edges)
-    rows = [(omega[place == k].mean(), np.sqrt(np.mean(size[place == k] ** 2))) for k in np.unique(place)]
-    w, target = np.array([row[0] for row in rows]), np.log(np.maximum([row[1] for row in rows], 1e-9))
+    w, mean = _binned(omega, size**2)
+    target = np.log(np.maximum(np.sqrt(mean), 1e-9))
     best = Weight(signal, (), (), float(np.exp(target.mean())))
     cost = float(np.sum((target - target.mean()) ** 2))
     for order in range(1, ORDER + 1):
+        side = np.repeat([1.0, -1.0], order)  # zeros raise the gain, poles lower it
 
-        def left(v: NDArray[np.float64], order: int = order) -> NDArray[np.float64]:
-            made = Weight(signal, tuple(np.exp(v[1 : order + 1])), tuple(np.exp(v[order + 1 :])), float(np.exp(v[0])))
-            return np.asarray(np.log(made(w)) - target)
+        def squares(v: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.asarray((w[:, None] / np.exp(v[1:])) ** 2)
+
+        def left(v: NDArray[np.float64], side: Any = side) -> NDArray[np.float64]:
+            return np.asarray(v[0] + np.log1p(squares(v)) @ side / 2 - target)
+
+        def slope(v: NDArray[np.float64], side: Any = side) -> NDArray[np.float64]:
+            share = squares(v) / (1 + squares(v))
+            return np.column_stack([np.ones(len(w)), -share * side])
 
         spots = np.log(np.geomspace(low, high, 2 * order + 2)[1:-1])
         for begin in (
@@ -383,7 +409,7 @@ def _weight(signal: str, omega: NDArray[np.float64], size: NDArray[np.float64]) 
             span = math.log(10)
             lowest = np.concatenate([[-25.0], np.full(2 * order, math.log(low) - span)])
             highest = np.concatenate([[25.0], np.full(2 * order, math.log(high) + span)])
-            found = least_squares(left, np.clip(begin, lowest + 1e-6, highest - 1e-6), bounds=(lowest, highest))
+            found = least_squares(left, np.clip(begin, lowest + 1e-6, highest - 1e-6), slope, bounds=(lowest, highest))
             if 2 * found.cost < 0.8 * cost:
                 v, cost = found.x, 2 * float(found.cost)
                 best = Weight(

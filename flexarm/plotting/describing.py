@@ -27,7 +27,8 @@ def plot_description(
         found: the answers.
         path: the file to write.
         title: of the figure.
-        measured: output -> (frequencies, gains) of a table, drawn as points.
+        measured: output -> (frequencies, gains in dB) of a table, drawn as points. Tables hold half the range of a
+            response, so that of the model is drawn too: where harmonics are large it is not the first one.
 
     Raises:
         FlexarmError: the file cannot be written.
@@ -41,6 +42,8 @@ def plot_description(
     shades = colormaps["viridis"]
     unit_in = found.units.get(found.input, "").replace("*", "")
     few = "o-" if len(found.frequency) < 3 else "-"
+    omega = np.geomspace(found.frequency.min(), found.frequency.max(), 300)
+    linear = _different(found, omega)
     for m, name in enumerate(found.outputs):
         gain, phase, share = grid[:, m]
         phases = []
@@ -49,13 +52,15 @@ def plot_description(
             answer = found.gain[i, :, m]
             label = f"{amplitude:.4g} {unit_in}".strip()
             gain.semilogx(found.frequency, _decibel(answer), few, color=colour, lw=1.5, ms=4, label=label)
+            if measured and name in measured:
+                half = _decibel(found.half_range[i, :, m] / amplitude)
+                gain.semilogx(found.frequency, half, "--", color=colour, lw=1.2, label=f"{label}, half the range")
             phases.append(np.degrees(np.unwrap(np.angle(answer))))
             phase.semilogx(found.frequency, phases[-1], few, color=colour, lw=1.5, ms=4)
             share.semilogx(found.frequency, 100 * found.distortion[i, :, m], few, color=colour, lw=1.5, ms=4)
         low, high = gain.get_ylim()
-        omega = np.geomspace(found.frequency.min(), found.frequency.max(), 300)
-        for dash, (label, linear) in zip(DASHES, found.linear.items(), strict=False):
-            answer = np.array([linear.gain(w)[m, 0] for w in omega])
+        for dash, (label, answers) in zip(DASHES, linear.items(), strict=False):
+            answer = answers[:, m]
             if np.abs(answer).max() > FLOOR:
                 looks = {"color": "#666666", "lw": 1.1, "dashes": dash, "label": f"linear: {label}"}
                 gain.semilogx(omega, _decibel(answer), **looks)
@@ -63,7 +68,7 @@ def plot_description(
         lowest, highest = gain.get_ylim()
         gain.set_ylim(max(lowest, low - 25), min(highest, high + 25))
         if measured and name in measured:
-            gain.semilogx(*measured[name], "k.", ms=6, label="measured", zorder=5)
+            gain.semilogx(*measured[name], "k.", ms=6, label="measured, half the range", zorder=5)
         gain.set_title(f"{name} / {found.input}", fontsize=9)
         gain.set_ylabel(f"gain [dB re 1 {_per(found.units.get(name, ''), found.units.get(found.input, ''))}]")
         phase.set_ylabel("phase [deg]")
@@ -74,13 +79,24 @@ def plot_description(
             axis.margins(x=0.01)
             _clean(axis)
         share.set_ylim(bottom=0)
-    figure.legend(
-        *grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False
-    )
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    room = 15 * figure.get_figwidth()  # letters of a row, the handles taken off
+    ncols = max(1, min(4, int(room / (6 + max(map(len, labels))))))
+    figure.legend(handles, labels, loc="outside lower center", ncols=ncols, fontsize=8, frameon=False)
     figure.suptitle(title, fontsize=11)
     with writing(Path(path), FIGURES) as temporary:
         save(figure, temporary, dpi=130)
     return Path(path)
+
+
+def _different(found: Description, omega: Any) -> dict[str, Any]:
+    """Frequency responses of the linear models, shape (frequencies, outputs), of equal ones the first alone."""
+    rows: dict[str, Any] = {}
+    for label, linear in found.linear.items():
+        answer = np.array([linear.gain(w)[:, 0] for w in omega])
+        if not any(np.allclose(answer, other, rtol=1e-6, atol=1e-12) for other in rows.values()):
+            rows[label] = answer
+    return rows
 
 
 def _decibel(values: Any) -> Any:

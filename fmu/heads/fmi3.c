@@ -109,15 +109,65 @@ fmi3Status fmi3Reset(fmi3Instance c) {
   return fa_reset(i);
 }
 
-static int fa_check_count(fa_instance *i, const char *f, size_t n, size_t values) {
+/* References of elements, of which one call may name many. Without arrays they are those that were given. */
+typedef struct {
+  const unsigned *vr;
+  size_t n;
+  unsigned *made, own[64];
+} fa_elements_of;
+
+#ifdef FA_ARRAYS
+/* Put the references of all elements in the place of those of arrays; each is to have one of `values` numbers. Elements
+ * have references one after another, and only the first one's, which is the array's, may be given. */
+static int fa_expand(fa_instance *i, const char *f, const unsigned *vr, size_t n, size_t values, fa_elements_of *all) {
+  char text[200];
+  size_t count = 0;
+  all->vr = vr;
+  all->n = n;
+  all->made = 0;
+  if (!n && !values) return FA_STATUS_OK;
+  if (n && !vr) return fa_error(i, f, "the references are NULL");
+  for (size_t k = 0; k < n; k++) {
+    if (vr[k] < FA_VR_END && !fa_elements[vr[k]])
+      return fa_invalid_reference(i, f, "an element of an array has no reference of its own", vr[k]);
+    count += vr[k] < FA_VR_END ? (size_t)fa_elements[vr[k]] : 1;
+  }
+  if (count != values) {
+    snprintf(text, sizeof text, "there must be a value for each element: %zu, not %zu", count, values);
+    return fa_error(i, f, text);
+  }
+  unsigned *into = all->own;
+  if (count > sizeof all->own / sizeof *all->own) into = all->made = malloc(count * sizeof *into);
+  if (!into) return fa_error(i, f, "out of memory");
+  all->vr = into;
+  all->n = count;
+  for (size_t k = 0; k < n; k++)
+    for (unsigned j = 0; !j || (vr[k] < FA_VR_END && j < (unsigned)fa_elements[vr[k]]); j++) *into++ = vr[k] + j;
+  return FA_STATUS_OK;
+}
+#else
+static int fa_expand(fa_instance *i, const char *f, const unsigned *vr, size_t n, size_t values, fa_elements_of *all) {
+  all->vr = vr;
+  all->n = n;
+  all->made = 0;
   return n == values ? FA_STATUS_OK
                      : fa_error(i, f, "there must be one value for each reference: all variables are scalar");
+}
+#endif
+
+static int fa_check_count(fa_instance *i, const char *f, size_t n, size_t values) {
+  return n == values ? FA_STATUS_OK
+                     : fa_error(i, f, "there must be one value for each reference: these variables are scalar");
 }
 
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t m) {
   FA_ALLOWED_IN(FA_ANY_STATE)
-  if (fa_check_count(i, __func__, n, m)) return fmi3Error;
-  return n && !values ? fa_error(i, __func__, "values is NULL") : fa_get_values(i, __func__, vr, n, values, 0);
+  fa_elements_of all;
+  if (fa_expand(i, __func__, vr, n, m, &all)) return fmi3Error;
+  const int status = m && !values ? fa_error(i, __func__, "values is NULL")
+                                  : fa_get_values(i, __func__, all.vr, all.n, values, 0);
+  free(all.made);
+  return status;
 }
 
 fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Int32 values[], size_t m) {
@@ -128,7 +178,11 @@ fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference vr[], size_t n,
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 values[],
                           size_t m) {
   FA_ALLOWED_IN(FA_SETTABLE)
-  return fa_check_count(i, __func__, n, m) ? fmi3Error : fa_set_values(i, __func__, vr, n, values);
+  fa_elements_of all;
+  if (fa_expand(i, __func__, vr, n, m, &all)) return fmi3Error;
+  const int status = fa_set_values(i, __func__, all.vr, all.n, values);
+  free(all.made);
+  return status;
 }
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state) {
@@ -161,22 +215,34 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_
   return fa_deserialize_fmu_state(i, __func__, bytes, size, state);
 }
 
+static int fa_product_with_jacobian(fa_instance *i, const char *f, const unsigned *unknowns, size_t n_unknowns,
+                                    size_t of_unknowns, const unsigned *knowns, size_t n_knowns, size_t of_knowns,
+                                    const double *seed, double *sensitivity, int adjoint) {
+  fa_elements_of rows, columns;
+  if (fa_expand(i, f, unknowns, n_unknowns, of_unknowns, &rows)) return FA_STATUS_ERROR;
+  int status = fa_expand(i, f, knowns, n_knowns, of_knowns, &columns);
+  if (!status) {
+    status = fa_get_directional_derivative(i, f, rows.vr, rows.n, columns.vr, columns.n, seed, sensitivity, adjoint);
+    free(columns.made);
+  }
+  free(rows.made);
+  return status;
+}
+
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                         const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
   FA_ALLOWED_IN(FA_READABLE)
-  if (fa_check_count(i, __func__, n_knowns, n_seed) ||
-      fa_check_count(i, __func__, n_unknowns, n_sensitivity)) return fmi3Error;
-  return fa_get_directional_derivative(i, __func__, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity, 0);
+  return fa_product_with_jacobian(i, __func__, unknowns, n_unknowns, n_sensitivity, knowns, n_knowns, n_seed, seed,
+                                  sensitivity, 0);
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                     const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                     size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
   FA_ALLOWED_IN(FA_READABLE)
-  if (fa_check_count(i, __func__, n_unknowns, n_seed) ||
-      fa_check_count(i, __func__, n_knowns, n_sensitivity)) return fmi3Error;
-  return fa_get_directional_derivative(i, __func__, unknowns, n_unknowns, knowns, n_knowns, seed, sensitivity, 1);
+  return fa_product_with_jacobian(i, __func__, unknowns, n_unknowns, n_seed, knowns, n_knowns, n_sensitivity, seed,
+                                  sensitivity, 1);
 }
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Int32 orders[],

@@ -76,9 +76,13 @@ def test_backlash_that_friction_holds(tmp_path: Path) -> None:
         assert abs(follows / leads - expected) < TOLERANCE, a
 
 
-def test_coulomb_friction_of_a_heavy_wheel(tmp_path: Path) -> None:
-    """At a speed v sin(w t) dry friction answers 4 F / (pi v): the torque that does not accelerate the wheel."""
-    level, torque, inertia, w = 0.002, 1.0, 0.5, 4.0
+@pytest.mark.parametrize("level", [0.0002, 0.002, 0.02])
+def test_coulomb_friction_of_a_heavy_wheel(level: float, tmp_path: Path) -> None:
+    """At a speed v sin(w t) dry friction answers 4 F / (pi v): the torque that does not accelerate the wheel.
+
+    The wheel's inertia keeps its speed a sine: the third harmonic is below 0.3 % of the first.
+    """
+    torque, inertia, w = 1.0, 0.5, 4.0
     found = sines(
         tmp_path / "law.yaml",
         f"  m: {{type: Torque}}\n  j: {{type: Inertia, inertia: {inertia}}}\n"
@@ -89,33 +93,59 @@ def test_coulomb_friction_of_a_heavy_wheel(tmp_path: Path) -> None:
         w,
     )
     speed = found.harmonics[0, 0, 0, 0]
+    assert abs(found.harmonics[0, 0, 0, 2] / speed) < 3e-3
     # Of the balance of torques, friction's share per speed: viscous 0.1, dry 4 F / (pi |v|).
     resistance = torque / speed - 1j * w * inertia
-    assert (resistance.real - 0.1) * abs(speed) == pytest.approx(4 * level / math.pi, rel=TOLERANCE * 10)
+    assert (resistance.real - 0.1) * abs(speed) == pytest.approx(4 * level / math.pi, rel=TOLERANCE)
     assert abs(resistance - 0.1 - 4 * level / (math.pi * abs(speed))) < TOLERANCE * abs(torque / speed)
 
 
-def test_measured_tables_lie_on_the_curves() -> None:
-    """Gao's Tables 2.2 and A.2 over the frequencies of every fourth row: the errors that the scenarios state, in dB."""
+@pytest.mark.parametrize("half_width", [0.1, 0.3])
+def test_relay_with_hysteresis(half_width: float, tmp_path: Path) -> None:
+    """4 M / (pi a) (sqrt(1 - (h / a)^2) - i h / a), of which the angle is that of the late switch."""
+    level, sizes = 2.0, [0.5, 1.0, 4.0]
+    found = sines(
+        tmp_path / "law.yaml",
+        f"  r: {{type: Relay, upper_value: {level}, lower_value: -{level}, switch_on: {half_width}, "
+        f"switch_off: -{half_width}}}",
+        "  - [source.out, r.in]",
+        "r.out",
+        sizes,
+        3.0,
+    )
+    for k, a in enumerate(sizes):
+        h = half_width / a
+        assert abs(found.gain[k, 0, 0] / (4 * level / (math.pi * a) * (math.sqrt(1 - h**2) - 1j * h)) - 1) < TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("name", "table_name", "most"),
+    [("srv02-bare", "table_2_2", 0.40), ("srv02-backlash", "table_a2", 1.31), ("srv02-2mass-b3", "table_a2", 6.0)],
+)
+def test_measured_tables_lie_on_the_curves(name: str, table_name: str, most: float) -> None:
+    """Gao's Tables 2.2 and A.2, half the range in every row: root mean square errors in dB, as the scenarios say.
+
+    Of Table A.2 the thesis' linear model B.3 is off by 5.9 dB; a contact that only pushes, with a gap, by 1.3 dB.
+    The first harmonic alone would not do, for above 15 rad/s half of the answer are harmonics.
+    """
     from diagnosis.binding import find_recording
     from diagnosis.recordings.types import FrequencyTable
     from scenarios.load import load
 
-    for name, table_name, most in (("srv02-bare", "table_2_2", 2.0), ("srv02-backlash", "table_a2", 2.0)):
-        table = find_recording(load(name), table_name)
-        assert isinstance(table, FrequencyTable)
-        rows = range(0, len(table.frequency), 4)
-        errors = []
-        for k in rows:
-            found = describe(
-                load(name),
-                inputs=[table.drive],
-                outputs=["motor.shaft.speed"],
-                amplitudes=[float(table.amplitude[k])],
-                frequencies=[float(table.frequency[k])],
-            )
-            errors.append(20 * math.log10(found.half_range[0, 0, 0] / table.responses[0].values[k]))
-        assert math.sqrt(np.mean(np.square(errors))) < most, (name, errors)
+    table = find_recording(load(name), table_name)
+    assert isinstance(table, FrequencyTable)
+    (amplitude,) = set(map(float, table.amplitude))
+    found = describe(
+        load(name),
+        inputs=[table.drive],
+        outputs=["motor.shaft.speed"],
+        amplitudes=[amplitude],
+        frequencies=[float(w) for w in table.frequency],
+    )
+    errors = 20 * np.log10(found.half_range[0, :, 0] / table.responses[0].values)
+    assert 0.9 * most < math.sqrt(np.mean(errors**2)) < most
+    first = 20 * np.log10(np.abs(found.harmonics[0, :, 0, 0]) / table.responses[0].values)
+    assert (math.sqrt(np.mean(first**2)) > 4) == (table_name == "table_a2")
 
 
 def test_bad_input(tmp_path: Path) -> None:

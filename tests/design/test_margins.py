@@ -10,7 +10,7 @@ import pytest
 
 from engine.errors import FlexarmError, ParameterError
 from engine.linearise import LinearModel
-from flexarm.design.margins import margins, margins_of
+from flexarm.design.margins import margins, margins_of, without_drift
 from flexarm.design.reduction import reduce
 
 
@@ -45,6 +45,31 @@ def test_a_third_order_loop(k: float) -> None:
     gm, pm, *_ = control.stability_margins(control.tf([k], [1, 2, 1, 0]))
     assert found.gain[0 if k > 2 else 1] == pytest.approx(gm, rel=1e-4)
     assert found.phase == pytest.approx(abs(pm), abs=0.01)
+
+
+@pytest.mark.parametrize("period", [0.0, 0.01])
+def test_what_drifts_unseen_is_no_part_of_the_loop(period: float) -> None:
+    """Two wheels on a spring, torque to speed: the common angle drifts; margins are those of the transfer function."""
+    J1, J2, k, d, b = 0.01, 0.02, 10.0, 0.02, 0.05
+    A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k / J1, k / J1, -(d + b) / J1, d / J1], [k / J2, -k / J2, d / J2, -d / J2]]
+    wheels = control.ss(A, [[0], [0], [1 / J1], [0]], [[0, 0, 1, 0]], 0)
+    spring = np.array([J2, d, k])
+    plain = control.tf2ss(spring, np.polyadd(np.polymul([J1, d + b, k], spring), -np.polymul([d, k], [d, k]))[:-1])
+    assert plain.nstates == 3
+    if period:
+        wheels, plain = control.sample_system(wheels, period), control.sample_system(plain, period)
+    found, expected = margins_of(0.2 * wheels), margins_of(0.2 * plain)
+    assert found.stable
+    assert found.phase == pytest.approx(expected.phase, rel=1e-6)
+    assert found.disk == pytest.approx(expected.disk, rel=1e-3)
+    assert without_drift(wheels).nstates == 3
+
+
+def test_a_hidden_mode_that_grows_is_not_stable() -> None:
+    """exp(t) on a state that the output does not show, and one that the input does not reach."""
+    for B, C in (([[1], [1]], [[1, 0]]), ([[1], [0]], [[1, 1]])):
+        assert not margins_of(control.ss([[-1, 0], [0, 1]], B, C, 0)).stable
+        assert margins_of(control.ss([[-1, 0], [0, 0]], B, C, 0)).stable
 
 
 def test_the_loop_of_a_scenario() -> None:

@@ -38,7 +38,7 @@ class Unpacked:
         self.host, self.description = host, read_model_description(str(path))
         self.library = next((folder / "binaries" / "linux64").glob("*.so"))
 
-    def run(self, *command: object, tool: tuple[str, ...] = (), timeout: float = 300) -> list[str]:
+    def run(self, *command: object, tool: tuple[str, ...] = (), timeout: float = 3600) -> list[str]:
         inputs = references(self.description, "input")[:1] or [0]
         numbers = [*inputs, *references(self.description, "output")]
         words = [*tool, self.host, self.library, self.description.guid, *command, *numbers]
