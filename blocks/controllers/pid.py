@@ -52,7 +52,7 @@ class PID(SignalBlock):
     unit = option(str, "V", "coherent SI unit of the output")
 
     reference = signal_in("*", "what the measurement should be")
-    measurement = signal_in("*", "what is measured, in the unit of the reference")
+    measurement = signal_in("*", "what is measured, in the unit of the reference", like="reference")
     out = signal_out("*", "the command")
     unlimited = signal_out("*", "the command before the limits v")
 
