@@ -132,6 +132,8 @@ class Wiring:
             block, port = self.system.split(name)
             inputs = self._inputs_of.get(block, []) if unit == "*" else []
             own = self.system.blocks[block].ports.get(port)
+            if own is not None and own.like == "*":
+                return unit, ""
             if inputs and own is not None and own.like:
                 return "", f"{block}.{own.like}"
             like = [other for other in inputs if self.net.inputs[other].port.unit == "*"]

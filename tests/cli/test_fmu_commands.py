@@ -74,6 +74,21 @@ def test_cosim_refusals(base: Path, command: Callable[..., Any]) -> None:
         assert piece in answer.err, answer.err
 
 
+def test_cosim_compares_what_was_exported_with_chosen_inputs(base: Path, command: Callable[..., Any]) -> None:
+    chosen = ["-u", "zone.in", "-y", "load.shaft.speed"]
+    made = command("export", base.name, *chosen, "--platforms", "linux64", "-o", "zone.fmu")
+    assert made.code == 0, made.err
+    wrong = command("cosim", "zone.fmu", "--scenario", base.name)
+    assert wrong.code == 1
+    assert "--inputs and --outputs" in wrong.err
+    right = command("cosim", "zone.fmu", "--scenario", base.name, *chosen, "--stop", "0.2 s")
+    assert right.code == 0, right.err
+    assert "largest difference: 0\n" in right.out
+    alone = command("cosim", "zone.fmu", *chosen)
+    assert alone.code == 1
+    assert "add --scenario NAME" in alone.err
+
+
 def test_linearise_says_when_the_point_is_no_equilibrium(base: Path, command: Callable[..., Any]) -> None:
     rest = command("linearise", base.name)
     assert "not an equilibrium" not in rest.out
