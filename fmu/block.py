@@ -34,8 +34,8 @@ class FMU(Block):
     the first instant.
 
     Inputs that nothing feeds keep the FMU's start value. Units are converted where the FMU names one that is known.
-    ``unit`` tells those of connectors to which the FMU gives none, as ``u=V; w=rad/s``, or ``V`` for the only such output;
-    without it their numbers are passed as they are, to and from any unit.
+    ``unit`` tells those of connectors to which the FMU gives none, as ``u=V; w=rad/s``, or ``V`` for the only such
+    output; without it their numbers are passed as they are, to and from any unit.
 
     The FMU's binary runs in a process of its own, so that one that crashes ends the run and not this program, but with
     all the rights of the user: a warning names it when it is loaded, which happens only where a scenario names it.
