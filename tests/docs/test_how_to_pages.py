@@ -60,7 +60,7 @@ def belt_swings_as_two_masses_do(folder: Path) -> None:
     """Against the two masses' own matrices, with damping, back-emf and the guide's viscous friction."""
     k, d, m, J, r, B = 8e4, 30.0, 2.9, 3e-5, 0.1 / (2 * np.pi), 5.0
     emf = 0.06**2 / 0.6
-    A = [
+    A: list[list[float]] = [
         [0, 0, 1, 0],
         [0, 0, 0, 1],
         [-k * r * r / J, k * r / J, -(d * r * r + emf) / J, d * r / J],
