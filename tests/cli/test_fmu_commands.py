@@ -146,3 +146,11 @@ def test_linearise_in_discrete_time(command: Callable[..., Any], tmp_path: Path)
     assert list(arrays["discrete_states"]) == stated["states"] == list(cells["discrete"]["states"])
     assert list(arrays["modes"][:, 0]) == list(stated["modes"])
     assert "reference_b_discrete = ss(" in (tmp_path / "b.m").read_text()
+
+
+def test_a_block_with_one_mode_gives_it_its_name(base: Path, command: Callable[..., Any]) -> None:
+    free = ["linearise", base.name, "--inputs", "zone.in", "--outputs", "load.shaft.speed"]
+    short, whole = (command(*free, "--mode", f"{name}=above") for name in ("zone", "zone.zone"))
+    assert short.code == 0, short.err
+    assert short.out == whole.out
+    assert "above" in short.out
