@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,7 @@ class SignalError:
             magnitude.
         axis: time (s) or frequency (rad/s), shape (n,).
         measured, simulated: shape (n,), in ``unit``.
+        amplitude: for frequency tables: of the input's sine at each row, in the comparison's ``amplitude_unit``.
     """
 
     name: str
@@ -46,6 +47,7 @@ class SignalError:
     simulated: Vector
     rms_db: float | None = None
     max_db: float | None = None
+    amplitude: Vector = field(default_factory=lambda: np.zeros(0))
 
     def numbers(self) -> dict[str, Any]:
         """The errors alone, ready for JSON."""
@@ -69,6 +71,7 @@ class Comparison:
         signals: errors by signal.
         bypassed: blocks that the recorded input replaces.
         notes: what was matched, left out or assumed, in sentences.
+        amplitude_unit: for frequency tables: that of the sine at the input.
     """
 
     scenario: str
@@ -77,6 +80,7 @@ class Comparison:
     signals: dict[str, SignalError]
     bypassed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    amplitude_unit: str = ""
 
     def numbers(self) -> dict[str, Any]:
         """Everything but the curves, ready for JSON."""
@@ -179,6 +183,7 @@ def _compare_table(scenario: Scenario, table: FrequencyTable, progress: Callable
             _error(channel.name, variable.unit, table.frequency, measured, simulated),
             rms_db=float(np.sqrt(np.mean(decibel**2))),
             max_db=float(np.abs(decibel).max()),
+            amplitude=table.amplitude,
         )
     unsettled = (
         f"at {frequency:g} rad/s the simulated response did not become periodic; its last period is compared"
@@ -186,7 +191,9 @@ def _compare_table(scenario: Scenario, table: FrequencyTable, progress: Callable
         if not solution.settled
     )
     notes = (*table.notes, *unsettled)
-    return Comparison(scenario.name, table.name, "frequency_response", signals, driven.bypassed, notes)
+    return Comparison(
+        scenario.name, table.name, "frequency_response", signals, driven.bypassed, notes, table.amplitude_unit
+    )
 
 
 def _error(name: str, unit: str, axis: Vector, measured: Vector, simulated: Vector) -> SignalError:

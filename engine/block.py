@@ -104,14 +104,14 @@ def flange(doc: str, *, kind: str = ROTATIONAL, name: str = "") -> Any:
     return _Declared(Port(name, "flange", doc, kind=kind))
 
 
-def signal_in(unit: str, doc: str, *, default: float | None = None, name: str = "") -> Any:
-    """Declare a causal input; with a default it may stay unconnected."""
-    return _Declared(Port(name, "input", doc, unit=unit, default=default))
+def signal_in(unit: str, doc: str, *, default: float | None = None, name: str = "", like: str = "") -> Any:
+    """Declare a causal input; with a default it may stay unconnected; ``like`` another input it has the same unit."""
+    return _Declared(Port(name, "input", doc, unit=unit, default=default, like=like))
 
 
-def signal_out(unit: str, doc: str, *, name: str = "") -> Any:
-    """Declare a causal output."""
-    return _Declared(Port(name, "output", doc, unit=unit))
+def signal_out(unit: str, doc: str, *, name: str = "", like: str = "") -> Any:
+    """Declare a causal output; with a unit that fits any, it has that of the input ``like``, or of the first such."""
+    return _Declared(Port(name, "output", doc, unit=unit, like=like))
 
 
 class Block:

@@ -87,7 +87,7 @@ def discretise(
         raise ParameterError("the model has no sampled block", remedy="use its continuous linear model")
     if model.externals:
         raise ParameterError(
-            f"'{model.externals[0].name}' is a Python function, which has no derivative",
+            f"'{model.externals[0].name}' is a Python function or a foreign FMU, which has no derivative",
             remedy="linearise the plant without it: name its outputs as inputs",
         )
     settings = {"at": at, "inputs": inputs, "modes": modes, "parameters": parameters}

@@ -29,6 +29,7 @@ class Port:
         kind: for a flange, ``rotational`` or ``translational``.
         unit: for a signal; ``*`` fits any unit.
         default: value of an input that nothing feeds; None means it must be connected.
+        like: an input of the block that has the same unit, where ``unit`` fits any; of an output ``*``: none has.
     """
 
     name: str
@@ -37,3 +38,4 @@ class Port:
     kind: str = ""
     unit: str = ""
     default: float | None = None
+    like: str = ""

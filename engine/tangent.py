@@ -95,7 +95,7 @@ def tangents(
     """
     if model.externals:
         raise ParameterError(
-            f"'{model.externals[0].name}' is a Python function, which has no derivative",
+            f"'{model.externals[0].name}' is a Python function or a foreign FMU, which has no derivative",
             remedy="leave it out of the model, or compare runs with slightly different values",
         )
     known = [parameter.name for parameter in model.parameters]

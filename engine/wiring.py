@@ -129,7 +129,13 @@ class Wiring:
         """The unit of a signal, or else the name of the signal that has the same."""
         if name in self.net.outputs:
             unit = self.net.outputs[name].unit
-            inputs = self._inputs_of.get(self.system.split(name)[0], []) if unit == "*" else []
+            block, port = self.system.split(name)
+            inputs = self._inputs_of.get(block, []) if unit == "*" else []
+            own = self.system.blocks[block].ports.get(port)
+            if own is not None and own.like == "*":
+                return unit, ""
+            if inputs and own is not None and own.like:
+                return "", f"{block}.{own.like}"
             like = [other for other in inputs if self.net.inputs[other].port.unit == "*"]
             return ("", like[0]) if like else (unit or "*", "")
         if name not in self.net.inputs:
@@ -179,6 +185,19 @@ class Wiring:
                     f"'{source.name}' is in {source.unit} but '{name}' takes {wanted}",
                     found[1].where if found else None,
                     "connect a signal of the right unit, or put a Gain or a sensor between",
+                    signal=name,
+                )
+        for name, entry in self.net.inputs.items():
+            if not entry.port.like or name in self.free:
+                continue
+            other = f"{self.system.split(name)[0]}.{entry.port.like}"
+            mine, wanted = self.unit(name), self.unit(other)
+            if other not in self.free and not compatible(mine, wanted):
+                found = self._fed.get(name)
+                raise ConnectionProblem(
+                    f"'{name}' is fed in {mine or '1'}, but '{other}', which it is compared with, in {wanted or '1'}",
+                    found[1].where if found else None,
+                    "connect a signal of the same kind, or put a Gain with `unit:` between",
                     signal=name,
                 )
 

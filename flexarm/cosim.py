@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,6 +47,8 @@ def run(
     inputs: Mapping[str, str | float] | None = None,
     stop: float | None = None,
     step: float | None = None,
+    *,
+    made_with: tuple[Sequence[str] | None, Sequence[str] | None] = (None, None),
 ) -> Run:
     """Co-simulate with constant inputs, and compare.
 
@@ -57,6 +59,7 @@ def run(
         inputs: values with units by name; 1 in SI units for the rest.
         stop: end (s); that of the file if None.
         step: communication step (s); that of the file if None.
+        made_with: inputs and outputs with which it was exported; those of the analysis where None.
 
     Raises:
         FlexarmError: the file cannot be read or loaded, or has no such input.
@@ -75,7 +78,9 @@ def run(
         trace = cosim(path, stop, step, drive=drive)
     if scenario is None:
         return Run(trace, step, values, described.units)
-    return Run(trace, step, values, described.units, _differences(scenario, analysis, described, trace, drive, step))
+    return Run(
+        trace, step, values, described.units, _differences(scenario, analysis, made_with, described, trace, drive, step)
+    )
 
 
 @dataclass(frozen=True)
@@ -135,16 +140,22 @@ def _inputs(described: _Described, given: Mapping[str, str | float]) -> dict[str
 
 
 def _differences(
-    scenario: Scenario, analysis: str | None, described: _Described, trace: Trace, drive: Drive | None, step: float
+    scenario: Scenario,
+    analysis: str | None,
+    made_with: tuple[Sequence[str] | None, Sequence[str] | None],
+    described: _Described,
+    trace: Trace,
+    drive: Drive | None,
+    step: float,
 ) -> dict[str, float]:
-    model = cut(scenario, "export", analysis).model
+    model = cut(scenario, "export", analysis, inputs=made_with[0], outputs=made_with[1]).model
     there = tuple(flat(variable.name) for variable in model.inputs)
     here = [flat(name) for name in described.inputs]
     if sorted(there) != sorted(here):
         raise FlexarmError(
             f"the file's inputs are {', '.join(described.inputs) or 'none'}, those of scenario "
             f"'{scenario.name}' {', '.join(there) or 'none'}",
-            remedy="give the scenario and --analysis from which the file was made",
+            remedy="give the scenario and --analysis, or --inputs and --outputs, with which the file was made",
         )
     if drive is not None:
         row = np.asarray(drive.values, dtype=float)[0]

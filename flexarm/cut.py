@@ -70,9 +70,11 @@ def _is_block(scenario: Scenario, name: str) -> bool:
 
 
 def find_mode(model: Model, name: str) -> Mode | None:
-    """A mode by its name, or by one of the frictions that share it (``a + b``)."""
-    found = [mode for mode in model.modes if mode.kind != TIME and name in (mode.name, *mode.name.split(" + "))]
-    return found[0] if found else None
+    """A mode by its name, by one of the frictions that share it (``a + b``), or by the block whose only mode it is."""
+    modes = [mode for mode in model.modes if mode.kind != TIME]
+    found = [mode for mode in modes if name in (mode.name, *mode.name.split(" + "))]
+    of_block = [mode for mode in modes if mode.name.startswith(f"{name}.")]
+    return found[0] if found else of_block[0] if len(of_block) == 1 else None
 
 
 DEFAULTED = ("linearise", "trim", "uncertain")

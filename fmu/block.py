@@ -34,6 +34,9 @@ class FMU(Block):
     the first instant.
 
     Inputs that nothing feeds keep the FMU's start value. Units are converted where the FMU names one that is known.
+    ``unit`` tells those of connectors to which the FMU gives none, as ``u=V; w=rad/s``, or ``V`` for the only such
+    output; without it their numbers are passed as they are, to and from any unit.
+
     The FMU's binary runs in a process of its own, so that one that crashes ends the run and not this program, but with
     all the rights of the user: a warning names it when it is loaded, which happens only where a scenario names it.
     There is no derivative of it and no C form: fits by gradients refuse the model, and it exports by the python backend
@@ -48,6 +51,8 @@ class FMU(Block):
     sample_offset = parameter("s", 0.0, "instant of the first sample", ge=0, structural=True)
     set = option(str, "", "start values of the FMU's parameters in its own units: NAME=VALUE; NAME=VALUE")
 
+    unit = option(str, "", "units of connectors to which the FMU gives none: UNIT, or NAME=UNIT; NAME=UNIT")
+
     _description: Any
 
     def __init__(self, **values: Any) -> None:
@@ -55,8 +60,9 @@ class FMU(Block):
         super().__init__(**values)
 
     def check(self) -> None:
-        """Parameters must be the FMU's own."""
+        """Parameters and connectors that are named must be the FMU's own."""
         self.start_values()
+        self.scales()
 
     def start_values(self) -> dict[str, float]:
         """Start values asked for by name.
@@ -86,11 +92,48 @@ class FMU(Block):
 
     def further_ports(self) -> Iterable[Port]:
         """The FMU's own inputs and outputs."""
+        scales = self.scales()
         for v in self.variables("input"):
-            start = float(v.start) * _scale(v)[0] if _is_number(v.start) else 0.0
-            yield Port(v.name, "input", v.description or "input of the FMU", unit=_scale(v)[1], default=start)
+            factor, unit = scales[v.name]
+            start = float(v.start) * factor if _is_number(v.start) else 0.0
+            yield Port(v.name, "input", v.description or "input of the FMU", unit=unit, default=start)
         for v in self.variables("output"):
-            yield Port(v.name, "output", v.description or "output of the FMU", unit=_scale(v)[1])
+            unit = scales[v.name][1]
+            yield Port(v.name, "output", v.description or "output of the FMU", unit=unit, like="*")
+
+    def scales(self) -> dict[str, tuple[float, str]]:
+        """Factor to SI and coherent unit of each connector; 1 and ``*`` where neither the FMU nor ``unit`` tells one.
+
+        Raises:
+            ParameterError: ``unit`` names no connector, one with a unit of its own, or no unit.
+        """
+        outputs = self.variables("output")
+        found = {v.name: _scale(v.unit) for v in (*self.variables("input"), *outputs)}
+        for name, unit in self._units_given([v.name for v in outputs if found[v.name][1] == "*"]):
+            if name not in found:
+                raise ParameterError(f"unit: the FMU has no connector '{name}'", remedy=nearest(name, list(found)))
+            if found[name][1] != "*":
+                raise ParameterError(
+                    f"unit: the FMU itself gives '{name}' in {found[name][1]}", remedy="leave it out of unit"
+                )
+            factor, coherent_unit = coherent(unit)
+            found[name] = float(factor), str(coherent_unit)
+        return found
+
+    def _units_given(self, unitless: Sequence[str]) -> Iterable[tuple[str, str]]:
+        parts = [part.strip() for part in self.unit.split(";") if part.strip()]
+        for part in parts:
+            name, equals, unit = (text.strip() for text in part.partition("="))
+            if equals:
+                yield name, unit
+            elif len(unitless) == 1:
+                yield unitless[0], name
+            else:
+                named = ", ".join(unitless) or "none"
+                raise ParameterError(
+                    f"unit: '{part}' names no connector, and outputs without a unit are: {named}",
+                    remedy="write NAME=UNIT; NAME=UNIT",
+                )
 
     def stamp(self, net: Net) -> None:
         """Call the FMU at the instants of its clock."""
@@ -98,11 +141,12 @@ class FMU(Block):
         warnings.warn(f"'{path}' is run: an FMU block of the scenario names it", RuntimeWarning, stacklevel=2)
         inputs, outputs = self.variables("input"), self.variables("output")
         start = self.start_values()
-        units = [(f"held{k + 1}", _scale(v)[1]) for k, v in enumerate(outputs)]
-        identity = f"{path} {hashlib.sha256(path.read_bytes()).hexdigest()[:16]} {sorted(start.items())}"
+        scales = self.scales()
+        units = [(f"held{k + 1}", scales[v.name][1]) for k, v in enumerate(outputs)]
+        identity = f"{path} {hashlib.sha256(path.read_bytes()).hexdigest()[:16]} {sorted(start.items())} {self.unit}"
         clock = net.clock(self.period, self.sample_offset)
         given = [self.port(v.name) for v in inputs]
-        held = net.external("fmu", clock, given, units, lambda: Stepped(path, inputs, outputs, start), identity)
+        held = net.external("fmu", clock, given, units, lambda: Stepped(path, inputs, outputs, start, scales), identity)
         for v, value in zip(outputs, held, strict=True):
             net.output(self.ports[v.name], value)
 
@@ -114,10 +158,17 @@ class Stepped:
         FlexarmError: it cannot be loaded or refuses a start value.
     """
 
-    def __init__(self, path: Path, inputs: Sequence[Any], outputs: Sequence[Any], start: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        inputs: Sequence[Any],
+        outputs: Sequence[Any],
+        start: Mapping[str, float],
+        scales: Mapping[str, tuple[float, str]],
+    ) -> None:
         self._inputs, self._outputs = [v.name for v in inputs], [v.name for v in outputs]
-        self._in = np.array([1 / _scale(v)[0] for v in inputs])
-        self._out = np.array([_scale(v)[0] for v in outputs])
+        self._in = np.array([1 / scales[v.name][0] for v in inputs])
+        self._out = np.array([scales[v.name][0] for v in outputs])
         self._stack = ExitStack()
         self._time: float | None = None
         try:
@@ -153,12 +204,12 @@ def _read(file: str) -> Any:
     return description
 
 
-def _scale(variable: Any) -> tuple[float, str]:
-    """Factor to SI and coherent unit of a variable; 1 and any unit where its unit is not known."""
-    if not variable.unit:
+def _scale(given: str | None) -> tuple[float, str]:
+    """Factor to SI and coherent unit of a variable's unit; 1 and any unit where it has none that is known."""
+    if not given:
         return 1.0, "*"
     try:
-        factor, unit = coherent(variable.unit)
+        factor, unit = coherent(given)
     except FlexarmError:
         return 1.0, "*"
     return float(factor), str(unit)

@@ -31,7 +31,7 @@ class PI(SignalBlock):
     unit = option(str, "V", "coherent SI unit of the output")
 
     reference = signal_in("*", "what the measurement should be")
-    measurement = signal_in("*", "what is measured, in the unit of the reference")
+    measurement = signal_in("*", "what is measured, in the unit of the reference", like="reference")
     out = signal_out("*", "the command")
 
     def check(self) -> None:

@@ -32,7 +32,7 @@ class PID(SignalBlock):
 
     Sampled (``period`` T > 0): at each instant f+ = f + (1 - exp(-N T)) (e - f), the derivative is (f+ - f) / T, out is
     v within the limits, then x+ = x + T (e + w); out holds until the next instant. A large N gives (e - e before) / T.
-    With kd = 0 there is no f and kd cannot be tuned afterwards. [Astrom 2006]
+    With ki = 0 there is no x, with kd = 0 no f, and that gain cannot be tuned afterwards. [Astrom 2006]
     """
 
     proportional_gain = parameter("*", ..., "gain kp on the error, with its unit", tolerance=0.2)
@@ -52,7 +52,7 @@ class PID(SignalBlock):
     unit = option(str, "V", "coherent SI unit of the output")
 
     reference = signal_in("*", "what the measurement should be")
-    measurement = signal_in("*", "what is measured, in the unit of the reference")
+    measurement = signal_in("*", "what is measured, in the unit of the reference", like="reference")
     out = signal_out("*", "the command")
     unlimited = signal_out("*", "the command before the limits v")
 
@@ -71,7 +71,7 @@ class PID(SignalBlock):
                     f"proportional_gain is in {kp} but {name} in {unit}",
                     remedy="integral_gain is proportional_gain per second, derivative_gain proportional_gain times one",
                 )
-        if self.anti_windup == "back_calculation" and self.integral_gain == 0:
+        if self.values["integral_gain"] == 0:
             self.values["anti_windup"] = "none"
 
     def stamp(self, net: Net) -> None:
@@ -86,8 +86,11 @@ class PID(SignalBlock):
         return surplus / (self.integral_gain * self.tracking_time) if self.anti_windup == "back_calculation" else 0.0
 
     def _continuous(self, net: Net, error: Expression) -> None:
-        x = net.state("integral", "*", start=self.start, doc="integral of the error")
-        v = self.proportional_gain * error + self.integral_gain * x
+        integrates = self.values["integral_gain"] != 0
+        v = self.proportional_gain * error
+        if integrates:
+            x = net.state("integral", "*", start=self.start, doc="integral of the error")
+            v += self.integral_gain * x
         if self.values["derivative_gain"] != 0:
             source = error if self.derivative_on == "error" else -self.measurement
             f = net.state("filtered", "*", doc="filtered signal of the derivative")
@@ -110,13 +113,17 @@ class PID(SignalBlock):
                 held = net.switch("integral_held", ("below", "free", "above"), winding)
                 rate = by_mode(held, 0, error, 0)
             rate += self._windup(out - v)
-        net.derivative(x, rate)
+        if integrates:
+            net.derivative(x, rate)
         self._give(net, out, v)
 
     def _sampled(self, net: Net, error: Expression) -> None:
         ticks = clock(net, self)
-        x = net.memory("integral", "*", ticks, start=self.start)
-        v = self.proportional_gain * error + self.integral_gain * x
+        integrates = self.values["integral_gain"] != 0
+        v = self.proportional_gain * error
+        if integrates:
+            x = net.memory("integral", "*", ticks, start=self.start)
+            v += self.integral_gain * x
         if self.values["derivative_gain"] != 0:
             source = error if self.derivative_on == "error" else -self.measurement
             f = net.memory("filtered", "*", ticks)
@@ -128,7 +135,8 @@ class PID(SignalBlock):
         if self.anti_windup == "clamping":
             further = ((v > self.upper) * (error > 0)) + ((v < self.lower) * (error < 0))
             rate = choose(further > 0, 0.0, error)
-        net.update(x, x + self.period * rate)
+        if integrates:
+            net.update(x, x + self.period * rate)
         command = net.memory("command", self.unit, ticks, held=True)
         wanted = net.memory("wanted", self.unit, ticks, held=True)
         net.update(command, out)

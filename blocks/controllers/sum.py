@@ -17,7 +17,7 @@ class Sum(SignalBlock):
     signs = option(str, "++", "sign of a, then sign of b", choices=("++", "+-", "-+", "--"))
 
     a = signal_in("*", "first signal")
-    b = signal_in("*", "second signal")
+    b = signal_in("*", "second signal", like="a")
     out = signal_out("*", "the sum")
 
     def stamp(self, net: Net) -> None:

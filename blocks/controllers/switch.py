@@ -26,8 +26,8 @@ class Switch(SignalBlock):
 
     control = signal_in("*", "signal that decides")
     on = signal_in("*", "signal that passes while control is above")
-    off = signal_in("*", "signal that passes else")
-    out = signal_out("*", "what passes")
+    off = signal_in("*", "signal that passes else", like="on")
+    out = signal_out("*", "what passes", like="on")
 
     def check(self) -> None:
         """Threshold and hysteresis are values of one signal."""

@@ -243,7 +243,7 @@ def spikes(time: Vector, values: Vector, sigma: float) -> NDArray[np.bool_]:
     for width in (1, 2, 1):
         there = np.flatnonzero(np.isfinite(values) & ~marked)
         if len(there) < 16:
-            return marked
+            break
         y, t = values[there], time[there]
         n = len(y) - 3 - width
         before = y[1 : 1 + n] - y[:n], t[1 : 1 + n] - t[:n]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from diagnosis.recordings import quality
 from diagnosis.recordings.noise import Noise, noise, rests
 from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.verdict.recording_checks import Compared, Remark, compared, screen
+from engine.errors import FlexarmError
 from scenarios.load import Scenario
 
 SAME_DRIVE = 0.02
@@ -144,15 +146,10 @@ def examine(
     Raises:
         FlexarmError: recordings that do not fit the scenario.
     """
-    groups: dict[Any, list[Recorded]] = {}
-    for recording in recordings:
-        names: Any = recording.name
-        if isinstance(recording, Recording):
-            names = tuple(c.name for c in (*recording.drive, *recording.measurements))
-        groups.setdefault(names, []).append(recording)
+    groups = _alike(recordings)
     made: list[Examined] = []
     remarks: list[Remark] = []
-    for number, group in enumerate(groups.values()):
+    for number, group in enumerate(groups):
         posed = problem(scenario, group)
         remarks += screen(posed)
         beside = {(one.experiment.name, one.name): one for one in compared(posed)}
@@ -173,6 +170,29 @@ def examine(
             remarks.append(Remark(text, False))
     unique = sorted(dict.fromkeys(remarks), key=lambda r: not r.grave)
     return Examination(tuple(made), tuple(unique), tuple(repeats))
+
+
+def warnings_about(scenario: Scenario, recordings: Sequence[Recorded]) -> list[str]:
+    """What a diagnosis would warn of before it searches, graver things first; recordings need not be alike.
+
+    Recordings of which no problem can be posed are passed over.
+    """
+    remarks: list[Remark] = []
+    for group in _alike(recordings):
+        with contextlib.suppress(FlexarmError):
+            remarks += screen(problem(scenario, group))
+    return [remark.text for remark in sorted(dict.fromkeys(remarks), key=lambda r: not r.grave)]
+
+
+def _alike(recordings: Sequence[Recorded]) -> list[list[Recorded]]:
+    """Recordings with the same drives and measurements, which make one problem."""
+    groups: dict[Any, list[Recorded]] = {}
+    for recording in recordings:
+        names: Any = recording.name
+        if isinstance(recording, Recording):
+            names = tuple(c.name for c in (*recording.drive, *recording.measurements))
+        groups.setdefault(names, []).append(recording)
+    return list(groups.values())
 
 
 def _examined(

@@ -106,6 +106,7 @@ def _assembly(loaded: Scenario) -> None:
     from flexarm.api import linearise as linear_model
     from flexarm.console.text import columns, plural
     from flexarm.cut import cut
+    from flexarm.design.families import verify as verify_analysis
 
     model = loaded.build()
     typer.echo(f"{loaded.name}: {loaded.description}" if loaded.description else loaded.name)
@@ -127,6 +128,7 @@ def _assembly(loaded: Scenario) -> None:
         typer.echo(f"connected to nothing: {', '.join(loose)}")
     for name, analysis in loaded.analyses.items():
         made = cut(loaded, analysis.kind, name)
+        verify_analysis(made)
         if analysis.kind == "linearise":
             linear_model(made)
         say_bypassed(made.bypassed, f"analysis {name}")

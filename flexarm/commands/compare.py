@@ -21,8 +21,12 @@ def compare(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
     rows: Annotated[bool, typer.Option("--rows", help="Also print every row of a frequency-response table.")] = False,
 ) -> None:
-    """Simulate with a recording's own input and print the error of every signal."""
+    """Simulate with a recording's own input and print the error of every signal.
+
+    What 'flexarm diagnose' would warn of is told first.
+    """
     from diagnosis.binding import find_recording
+    from diagnosis.verdict.examination import warnings_about
     from flexarm.api import compare as compare_one
     from flexarm.console.progress import Progress
     from flexarm.console.text import comparison_page
@@ -33,6 +37,10 @@ def compare(
             f"{loaded.name} describes no recordings", remedy="name a file, or add a section 'recordings:'"
         )
     found = [find_recording(loaded, given) for given in recordings or loaded.recordings]
+    warnings = warnings_about(loaded, found)
+    if not as_json:
+        for text in warnings:
+            typer.echo(f"warning: {text}")
     done: list[dict[str, Any]] = []
     for recording in found:
         with Progress(f"{loaded.name} against {recording.name}") as progress:
@@ -42,5 +50,13 @@ def compare(
             typer.echo(comparison_page(comparison, rows))
     if as_json:
         typer.echo(
-            json_text({"scenario": loaded.name, "overrides": list(loaded.overrides), "recordings": done}, indent=2)
+            json_text(
+                {
+                    "scenario": loaded.name,
+                    "overrides": list(loaded.overrides),
+                    "warnings": warnings,
+                    "recordings": done,
+                },
+                indent=2,
+            )
         )

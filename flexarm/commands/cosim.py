@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from engine.errors import FlexarmError, ParameterError, Where
-from flexarm.console.options import AnalysisOption, SetOption, load, pairs, seconds
+from flexarm.console.options import AnalysisOption, InputsOption, OutputsOption, SetOption, load, names, pairs, seconds
 
 
 def cosim(
@@ -18,6 +18,8 @@ def cosim(
     ] = None,
     overrides: SetOption = None,
     analysis: AnalysisOption = None,
+    inputs: InputsOption = None,
+    outputs: OutputsOption = None,
     constant: Annotated[
         list[str] | None,
         typer.Option("--input", "-i", metavar="NAME=VALUE", help="Constant input, such as 'motor.voltage=2 V'."),
@@ -27,7 +29,8 @@ def cosim(
 ) -> None:
     """Simulate an FMU or SSP with FMPy, and compare it with the scenario it was made from.
 
-    Inputs are constant; an input that is not given is 1 in its SI unit, so that something moves.
+    Inputs are constant; an input that is not given is 1 in its SI unit, so that something moves. With --scenario, give
+    the --analysis or the --inputs and --outputs with which the file was exported.
     """
     from flexarm.console.text import columns, number
     from flexarm.cosim import run
@@ -35,9 +38,18 @@ def cosim(
     if file.suffix.lower() not in (".fmu", ".ssp"):
         raise FlexarmError(f"'{file}' is neither FMU nor SSP", remedy="its name ends in .fmu or .ssp")
     loaded = load(scenario, overrides) if scenario is not None else None
-    if loaded is None and overrides:
-        raise ParameterError("--set changes a scenario, and none is given", Where("--set"), "add --scenario NAME")
-    found = run(file, loaded, analysis, pairs(constant, "--input"), seconds(stop, "--stop"), seconds(step, "--step"))
+    for option, given in (("--set", overrides), ("--inputs", inputs), ("--outputs", outputs)):
+        if loaded is None and given:
+            raise ParameterError(f"{option} is of a scenario, and none is given", Where(option), "add --scenario NAME")
+    found = run(
+        file,
+        loaded,
+        analysis,
+        pairs(constant, "--input"),
+        seconds(stop, "--stop"),
+        seconds(step, "--step"),
+        made_with=(names(inputs), names(outputs)),
+    )
     typer.echo(f"{file.name}: {number(found.trace.time[-1])} s in steps of {number(found.step)} s")
     for name, value in found.inputs.items():
         typer.echo(f"input {name} = {number(value)} {found.units.get(name, '')}".rstrip())

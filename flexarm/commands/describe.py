@@ -9,15 +9,14 @@ import typer
 
 from engine.errors import FlexarmError
 from flexarm.console.options import (
-    AUTOMATIC,
     AnalysisOption,
     InputsOption,
     OutputsOption,
     ScenarioArgument,
     SetOption,
-    file_name,
     load,
     names,
+    picture,
     say_bypassed,
 )
 
@@ -57,14 +56,11 @@ def describe(
     from flexarm.api import describe as run
     from flexarm.console.progress import Progress
     from flexarm.cut import cut
-    from flexarm.plotting.results import FIGURES
 
     for path in output or []:
         check_suffix(path, KINDS)
     loaded = load(scenario, overrides)
-    if plot is not None:
-        plot = Path(f"{file_name(loaded)}-describe.png") if str(plot) == AUTOMATIC else plot
-        check_suffix(plot, FIGURES)
+    plot = picture(plot, loaded, "-describe")
     table = _table(loaded, recording) if recording is not None else None
     free, seen = names(inputs), names(outputs)
     if table is not None:

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from flexarm.console.options import (
-    AUTOMATIC,
     AnalysisOption,
     AtOption,
     InputsOption,
@@ -17,10 +16,10 @@ from flexarm.console.options import (
     ScenarioArgument,
     SetOption,
     TrimOption,
-    file_name,
     load,
     names,
     pairs,
+    picture,
     say_bypassed,
     seconds,
 )
@@ -75,14 +74,11 @@ def linearise(
     from flexarm.console.text import discrete_page, linear_head, linear_page, reduction_page
     from flexarm.cut import cut
     from flexarm.output import LINEAR, write_linear
-    from flexarm.plotting.results import FIGURES
 
     for path in output or []:
         check_suffix(path, LINEAR)
     loaded = load(scenario, overrides)
-    if plot is not None:
-        plot = Path(f"{file_name(loaded)}-linear.png") if str(plot) == AUTOMATIC else plot
-        check_suffix(plot, FIGURES)
+    plot = picture(plot, loaded, "-linear")
     made = cut(loaded, "linearise", analysis, inputs=names(inputs), outputs=names(outputs))
     options = made.settings.options
     if grid or snapshots is not None or every_mode or any(options.get(k) for k in ("grid", "snapshots", "every_mode")):

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from flexarm.console.options import (
-    AUTOMATIC,
     AnalysisOption,
     AtOption,
     ModeOption,
     ScenarioArgument,
     SetOption,
     TrimOption,
-    file_name,
     load,
     pairs,
+    picture,
     seconds,
 )
 
@@ -50,15 +49,12 @@ def margins(
     ] = None,
 ) -> None:
     """Gain, phase, delay and disk margins of a loop, over a family if there is a grid."""
-    from engine.files import check_suffix, json_text
+    from engine.files import json_text
     from flexarm.design.margins import loop_cut
     from flexarm.design.margins import margins as run
-    from flexarm.plotting.results import FIGURES
 
     loaded = load(scenario, overrides)
-    if plot is not None:
-        plot = Path(f"{file_name(loaded)}-margins.png") if str(plot) == AUTOMATIC else plot
-        check_suffix(plot, FIGURES)
+    plot = picture(plot, loaded, "-margins")
     made = loop_cut(loaded, analysis, loop, returns)
     found = run(
         made,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flexarm.console.options import AUTOMATIC, ScenarioArgument, SetOption, file_name, load, seconds
+from flexarm.console.options import ScenarioArgument, SetOption, load, picture, seconds
 
 
 def run(
@@ -33,7 +33,6 @@ def run(
     from flexarm.api import simulate
     from flexarm.console.text import columns, number, plural
     from flexarm.output import TABLES, write_result
-    from flexarm.plotting.results import FIGURES
     from flexarm.plotting.results import plot as draw
 
     if output is not None:
@@ -41,10 +40,7 @@ def run(
     loaded = load(scenario, overrides)
     if report is not None:
         check_suffix(report, (".html", ".htm"))
-    if plot is not None and str(plot) == AUTOMATIC:
-        plot = Path(f"{file_name(loaded)}.png")
-    if plot is not None:
-        check_suffix(plot, FIGURES)
+    plot = picture(plot, loaded)
     begun = time.perf_counter()
     result = simulate(loaded, seconds(stop, "--stop"), seconds(step, "--step"), record_states=may_be_conservative)
     spent = time.perf_counter() - begun

@@ -135,7 +135,10 @@ def _ranges(table: Path, outputs: tuple[tuple[str, str], ...], metrics: tuple[Me
         values = values[np.isfinite(values)]
         if len(values):
             low, middle, high = (number(v) for v in np.quantile(values, [0.05, 0.5, 0.95]))
-            parts.append(f"  {metric.name}: median {middle} {metric.unit}, 5 to 95 % {low} to {high}")
+            unit = "" if metric.unit in ("1", "*") else metric.unit
+            parts.append(
+                f"  {metric.name}: {' '.join(filter(None, ('median', middle, unit)))}, 5 to 95 % {low} to {high}"
+            )
     reasons = [reason for reason in read(table, ["failure"])["failure"] if reason is not None]
     if reasons:
         parts.append(f"  {plural(len(reasons), 'run')} failed; the first: {reasons[0]}")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexarm.console.options import (
-    AUTOMATIC,
     AnalysisOption,
     AtOption,
     HoldOutOption,
@@ -20,10 +19,10 @@ from flexarm.console.options import (
     SetOption,
     TrimOption,
     WorkersOption,
-    file_name,
     load,
     names,
     pairs,
+    picture,
 )
 
 if TYPE_CHECKING:
@@ -57,14 +56,11 @@ def uncertain(
     from flexarm.api import uncertain as run
     from flexarm.console.progress import Progress
     from flexarm.design.uncertainty import write
-    from flexarm.plotting.results import FIGURES
 
     for path in output or []:
         check_suffix(path, (".json", ".mat", ".m"))
     loaded = load(scenario, overrides)
-    if plot is not None:
-        plot = Path(f"{file_name(loaded)}-uncertain.png") if str(plot) == AUTOMATIC else plot
-        check_suffix(plot, FIGURES)
+    plot = picture(plot, loaded, "-uncertain")
     with Progress(f"{loaded.name}: held-out responses") as bar:
         found = run(
             loaded,

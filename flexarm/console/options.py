@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -126,6 +127,31 @@ def file_name(scenario: Scenario) -> str:
     """The scenario's name without what a file name cannot hold, which is at most 255 bytes with its ending."""
     plain = "".join(c if c.isalnum() or c in "-_. " else "_" for c in scenario.name)
     return plain.encode()[:200].decode(errors="ignore").strip(". ") or "scenario"
+
+
+def picture(plot: Path | None, scenario: Scenario, ending: str = "") -> Path | None:
+    """The file of ``--plot``: the one named, else NAME.png, or NAME-2.png and so on beside another file's picture.
+
+    Raises:
+        FlexarmError: it is of no kind that can be written, or has no folder.
+    """
+    import hashlib
+    import itertools
+
+    from engine import figures
+    from engine.files import check_suffix
+    from flexarm.plotting.results import FIGURES
+
+    if plot is None:
+        return None
+    what = f"flexarm {hashlib.sha256(str(scenario.path.resolve()).encode()).hexdigest()[:32]}"
+    figures.origin.set(what)
+    if str(plot) == AUTOMATIC:
+        stem = f"{file_name(scenario)}{ending}"
+        free = (Path(f"{stem}{'' if k == 1 else f'-{k}'}.png") for k in itertools.count(1))
+        plot = next(path for path in free if not path.is_file() or figures.is_of(path, what))
+    check_suffix(plot, FIGURES)
+    return plot
 
 
 def say_bypassed(blocks: tuple[str, ...], by: str) -> None:

@@ -223,9 +223,15 @@ def comparison_page(comparison: Comparison, rows: bool = False) -> str:
     if rows and comparison.kind == "frequency_response":
         for error in comparison.signals.values():
             table = [
-                [number(w), number(m), number(s), f"{20 * math.log10(s / m) if s > 0 else -math.inf:.3f}"]
-                for w, m, s in zip(error.axis, error.measured, error.simulated, strict=True)
+                [number(w), number(a), number(m), number(s), f"{20 * math.log10(s / m) if s > 0 else -math.inf:.3f}"]
+                for w, a, m, s in zip(error.axis, error.amplitude, error.measured, error.simulated, strict=True)
             ]
-            heads = ["rad/s", f"measured [{error.unit}]", f"simulated [{error.unit}]", "difference [dB]"]
+            heads = [
+                "rad/s",
+                f"amplitude [{comparison.amplitude_unit}]",
+                f"measured [{error.unit}]",
+                f"simulated [{error.unit}]",
+                "difference [dB]",
+            ]
             parts.append(columns(heads, table))
     return "\n".join(parts)

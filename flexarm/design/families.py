@@ -15,7 +15,7 @@ from engine.linear_modes import deaf
 from engine.linearise import Point, operating_point
 from engine.model import TIME, Model
 from flexarm.cut import Cut
-from flexarm.design.point import motion_units, point, start_of, trim_arguments
+from flexarm.design.point import motion_units, point, start_of, trim_arguments, wanted
 from flexarm.sweeps.plan import parameters_of, texts_of
 from scenarios.load import si
 
@@ -55,8 +55,8 @@ def grid(
         asked["at"].pop(axis.name, None)
         asked["inputs"].pop(axis.name, None)
     own = {p.name for p in model.parameters}
-    wanted = trim or made.settings.options.get("trim")
-    rest = trim_arguments(made, wanted, modes) if wanted else {}
+    balance = trim or made.settings.options.get("trim")
+    rest = trim_arguments(made, balance, modes) if balance else {}
     names = [v.name for v in (*model.states, *model.memories)]
     last: list[Point] = []
 
@@ -75,7 +75,7 @@ def grid(
         last.append(there.point)
         return there.point
 
-    find = balanced if wanted else None
+    find = balanced if balance else None
     family = over_grid(model, found, **asked, find=find)
     return _heard(made, family, found, asked, find)
 
@@ -106,7 +106,9 @@ def _heard(made: Cut, family: LinearFamily, axes: list[Axis], asked: dict[str, A
 
 
 def _axis(made: Cut, key: str, values: str | Sequence[float]) -> Axis:
-    model, name, where = made.model, made.scenario.resolve(key), Where(f"--grid {key}")
+    model, name = made.model, made.scenario.resolve(key)
+    stated = made.settings.options.get("grid", {}).get(key) == values and made.settings.name
+    where = made.scenario.where("analyses", stated, "grid", key) if stated else Where(f"--grid {key}")
     own = {p.name: p for p in model.parameters}
     units = {name: p.unit for name, p in own.items()} | motion_units(made) | {v.name: v.unit for v in model.inputs}
     names = parameters_of(model, name)
@@ -125,6 +127,22 @@ def _axis(made: Cut, key: str, values: str | Sequence[float]) -> Axis:
         return scheduling_axis(model, name, numbers)
     except FlexarmError as error:
         raise error.at(where) from None
+
+
+def verify(made: Cut) -> None:
+    """Hold what an analysis says of its point, equilibrium and grid against the model, without working it out.
+
+    Raises:
+        FlexarmError: something does not fit, with its place in the file.
+    """
+    options = made.settings.options
+    point(made, None, None)
+    if made.settings.kind == "trim":
+        wanted(made)
+    if isinstance(name := options.get("trim"), str) and name != "auto":
+        trim_arguments(made, name)
+    for key, values in options.get("grid", {}).items():
+        _axis(made, key, values)
 
 
 def _number(text: str) -> Any:

@@ -2,29 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from engine.errors import ParameterError, nearest
+from engine.errors import FlexarmError, ParameterError, nearest
 from engine.model import TIME, Model
 from engine.ports import MOTION
 from flexarm.cut import Cut, cut, find_mode
 from scenarios.load import AnalysisSettings, si
+from scenarios.validate import ScenarioError
 
 if TYPE_CHECKING:
     from engine.trim import Equilibrium
+
+
+@contextmanager
+def own(made: Cut, section: str, key: str, given: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Give an error the place of a key of the analysis in the file, unless the key is ``given`` from outside."""
+    try:
+        yield
+    except FlexarmError as error:
+        if made.settings.name and key not in (given or {}):
+            raise error.at(made.scenario.where("analyses", made.settings.name, section, key)) from None
+        raise
 
 
 def point(made: Cut, modes: Mapping[str, int | str] | None, at: Mapping[str, Any] | None) -> dict[str, Any]:
     """Arguments for `engine.linearise.linearise`: the point and modes of the analysis and those given, in SI units."""
     model, resolve = made.model, made.scenario.resolve
     wanted: dict[str, int | str] = {**made.settings.modes, **(modes or {})}
-    labels = dict(label(model, name, value) for name, value in wanted.items())
-    point: dict[str, Any] = {**made.settings.at, **{resolve(name): value for name, value in (at or {}).items()}}
+    labels: dict[str, int | str] = {}
+    for name, value in wanted.items():
+        with own(made, "modes", name, modes):
+            labels.update([label(model, name, value)])
+    outside = {resolve(name): value for name, value in (at or {}).items()}
+    point: dict[str, Any] = {**made.settings.at, **outside}
     input_units = {variable.name: variable.unit for variable in model.inputs}
     state_units = motion_units(made)
-    given = {name: si(value, {**state_units, **input_units}, name) for name, value in point.items()}
+    given: dict[str, float] = {}
+    for name, value in point.items():
+        with own(made, "at", name, outside):
+            given[name] = si(value, {**state_units, **input_units}, name)
     return {
         "at": {name: value for name, value in given.items() if name not in input_units},
         "inputs": {name: value for name, value in given.items() if name in input_units},
@@ -49,6 +69,8 @@ def label(model: Model, name: str, value: int | str) -> tuple[str, str]:
     if found is None:
         raise ParameterError(f"no mode '{name}'", remedy=nearest(name, [m.name for m in model.modes if m.kind != TIME]))
     if isinstance(value, str) and value not in ("-1", "0", "1", "+1"):
+        if value not in found.labels:
+            raise ParameterError(f"mode '{name}' is never '{value}'", remedy=nearest(value, found.labels))
         return found.name, value
     number = int(value)
     if number not in (-1, 0, 1):
@@ -80,17 +102,20 @@ def wanted(
     """What a trim analysis fixes, frees and bounds, with what is given over it, as `engine.trim.trim` takes it."""
     model, options, names = made.model, made.settings.options, made.scenario.resolve
     units = motion_units(made) | {v.name: v.unit for v in (*model.inputs, *model.outputs)}
-    limits = {**options.get("bounds", {}), **(bounds or {})}
-    return {
-        "fix": {
-            name: si(value, units, name)
-            for name, value in ((names(k), v) for k, v in {**options.get("fix", {}), **(fix or {})}.items())
-        },
-        "free": [names(name) for name in (options.get("free", ()) if free is None else free)],
-        "bounds": {
-            names(k): (si(low, units, names(k)), si(high, units, names(k))) for k, (low, high) in limits.items()
-        },
-    }
+    fixed, limits = {}, {}
+    for key, value in {**options.get("fix", {}), **(fix or {})}.items():
+        with own(made, "fix", key, fix):
+            fixed[names(key)] = si(value, units, names(key))
+    for key, (low, high) in {**options.get("bounds", {}), **(bounds or {})}.items():
+        with own(made, "bounds", key, bounds):
+            limits[names(key)] = si(low, units, names(key)), si(high, units, names(key))
+    inputs = [v.name for v in model.inputs]
+    freed = [names(name) for name in (options.get("free", ()) if free is None else free)]
+    for name in freed:
+        with own(made, "free", name, dict.fromkeys(free or ())):
+            if name not in inputs:
+                raise ParameterError(f"'{name}' is not an input that can be free", remedy=nearest(name, inputs))
+    return {"fix": fixed, "free": freed, "bounds": limits}
 
 
 def trim_arguments(made: Cut, name: str, modes: Mapping[str, int | str] | None = None) -> dict[str, Any]:
@@ -102,6 +127,13 @@ def trim_arguments(made: Cut, name: str, modes: Mapping[str, int | str] | None =
 
 def _trim_settings(made: Cut, name: str | None) -> AnalysisSettings:
     chosen = None if name in (None, "auto") else name
+    known = {key for key, found in made.scenario.analyses.items() if found.kind == "trim"}
+    if chosen is not None and chosen not in known and made.settings.options.get("trim") == chosen:
+        raise ScenarioError(
+            f"the scenario has no analysis '{chosen}' of kind trim",
+            made.scenario.where("analyses", made.settings.name, "trim"),
+            nearest(chosen, known) if known else "add one under 'analyses:', or say auto",
+        )
     return cut(made.scenario, "trim", chosen, inputs=made.settings.inputs, outputs=made.settings.outputs).settings
 
 

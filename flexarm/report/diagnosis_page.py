@@ -45,7 +45,8 @@ def write_diagnosis(found: Diagnosis, path: Path, *, seed: int | None = None, co
 def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: str = "") -> str:
     """The report as HTML, for a folder from which it names files; other arguments as of `write_diagnosis`."""
     study = found.study
-    odds = study.place_odds
+    # Odds say where an effect would be, given that there is one.
+    odds = {} if found.verdict == "none" else study.place_odds
     lit = _lit(found, odds)
     picture = diagram(study.scenario, lit)
     evidence = evidence_charts(found.evidence)

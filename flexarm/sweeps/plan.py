@@ -30,6 +30,7 @@ MOST_VALUES = 100_000
 
 _RANGE = re.compile(r"^([^:]+):([^:]+):\s*(\d+)\s*(?::\s*(log)\s*)?$")
 _USAGE = "write KEY=START:STOP:N, KEY=A,B,C or KEY~tolerance, for example --vary gear.ratio=14:70:5"
+_RANGES = "write START:STOP:N, START:STOP:N:log or A,B,C, for example 14:70:5 or 0.5 Hz:20 Hz:15:log"
 
 
 @dataclass(frozen=True)
@@ -256,10 +257,10 @@ def texts_of(text: str) -> tuple[str, ...]:
     if found:
         return _range(*found.groups())
     if re.match(r"^[-+.\d][^:,]*:", text):
-        raise FlexarmError(f"'{text}' is no range", remedy=_USAGE)
+        raise FlexarmError(f"'{text}' is no range", remedy=_RANGES)
     parts = _apart(text)
     if not all(parts):
-        raise FlexarmError("a value is missing", remedy=_USAGE)
+        raise FlexarmError("a value is missing", remedy=_RANGES)
     if len(parts) > MOST_VALUES:
         raise FlexarmError(f"{len(parts)} values are too many", remedy=f"at most {MOST_VALUES}")
     return tuple(parts)

@@ -11,8 +11,10 @@ from blocks.controllers.dead_zone import DeadZone
 from blocks.controllers.gain import Gain
 from blocks.controllers.low_pass import LowPass
 from blocks.controllers.pi import PI
+from blocks.controllers.pid import PID
 from blocks.controllers.saturation import Saturation
 from blocks.controllers.sum import Sum
+from blocks.controllers.switch import Switch
 from blocks.sources.constant import Constant
 from blocks.sources.sine import Sine
 from blocks.sources.step import Step
@@ -156,3 +158,27 @@ def test_chain_of_sampled_blocks_has_no_delay() -> None:
 def test_signals_of_one_block_must_be_connected() -> None:
     with pytest.raises(ConnectionProblem, match=r"'pi.measurement' is not connected"):
         model({"pi": PI(proportional_gain=1), "one": Constant(value=1)}, "one.out pi.reference")
+
+
+@pytest.mark.parametrize(
+    ("block", "first", "second"),
+    [
+        (PI(proportional_gain=1.0, integral_gain=1.0), "reference", "measurement"),
+        (PID(proportional_gain=1.0), "reference", "measurement"),
+        (Sum(signs="+-"), "a", "b"),
+        (Switch(), "on", "off"),
+    ],
+)
+def test_signals_that_are_compared_have_one_unit(block: Block, first: str, second: str) -> None:
+    """A speed in rad/s against a reference in m/s gave a loop that was wrong by a radius."""
+    blocks = {"s": Constant(value="1 m/s"), "w": Constant(value="1 rad/s"), "x": block}
+    further = ("s.out x.control",) if isinstance(block, Switch) else ()
+    with pytest.raises(ConnectionProblem, match=f"'x.{second}' is fed in rad/s, but 'x.{first}'.* in m/s"):
+        model(blocks, f"s.out x.{first}", f"w.out x.{second}", *further)
+    model(blocks, f"s.out x.{first}", f"s.out x.{second}", *further)
+
+
+def test_a_switch_has_the_unit_of_what_it_passes() -> None:
+    blocks = {"s": Constant(value="1 m/s"), "w": Constant(value="1 rad/s"), "x": Switch()}
+    made = run(blocks, "s.out x.on x.off", "w.out x.control", stop=0.1)
+    assert made.units["x.out"] == "m/s"

@@ -15,7 +15,7 @@ from blocks.sources.step import Step
 from engine.block import Block
 from engine.errors import ParameterError
 from engine.simulate import Drive, Result
-from tests.blocks.assembly import instants, linear, run
+from tests.blocks.assembly import instants, linear, model, run
 
 GAINS = {"proportional_gain": 2.0, "integral_gain": 5.0, "derivative_gain": 0.3, "derivative_corner": 40.0}
 
@@ -144,3 +144,18 @@ def test_limits_are_located() -> None:
 def test_refusals(values: dict[str, Any], message: str) -> None:
     with pytest.raises(ParameterError, match=message):
         PID(**values)
+
+
+@pytest.mark.parametrize("period", [0.0, 0.01])
+def test_without_an_integral_gain_there_is_no_integral(period: float) -> None:
+    """Its pole at 0 (1 in the z-plane), unseen by the loop, had every such loop called unstable."""
+    made = model(
+        {"pid": PID(proportional_gain=2.0, derivative_gain=0.3, period=period)},
+        inputs=["pid.reference", "pid.measurement"],
+        outputs=["pid.out"],
+        energy=False,
+    )
+    names = [*(state.name for state in made.states), *(memory.name for memory in made.memories)]
+    assert "pid.filtered" in names
+    assert "pid.integral" not in names
+    assert "pid.integral_gain" not in {p.name for p in made.parameters}

@@ -232,3 +232,17 @@ def test_check_names_flanges_that_nothing_is_connected_to(tmp_path: Path, comman
     assert answer.code == 0, answer.err
     assert "connected to nothing: gear.input\n" in answer.out
     assert "connected to nothing" not in command("check", "quanser-single-link").out
+
+
+def test_an_automatic_picture_never_replaces_that_of_another_file(command: Callable[..., Any], base: Path) -> None:
+    folder = base.parent
+    text = "schema: 1\nname: same\nblocks:\n  s: {type: Sine, amplitude: 1, frequency: 1 Hz}\nsimulate: {stop: 0.1 s}\n"
+    for name in ("one", "two"):
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+    (folder / "same-2.png").write_bytes(b"a photograph of the rig")
+    for name, written in (("one", "same.png"), ("two", "same-3.png"), ("one", "same.png"), ("two", "same-3.png")):
+        answer = command("run", f"{name}.yaml", "--plot")
+        assert f"written: {written}\n" in answer.out, answer.out + answer.err
+    assert (folder / "same-2.png").read_bytes() == b"a photograph of the rig"
+    # Named, it is written where the user says.
+    assert "written: same.png" in command("run", "two.yaml", "--plot", "same.png").out

@@ -284,3 +284,50 @@ def test_matlab_structures(tmp_path: Path) -> None:
     (tmp_path / "junk.mat").write_bytes(b"junk" * 100)
     with pytest.raises(FlexarmError, match="MATLAB"):
         read_columns(tmp_path / "junk.mat")
+
+
+def test_it_warns_of_what_a_diagnosis_warns_of_and_first(recorded: Path, command: Callable[..., Any]) -> None:
+    clean = command("compare", recorded.name, "one")
+    assert clean.code == 0, clean.err
+    assert "warning:" not in clean.out
+    # The encoder was mapped with the right sign; turned round, the motion runs backwards.
+    text = recorded.read_text()
+    assert "sign: -1" in text
+    recorded.write_text(text.replace("sign: -1", "sign: 1", 1))
+    answer = command("compare", recorded.name, "one")
+    assert answer.out.startswith("warning: "), answer.out
+    assert "motor.shaft.angle" in answer.out.splitlines()[0]
+    stated = json.loads(command("compare", recorded.name, "one", "--json").out)["warnings"]
+    assert stated == [line.removeprefix("warning: ") for line in answer.out.splitlines() if line.startswith("warning")]
+
+
+def test_rows_of_a_table_show_the_amplitude(tmp_path: Path, command: Callable[..., Any]) -> None:
+    """A first-order lag at 1 rad/s: 20 log10 of 1 / sqrt(2) against a reading of 1."""
+    (tmp_path / "table.csv").write_text("f,a,y\n1,2.5,1.767767\n1,0.5,0.5\n", encoding="utf-8")
+    (tmp_path / "lag.yaml").write_text(
+        """\
+schema: 1
+name: lag
+blocks:
+  source: {type: Constant, value: 0 V}
+  lag: {type: LowPass, corner_frequency: 1 rad/s}
+connect:
+  - [source.out, lag.in]
+recordings:
+  table:
+    kind: frequency_response
+    file: table.csv
+    frequency: {column: f, unit: rad/s}
+    drive: lag.in
+    amplitude: {column: a, unit: V}
+    response: {lag.out: {column: y, unit: V}}
+""",
+        encoding="utf-8",
+    )
+    answer = command("compare", str(tmp_path / "lag.yaml"), "--rows")
+    assert answer.code == 0, answer.err
+    heads, *rows = [line.split() for line in answer.out.splitlines()[-3:]]
+    assert heads[:3] == ["rad/s", "amplitude", "[V]"]
+    assert [row[1] for row in rows] == ["2.5", "0.5"]
+    assert float(rows[0][-1]) == pytest.approx(0, abs=2e-3)
+    assert float(rows[1][-1]) == pytest.approx(20 * np.log10(1 / np.sqrt(2)), abs=2e-3)

@@ -74,6 +74,21 @@ def test_cosim_refusals(base: Path, command: Callable[..., Any]) -> None:
         assert piece in answer.err, answer.err
 
 
+def test_cosim_compares_what_was_exported_with_chosen_inputs(base: Path, command: Callable[..., Any]) -> None:
+    chosen = ["-u", "zone.in", "-y", "load.shaft.speed"]
+    made = command("export", base.name, *chosen, "--platforms", "linux64", "-o", "zone.fmu")
+    assert made.code == 0, made.err
+    wrong = command("cosim", "zone.fmu", "--scenario", base.name)
+    assert wrong.code == 1
+    assert "--inputs and --outputs" in wrong.err
+    right = command("cosim", "zone.fmu", "--scenario", base.name, *chosen, "--stop", "0.2 s")
+    assert right.code == 0, right.err
+    assert "largest difference: 0\n" in right.out
+    alone = command("cosim", "zone.fmu", *chosen)
+    assert alone.code == 1
+    assert "add --scenario NAME" in alone.err
+
+
 def test_linearise_says_when_the_point_is_no_equilibrium(base: Path, command: Callable[..., Any]) -> None:
     rest = command("linearise", base.name)
     assert "not an equilibrium" not in rest.out
@@ -131,3 +146,11 @@ def test_linearise_in_discrete_time(command: Callable[..., Any], tmp_path: Path)
     assert list(arrays["discrete_states"]) == stated["states"] == list(cells["discrete"]["states"])
     assert list(arrays["modes"][:, 0]) == list(stated["modes"])
     assert "reference_b_discrete = ss(" in (tmp_path / "b.m").read_text()
+
+
+def test_a_block_with_one_mode_gives_it_its_name(base: Path, command: Callable[..., Any]) -> None:
+    free = ["linearise", base.name, "--inputs", "zone.in", "--outputs", "load.shaft.speed"]
+    short, whole = (command(*free, "--mode", f"{name}=above") for name in ("zone", "zone.zone"))
+    assert short.code == 0, short.err
+    assert short.out == whole.out
+    assert "above" in short.out

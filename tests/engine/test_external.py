@@ -179,7 +179,9 @@ def test_a_function_that_cannot_be_made_and_an_interruption(backend: Any) -> Non
 def test_no_tangents_and_no_export() -> None:
     model = build(system({"a": Foreign(Total), "w": Wave()}, ("w.out", "a.one")))
     assert [external.name for external in model.externals] == ["a.function"]
-    with pytest.raises(ParameterError, match=r"'a.function' is a Python function, which has no derivative"):
+    with pytest.raises(
+        ParameterError, match=r"'a.function' is a Python function or a foreign FMU, which has no derivative"
+    ):
         tangents(model, 0.1, 0.01, wrt=["w.amplitude"])
     with pytest.raises(NotImplementedError, match=r"'a.function' is a Python function"):
         model_code(model)

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from blocks.registry import registry
+from engine.errors import FlexarmError
 from engine.simulate import simulate
 from fmu.block import FMU
 from scenarios.load import load
@@ -183,3 +184,38 @@ simulate: {{stop: 3 s, step: 10 ms, record: [source.{signal}, filter.out]}}
     early, late = law(np.floor(at * 10 + 1e-9) / 10), law(np.floor(at * 10 + 1e-9) / 10 + 0.1)
     assert (np.minimum(np.abs(given - early), np.abs(given - late)) <= bound + 1e-12).all()
     assert abs(rows["filter.out"][-2] - given[-1]) < 0.02 * max(1.0, abs(given[-1]))
+
+
+def test_units_of_connectors_without_one_are_given_and_not_guessed(tmp_path: Path) -> None:
+    path = _built(tmp_path, "controller", CONTROLLER)
+    plain = FMU(file=str(path), period=PERIOD)
+    assert {name: port.unit for name, port in plain.ports.items()} == dict.fromkeys(("reference", "measured", "u"), "*")
+
+    def unit(text: str) -> str:
+        file = tmp_path / "scenario.yaml"
+        file.write_text(
+            f"""schema: 1
+name: units
+blocks:
+  reference: {{type: Constant, value: 3 rad/s}}
+  control: {{type: FMU, file: {path.name}, period: 5 ms{text}}}
+connect:
+  - [reference.out, control.reference, control.measured]
+""",
+            encoding="utf-8",
+        )
+        with pytest.warns(RuntimeWarning, match="is run"):
+            model = load(file).build(outputs=["control.u"])
+        return str(simulate(model, 0.01, 5e-3).units["control.u"])
+
+    # The unit of its input is not that of its output, and nobody said what it is.
+    assert unit("") == "*"
+    assert unit(", unit: V") == "V"
+    # 3 rad/s are 180 / pi * 3 deg/s for the FMU, and its 1 mV is 1e-3 V.
+    scales = FMU(file=str(path), period=PERIOD, unit="reference=deg/s; u=mV").scales()
+    assert [scales[name][1] for name in ("u", "reference")] == ["V", "rad/s"]
+    assert scales["u"][0] == pytest.approx(1e-3)
+    assert scales["reference"][0] == pytest.approx(np.pi / 180)
+    for wrong, piece in (("x=V", "no connector 'x'"), ("u=flurbs", "flurbs")):
+        with pytest.raises(FlexarmError, match=piece):
+            FMU(file=str(path), period=PERIOD, unit=wrong)

@@ -38,7 +38,7 @@ def axes(folder: Path, count: int) -> Path:
     blocks, wires = [], []
     for i in range(count):
         blocks += [
-            f"  source{i}: {{type: Step, height: 1 V, stop: 1 s}}",
+            f"  source{i}: {{type: Step, height: 1 rad, stop: 1 s}}",
             f"  pi{i}: {{type: PI, proportional_gain: 0.5, integral_gain: 0.5}}",
             f"  axis{i}: {{type: ./axis.yaml}}",
             f"  load{i}: {{type: Inertia, inertia: 0.01 kg.m2}}",

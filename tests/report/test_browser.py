@@ -69,6 +69,16 @@ def test_the_report_holds_the_verdict_and_what_repeats_it(diagnosed: tuple[Any, 
     assert "Coulomb friction" in text
 
 
+def test_a_report_of_none_draws_no_odds(diagnosed: tuple[Any, Any]) -> None:
+    """Odds are of an effect that is there: beside a verdict that names none, a bar of 99 % says the opposite."""
+    found, page = diagnosed
+    assert "Odds of each place" in page.read_text()
+    plain = replace(found, verdict="none", findings=({**found.findings[0], "status": "none"},))
+    text = write_diagnosis(plain, page.parent / "none.html").read_text()
+    assert "Odds of each place" not in text
+    assert 'class="share"' not in text
+
+
 @both
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("dark", [False, True])

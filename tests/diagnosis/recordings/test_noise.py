@@ -91,3 +91,14 @@ def test_edges_and_kinks_are_no_spikes(shape: str) -> None:
     }[shape]
     y = clean + RANDOM.normal(0, 1e-4, 4000)
     assert not spikes(t, y, noise(t, y).sigma).any()
+
+
+def test_most_of_a_signal_is_no_spike() -> None:
+    """A motion without noise wears a zigzag of every third sample: what it does, and no outliers."""
+    time = np.float64(1e-3) * np.arange(101)
+    values = np.sin(20 * time)
+    values[2::3] += 1e-9
+    assert not spikes(time, values, 1e-13).any()
+    zigzag = values.copy()
+    zigzag[::2] += 1e-6
+    assert not spikes(time, zigzag, 1e-13).any()
