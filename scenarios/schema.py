@@ -32,8 +32,8 @@ QUANTITY_PATTERN = (
     rf"{EXPRESSION_PATTERN})$"
 )
 FILE = (
-    "a .csv, .mat, .parquet, .json, .jsonl or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in "
-    "the folder that this environment variable names"
+    "a .csv, .mat, .parquet, .json, .jsonl or .dat file, or with extras .mcap, a rosbag2, .h5, .mf4, .tdms or .xlsx; "
+    "relative to this file, or $FLEXARM_RECORDINGS/... for one in the folder that this environment variable names"
 )
 LONGEST_NAME = 100
 """Characters of a name; names of files, of C functions and of variables are made of it."""
