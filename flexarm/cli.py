@@ -29,6 +29,7 @@ from flexarm.commands.export import export
 from flexarm.commands.fit import fit
 from flexarm.commands.linearise import linearise
 from flexarm.commands.margins import margins
+from flexarm.commands.record import record
 from flexarm.commands.run import run
 from flexarm.commands.schema import schema
 from flexarm.commands.sweep import sweep
@@ -41,6 +42,7 @@ COMMANDS = (
     check,
     blocks,
     schema,
+    record,
     compare,
     fit,
     diagnose,
