@@ -39,12 +39,20 @@ def fit(
     """Fit the parameters, within their tolerances, to recordings."""
     from diagnosis.api import fit as run
     from engine.files import check_suffix
+    from flexarm.console.progress import Progress
 
     if output is not None:
         check_suffix(output, (".yaml", ".yml"))
-    made, scores = run(
-        scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
-    )
+    with Progress(f"{Path(scenario).stem}: fit") as bar:
+        made, scores = run(
+            scenario,
+            recordings or (),
+            hold_out=hold_out or (),
+            overrides=overrides or (),
+            workers=workers,
+            seed=seed,
+            progress=bar.update,
+        )
     if output is not None:
         from scenarios.load import find
 

@@ -1,0 +1,78 @@
+"""Benchmarks that everybody knows: what is published of each, against the effect put into its nominal model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.search.partial_fit import ended
+from diagnosis.search.scored_model import ScoredModel
+from tests.real.bench import Bench, bench
+
+
+def errors(trial: ScoredModel) -> dict[str, float]:
+    """Root mean square error of the one signal of each recording, by name."""
+    found, problem = {}, trial.fit.problem
+    for e in problem.experiments:
+        left = (problem.residual(trial.fit.x, e) * e.sigma)[np.isfinite(e.measured)]
+        found[e.name] = float(np.sqrt(np.mean(left**2)))
+    return found
+
+
+@pytest.fixture(scope="module")
+def silverbox(recordings: Path) -> Bench:
+    if not (recordings / "silverbox").is_dir():
+        pytest.skip("no silverbox")
+    return bench("silverbox")
+
+
+@pytest.mark.slow
+def test_the_silverbox_is_a_hardening_spring(silverbox: Bench) -> None:
+    """k3 / k is 3.95 to 4.04 per V^2 by an independent fit; the tip of the arrow lies beyond all that was fitted."""
+    harder = silverbox.put_in(silverbox.find("hardening_spring", "spring", exact=True), given=True)
+    p, after, before = harder.fit.parameters(), errors(harder), errors(silverbox.refit)
+    assert p["spring.cubic_stiffness"] / p["spring.stiffness"] == pytest.approx(3.95, abs=0.08)
+    for name in ("multisine", "second_multisine"):
+        assert after[name] < 0.1 * before[name] < 1e-3
+    assert after["tip_of_the_arrow"] < 0.03 * before["tip_of_the_arrow"]
+    for rival in ("hysteresis", "structural_damping", "backlash"):
+        other = silverbox.put_in(silverbox.find(rival, "spring", exact=True), given=True)
+        assert errors(other)["second_multisine"] > 5 * after["second_multisine"], rival
+
+
+@pytest.fixture(scope="module")
+def drives(recordings: Path) -> Bench:
+    if not (recordings / "coupled_drives").is_dir():
+        pytest.skip("no coupled_drives")
+    return bench("coupled-drives")
+
+
+def test_the_coupled_drives_are_read_without_a_sign(drives: Bench) -> None:
+    """0.85 V linear and 0.22 V with the magnitude, by an independent fit; half the voltage shows the dry friction."""
+    magnitude = drives.find("rectified_sensor", "pulley.shaft.speed", exact=True)
+    rectified = drives.put_in(magnitude, given=True)
+    before, after = errors(drives.refit), errors(rectified)
+    assert before["prbs"] == pytest.approx(0.845, abs=0.02)
+    assert after["prbs"] == pytest.approx(0.22, abs=0.01)
+    assert after["weaker"] < 0.75 * before["weaker"]
+    dry = drives.find("coulomb_friction", "drive.shaft", exact=True)
+    both = errors(drives.put_in(ended(rectified, magnitude), dry, given=True))
+    assert both["prbs"] < 0.95 * after["prbs"]
+    assert both["weaker"] < 0.6 * after["weaker"]
+
+
+@pytest.mark.slow
+def test_the_hysteretic_benchmark_stiffens_as_it_is_loaded(recordings: Path) -> None:
+    """Its law stiffens, z' = alpha v + 300/m z v under load; ours softens, and a hardening spring comes nearer."""
+    if not (recordings / "bouc_wen").is_dir():
+        pytest.skip("no bouc_wen")
+    made = bench("bouc-wen")
+    (linear,) = errors(made.refit).values()
+    left = {}
+    for effect in ("hysteresis", "hardening_spring", "structural_damping"):
+        (left[effect],) = errors(made.put_in(made.find(effect, "spring", exact=True), given=True)).values()
+    assert linear == pytest.approx(175e-6, rel=0.05)
+    assert left["hardening_spring"] < left["hysteresis"] < left["structural_damping"] < linear
+    assert left["hardening_spring"] > 0.7 * linear
