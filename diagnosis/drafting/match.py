@@ -46,6 +46,7 @@ ROWS = 20_000
 """Samples on which the model is compared."""
 MOST_RUNS = 24
 """Pairs of a column and an input that are tried."""
+LEVELS = ("sure", "likely", "a guess")
 LATEST = 30
 """Samples by which a signal may be late."""
 
@@ -135,11 +136,16 @@ def match(scenario: Scenario, log: LogFile, progress: Callable[[float], None] | 
     part = _part(log)
     for number, (column, end, unit) in enumerate(pairs):
         responses = _responses(scenario, log, part, {end: _si(column, unit)})
+        # What is imposed is no answer.
+        given = _si(column, unit)[part]
+        responses = {name: curve for name, curve in responses.items() if not _same(curve, given, 0.999)}
         if responses:
             others = [s for s in log.signals if s is not column and _may_be_measured(s, unit, signals)]
             best = [max((abs(_likeness(s, responses[n], part)[0]) for n in responses), default=0.0) for s in others]
             strength = float(np.mean(sorted(best)[-3:])) if best else 0.0
-            tried.append((strength + 0.1 * _alike(column.name, end), column, end, responses))
+            # Commands hold still between steps, and measurements hardly ever do.
+            steps = 0.1 * (column.steps < 0.3 * len(column.values) and not column.counts)
+            tried.append((strength + 0.1 * _alike(column.name, end) + steps, column, end, responses))
         if progress:
             progress((number + 1) / len(pairs))
     notes = []
@@ -151,7 +157,7 @@ def match(scenario: Scenario, log: LogFile, progress: Callable[[float], None] | 
         notes.append("no column drives the model like the others move: columns are matched by name and unit alone")
         return _by_name(scenario, log, signals, notes)
     measurements = _measured(scenario, log, column, responses, part)
-    drive, measurements = _drive(scenario, column, end, measurements, strength, rival)
+    drive, measurements = _drive(scenario, log, column, end, measurements, strength, rival)
     used = {column.name, *(m.column for m in measurements)}
     return Matches((drive,), measurements, tuple(s.name for s in log.signals if s.name not in used), tuple(notes))
 
@@ -285,7 +291,7 @@ def _measured(
             if reading is None:
                 continue
             column_unit, scale, counts, gain, off = reading
-            score = abs(correlation) - 0.12 * min(off, 4.0) + 0.3 * _alike(signal.name, name) + 0.02 * (name in wanted)
+            score = abs(correlation) - 0.12 * min(off, 4.0) + 0.3 * _alike(signal.name, name) + 0.1 * (name in wanted)
             score -= 0.003 * name.count(".") + (0.02 if name.endswith(".out") else 0.0)
             made = Match(
                 signal.name,
@@ -319,11 +325,11 @@ def _measured(
     return tuple(sorted(taken.values(), key=lambda m: order[m.column]))
 
 
-def _same(a: Vector, b: Vector) -> bool:
+def _same(a: Vector, b: Vector, alike: float = 0.98) -> bool:
     """Whether two curves are the same but for their size."""
     a, b = _plain(a), _plain(b)
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return size > 0 and abs(float(a @ b)) / size > 0.98
+    return size > 0 and abs(float(a @ b)) / size > alike
 
 
 def _fits(signal: Signal, unit: str) -> bool:
@@ -381,7 +387,13 @@ def _rated(best: Match, rival: float, stated: bool) -> Match:
 
 
 def _drive(
-    scenario: Scenario, column: Signal, end: str, measurements: Sequence[Match], strength: float, rival: float
+    scenario: Scenario,
+    log: LogFile,
+    column: Signal,
+    end: str,
+    measurements: Sequence[Match],
+    strength: float,
+    rival: float,
 ) -> tuple[Match, tuple[Match, ...]]:
     """The drive's unit and sign: what all measurements say in common is its own."""
     unit = _input_unit(scenario, end) or "1"
@@ -402,7 +414,12 @@ def _drive(
         if sizes and gains:
             stated = min(sizes, key=lambda one: abs(math.log(middle / one[1])))[0]
     sure = "sure" if strength - rival > 0.15 and strength > 0.85 else "likely" if strength - rival > 0.05 else "a guess"
-    sure = "likely" if scale and sure == "sure" else sure
+    # A unit that nobody states is told by the sensors', if theirs are stated.
+    stands = column.unit or any(log.signal(m.column).unit for m in clear)
+    sure = "likely" if sure == "sure" and not stands else sure
+    # Nothing is surer than what it was held against.
+    most = LEVELS.index(sure)
+    kept = [Match(**{**m.__dict__, "sure": LEVELS[max(most, LEVELS.index(m.sure))]}) for m in kept]
     made = Match(column.name, end, stated, sign, scale, 0.0, min(strength, 1.0), math.nan, rival, 0, sure)
     return made, tuple(kept)
 

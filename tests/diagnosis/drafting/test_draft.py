@@ -217,3 +217,13 @@ def test_a_real_axis_whose_columns_state_no_units() -> None:
     assert 10 < float(drive.scale.split()[0]) < 36
     assert drive.sure != "sure"
     assert (measured.column, measured.end, measured.unit, measured.sign) == ("qm", "carriage.flange.position", "m", 1)
+
+
+@pytest.mark.skipif(VARIABLE not in os.environ, reason=f"{VARIABLE} is not set")
+def test_a_real_damper_whose_columns_have_no_names() -> None:
+    """Displacement in inches, force in thousands of pounds; by the source's description columns 2 and 3."""
+    log = look(Path(os.environ[VARIABLE]) / "brfd_friction_backlash" / "dataset-1_0.5Hz20lbtension.json")
+    found = match(load("friction-damper"), log)
+    (drive,) = found.drive
+    assert (log.time.column, drive.column, drive.end) == ("data[1]", "data[2]", "actuator.position")
+    assert {row.column: row.end for row in found.measurements}["data[3]"] == "actuator.force"
