@@ -38,7 +38,12 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     twist = torque / stiffness
 
     def candidate(
-        effect: str, type_name: str, starts: tuple[Sizes, ...], *parameters: EffectParameter, **given: Any
+        effect: str,
+        type_name: str,
+        starts: tuple[Sizes, ...],
+        *parameters: EffectParameter,
+        option: str = "",
+        **given: Any,
     ) -> Candidate:
         twin, called = _twin(type_name) if sliding else (type_name, {})
 
@@ -49,7 +54,7 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
             return [_replaced(name, block, twin, values, given)]
 
         known = tuple(replace(p, name=called.get(p.name, p.name)) for p in parameters)
-        return Candidate(effect, name, name, name, edits, known, tuple(own(start) for start in starts))
+        return Candidate(effect, name, name, name, edits, known, tuple(own(start) for start in starts), option=option)
 
     cubic = stiffness**3 / torque**2
     yield candidate(
@@ -74,6 +79,16 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         combinations(yield_twist=shares(twist, 3.0, 1.0, 0.2), residual_share=(0.95, 0.6)),
         EffectParameter("yield_twist", twist),
         EffectParameter("residual_share", 0.5, usual=1.0),
+    )
+    yield candidate(
+        "hysteresis",
+        "BoucWenSpring",
+        combinations(yield_twist=shares(twist, 3.0, 1.0, 0.3), residual_share=(0.6,), loading_share=(-0.4,)),
+        EffectParameter("yield_twist", twist),
+        EffectParameter("residual_share", 0.5, usual=1.0),
+        EffectParameter("loading_share", 1.0, signed=True),
+        option="stiffening under load",
+        unloading_share=1.0,
     )
     centre = math.sqrt(stiffness / min(scales.inertia.values(), default=1.0))
     # What is faster than the recordings show need not be simulated.
