@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -38,17 +38,19 @@ def compare(
 
     if report is not None:
         check_suffix(report, HTML)
+    made: list[tuple[Recorded, Comparison]] = []
     loaded = load(scenario, overrides)
     if not recordings and not loaded.recordings:
         raise FlexarmError(
             f"{loaded.name} describes no recordings", remedy="name a file, or add a section 'recordings:'"
         )
     found = [find_recording(loaded, given) for given in recordings or loaded.recordings]
-    made: list[tuple[Recorded, Comparison]] = []
+    done: list[dict[str, Any]] = []
     for recording in found:
         with Progress(f"{loaded.name} against {recording.name}") as progress:
             comparison = compare_one(loaded, recording, progress=progress.update)
         made.append((recording, comparison))
+        done.append(comparison.numbers())
         if not as_json:
             typer.echo(comparison_page(comparison, rows))
     if report is not None:
@@ -56,10 +58,9 @@ def compare(
         from flexarm.report.origin import command_line
 
         write_comparisons(loaded, made, report, command=command_line())
+        if not as_json:
+            typer.echo(f"written: {report}")
     if as_json:
-        done = [comparison.numbers() for _, comparison in made]
         typer.echo(
             json_text({"scenario": loaded.name, "overrides": list(loaded.overrides), "recordings": done}, indent=2)
         )
-    elif report is not None:
-        typer.echo(f"written: {report}")
