@@ -36,6 +36,7 @@ from flexarm.commands.sweep import sweep
 from flexarm.commands.trim import trim
 from flexarm.commands.uncertain import uncertain
 from flexarm.console.options import AUTOMATIC
+from flexarm.console.progress import Progress
 
 COMMANDS = (
     run,
@@ -136,7 +137,8 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         try:
-            app(args=_with_default_plot(given), prog_name="flexarm")
+            with Progress(f"flexarm {' '.join(given[:2])}", spare=True):
+                app(args=_with_default_plot(given), prog_name="flexarm")
         finally:
             sys.stdout.flush()
     except OSError as error:

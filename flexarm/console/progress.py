@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 EVERY = 10.0
 """Seconds between lines where there is no terminal."""
@@ -21,7 +21,10 @@ class Progress:
         title: what is being done.
         clock: seconds that have passed.
         write: takes a line, where there is no terminal.
+        spare: for work that may show its own progress: silent in a terminal, and while another is open.
     """
+
+    _open: ClassVar[list[Progress]] = []
 
     def __init__(
         self,
@@ -29,6 +32,7 @@ class Progress:
         *,
         clock: Callable[[], float] = time.monotonic,
         write: Callable[[str], object] | None = None,
+        spare: bool = False,
     ) -> None:
         self.title, self.what = title, ""
         self.bar: Any = None
@@ -37,12 +41,17 @@ class Progress:
         self._write = write or (lambda line: print(line, file=sys.stderr, flush=True))
         self._share: float | None = None
         self._begun = self._phase = clock()
+        self._spare = spare
         self._over = threading.Event()
         self._teller: threading.Thread | None = None
 
     def __enter__(self) -> Progress:
         self._begun = self._phase = self._clock()
+        if not self._spare:
+            self._open.append(self)
         if sys.stderr.isatty():
+            if self._spare:
+                return self
             from rich.console import Console
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
             from rich.progress import Progress as Bar
@@ -87,9 +96,12 @@ class Progress:
 
     def _tell(self) -> None:
         while not self._over.wait(EVERY):
-            self._write(self.line())
+            if not (self._spare and self._open):
+                self._write(self.line())
 
     def __exit__(self, *_: object) -> None:
+        if self in self._open:
+            self._open.remove(self)
         self._over.set()
         if self._teller is not None:
             self._teller.join()

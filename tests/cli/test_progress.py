@@ -53,6 +53,25 @@ def test_lines_come_while_nobody_calls(monkeypatch: pytest.MonkeyPatch) -> None:
     assert lines[0].startswith("arm: fit: ")
 
 
+def test_a_spare_one_is_silent_while_another_is_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "EVERY", 0.001)
+    come = threading.Event()
+    own: list[str] = []
+    spare: list[str] = []
+
+    def write(line: str) -> None:
+        own.append(line)
+        if len(own) > 20:
+            come.set()
+
+    with Progress("arm: fit", write=write), Progress("flexarm fit", write=spare.append, spare=True):
+        assert come.wait(60)
+    assert spare == []
+    said = threading.Event()
+    with Progress("flexarm run", write=lambda _: said.set(), spare=True):
+        assert said.wait(60)
+
+
 @pytest.mark.parametrize(("seconds", "text"), [(0.4, "0 s"), (59.4, "59 s"), (200, "3 min 20 s"), (7500, "2 h 5 min")])
 def test_times_in_words(seconds: float, text: str) -> None:
     assert span(seconds) == text
