@@ -75,8 +75,10 @@ def draft(scenario: Scenario, logs: Sequence[LogFile], matches: Matches) -> Draf
         FlexarmError: a file lacks a column that was matched.
     """
     for log in logs:
+        known = [s.name for s in log.signals]
         for row in (*matches.drive, *matches.measurements):
-            log.columns.number(row.column)
+            if row.column not in known:
+                log.columns.number(row.column)
     taken = set(scenario.recordings)
     entries: list[Entry] = []
     for log in logs:
@@ -206,7 +208,7 @@ def log_times(log: LogFile) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 def _strength(log: LogFile, matches: Matches) -> float:
     """Excitation of a file: what drives, or what is measured."""
     columns = [row.column for row in (matches.drive or matches.measurements)]
-    return float(np.sum([np.nanstd(log.columns.raw[name]) for name in columns]))
+    return float(np.sum([np.nanstd(s.values) for s in log.signals if s.name in columns]))
 
 
 def _entry(made: Draft, entry: Entry, folder: Path, *, first: bool) -> list[str]:

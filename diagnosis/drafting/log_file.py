@@ -131,11 +131,12 @@ def look(path: Path, *, time: str | None = None, interval: float | None = None, 
     for name in columns.names:
         if name == axis.column:
             continue
-        found = None if name in columns.odd else _signal(name, columns)
+        found = None if name in columns.odd else _signal(name, columns.raw[name], columns.units)
         if found is None:
             constant.append(name)
         else:
             signals.append(found)
+    signals += _of_other_clocks(columns, axis)
     if not signals:
         raise RecordingError(f"no column of '{path}' changes", Where(str(path)), "is it the right file?")
     made = LogFile(path, columns, axis, signals, constant, notes=list(columns.notes))
@@ -222,13 +223,33 @@ def _seconds(values: Vector, unit: str) -> Vector:
     return np.asarray((values - values[0]) * factor(unit, "s"), dtype=float)
 
 
-def _signal(name: str, columns: Columns) -> Signal | None:
-    values = columns.raw[name]
+def _of_other_clocks(columns: Columns, axis: TimeGuess) -> list[Signal]:
+    """Columns of other topics or groups, between their samples as far as they reach; read, they are joined on time."""
+    if axis.column is None:
+        return []
+    seconds = factor(axis.unit, "s")
+    leading = columns.raw[axis.column] * seconds
+    made = []
+    for name, other in columns.others.items():
+        if other.time is None or name == other.clock or len(other.values) < 4:
+            continue
+        there = np.isfinite(other.time) & np.isfinite(other.values)
+        if there.sum() < 4 or np.diff(other.time[there]).min() < 0:
+            continue
+        own = other.time[there] * seconds
+        found = _signal(
+            name, np.interp(leading, own, other.values[there], left=np.nan, right=np.nan), columns.units, join=True
+        )
+        made += [found] if found is not None else []
+    return made
+
+
+def _signal(name: str, values: Vector, units: dict[str, str], *, join: bool = False) -> Signal | None:
     there = np.isfinite(values)
     if there.sum() < 4 or np.ptp(values[there]) == 0:
         return None
-    unit = stated_unit(name, columns.units)
-    whole = bool(np.all(values[there] == np.round(values[there]))) and quantum(values) >= COUNT_STEP
+    unit = stated_unit(name, units)
+    whole = not join and bool(np.all(values[there] == np.round(values[there]))) and quantum(values) >= COUNT_STEP
     made = Signal(name, values.copy(), unit, counts=whole)
     scale = factor(unit, "rad") if unit and _is_angle(unit) else 1.0
     jumps = quality.wraps(values * scale, scale)

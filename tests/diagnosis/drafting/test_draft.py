@@ -227,3 +227,26 @@ def test_a_real_damper_whose_columns_have_no_names() -> None:
     (drive,) = found.drive
     assert (log.time.column, drive.column, drive.end) == ("data[1]", "data[2]", "actuator.position")
     assert {row.column: row.end for row in found.measurements}["data[3]"] == "actuator.force"
+
+
+def test_topics_of_a_bag_are_told_apart_and_joined(model: Scenario, logs: list[Path], tmp_path: Path) -> None:
+    """The command in one topic at half the rate of the sensors' in another, as a bag holds them."""
+    h5py = pytest.importorskip("h5py")
+    rows = np.loadtxt(logs[0], delimiter=",", skiprows=1)
+    with h5py.File(tmp_path / "bag.h5", "w") as file:
+        for group, part, columns in (("cmd", rows[::2], {"data": 1}), ("state", rows, {"enc": 2, "tacho_rpm": 4})):
+            made = file.create_group(group)
+            made["time"] = part[:, 0] / 1000
+            for name, k in columns.items():
+                made[name] = part[:, k]
+    log = look(tmp_path / "bag.h5")
+    assert log.time.column == "state.time"
+    found = match(model, log)
+    assert [row.column for row in found.drive] == ["cmd.data"]
+    assert {row.column: row.end for row in found.measurements} == {
+        "state.enc": "link.hub.angle",
+        "state.tacho_rpm": "motor.shaft.speed",
+    }
+    (tmp_path / "s.yaml").write_text(inserted(model.path.read_text(), text(draft(model, [log, log], found), tmp_path)))
+    drafted = load(tmp_path / "s.yaml")
+    assert compare(drafted, "bag").signals["link.hub.angle"].nrmse > 97
