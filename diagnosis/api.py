@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,6 +30,9 @@ from scenarios.load import Scenario, load
 
 BLAS_THREADS = 1
 """The matrices are small: threads of the linear algebra would wait for one another, and change the rounding."""
+
+RANDOM_STARTS = 2
+"""Of a fit, beside the values given."""
 
 
 def gather(
@@ -57,6 +61,7 @@ def fit(
     overrides: Sequence[str] = (),
     workers: int | None = None,
     seed: int = 0,
+    progress: Callable[[float], None] | None = None,
 ) -> tuple[Fit, dict[str, float]]:
     """Fit a scenario's parameters, within their tolerances, to recordings.
 
@@ -67,6 +72,7 @@ def fit(
         overrides: ``key=value`` texts.
         workers: threads; as many as cores if None. The result does not depend on them.
         seed: of the random starts.
+        progress: called with the fraction done, from 0 to 1.
 
     Returns:
         The fit, and the mean squared residual over the noise variance by role.
@@ -76,8 +82,16 @@ def fit(
     """
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
     recorded = gather(scenario, recordings, hold_out)
+    begun = itertools.count()
+
+    def said(_: str) -> None:
+        # Told at each start, the first of which is where the fit stands.
+        if progress is not None:
+            progress(next(begun) / (RANDOM_STARTS + 1))
+
     with threadpool_limits(BLAS_THREADS):
-        made = fit_problem(problem(scenario, recorded), random_starts=2, seed=seed, workers=workers or cores())
+        posed = problem(scenario, recorded)
+        made = fit_problem(posed, random_starts=RANDOM_STARTS, seed=seed, workers=workers or cores(), progress=said)
     scores = {"fitted": made.chi2}
     if made.problem.held_out:
         # Nothing that was fitted tells the state in which a held-out recording begins.

@@ -29,18 +29,21 @@ from flexarm.commands.export import export
 from flexarm.commands.fit import fit
 from flexarm.commands.linearise import linearise
 from flexarm.commands.margins import margins
+from flexarm.commands.record import record
 from flexarm.commands.run import run
 from flexarm.commands.schema import schema
 from flexarm.commands.sweep import sweep
 from flexarm.commands.trim import trim
 from flexarm.commands.uncertain import uncertain
 from flexarm.console.options import AUTOMATIC
+from flexarm.console.progress import Progress
 
 COMMANDS = (
     run,
     check,
     blocks,
     schema,
+    record,
     compare,
     fit,
     diagnose,
@@ -134,7 +137,8 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         try:
-            app(args=_with_default_plot(given), prog_name="flexarm")
+            with Progress(f"flexarm {' '.join(given[:2])}", spare=True):
+                app(args=_with_default_plot(given), prog_name="flexarm")
         finally:
             sys.stdout.flush()
     except OSError as error:

@@ -9,11 +9,8 @@ import atexit
 import hashlib
 import json
 import math
-import os
-import signal
 import struct
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Sequence
@@ -21,6 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from engine.child_process import ending, environment, python_command
 from engine.errors import FlexarmError, SimulationError
 from fmu.archive import unpack
 from fmu.loaded import Described, described
@@ -40,15 +38,13 @@ class Child:
     """
 
     def __init__(self) -> None:
-        # -P keeps the current folder out of the path, where any file could pass itself off as a module.
-        command = [_python(), "-P", "-c", "from fmu.child import main; main()"]
-        paths = os.pathsep.join(str(Path(entry).resolve()) for entry in sys.path if entry)
+        command = python_command("from fmu.child import main; main()")
         try:
             self._process = subprocess.Popen(
                 command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                env=os.environ | {"PYTHONPATH": paths},
+                env=environment(),
             )
         except OSError as error:
             raise FlexarmError(f"no process can be started for the FMU: {error.strerror}") from error
@@ -85,7 +81,7 @@ class Child:
         self.kill()
         if late:
             raise SimulationError(f"'{name}' did not load within {LOADING:g} s", remedy=_REMEDY)
-        raise SimulationError(f"'{name}' ended its process {_ending(process.returncode)}", remedy=_REMEDY)
+        raise SimulationError(f"'{name}' ended its process {ending(process.returncode)}", remedy=_REMEDY)
 
     def kill(self) -> None:
         """End it at once."""
@@ -97,23 +93,6 @@ class Child:
                 with suppress(OSError):
                     pipe.close()
         process.wait()
-
-
-def _ending(code: int) -> str:
-    if code >= 0:
-        return f"with exit code {code}"
-    with suppress(ValueError):
-        name = signal.Signals(-code).name
-        return f"by {name} ({(signal.strsignal(-code) or '').lower()})"
-    return f"by signal {-code}"
-
-
-def _python() -> str:
-    """This interpreter; inside of another program that embeds Python, the one that belongs to its library."""
-    for found in (Path(sys.executable or "."), *(Path(sys.prefix) / name for name in ("bin/python3", "python.exe"))):
-        if found.is_file() and found.stem.lower().startswith("python"):
-            return str(found)
-    raise FlexarmError("no Python is found in which an FMU could be loaded", remedy=f"there is none in '{sys.prefix}'")
 
 
 _idle: list[tuple[str, Child]] = []

@@ -216,7 +216,9 @@ def relocated(text: str, old: Path, new: Path) -> str:
     """The text with the files it names relative to ``old`` named relative to ``new``."""
 
     def change(document: Any) -> None:
-        entries = [*(document.get("recordings") or {}).values(), *(document.get("blocks") or {}).values()]
+        recordings = list((document.get("recordings") or {}).values())
+        further = [one for entry in recordings if isinstance(entry, dict) for one in entry.get("files") or []]
+        entries = [*recordings, *further, *(document.get("blocks") or {}).values()]
         for entry in entries:
             for key in ("file", "type"):
                 value = entry.get(key) if isinstance(entry, dict) else None

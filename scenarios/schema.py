@@ -32,8 +32,8 @@ QUANTITY_PATTERN = (
     rf"{EXPRESSION_PATTERN})$"
 )
 FILE = (
-    "a .csv, .mat, .parquet, .json, .jsonl or .dat file, relative to this file, or $FLEXARM_RECORDINGS/... for one in "
-    "the folder that this environment variable names"
+    "a .csv, .mat, .parquet, .json, .jsonl or .dat file, or with extras .mcap, a rosbag2, .h5, .mf4, .tdms or .xlsx; "
+    "relative to this file, or $FLEXARM_RECORDINGS/... for one in the folder that this environment variable names"
 )
 LONGEST_NAME = 100
 """Characters of a name; names of files, of C functions and of variables are made of it."""
@@ -76,6 +76,11 @@ Quantity = Annotated[
     Any,
     BeforeValidator(_quantity),
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}),
+]
+AutoQuantity = Annotated[
+    Any,
+    BeforeValidator(_quantity),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"const": "auto"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}),
 ]
 Wrap = Annotated[
     Any,
@@ -268,6 +273,31 @@ class StartOfRecord(Section):
     )
 
 
+class Alike(Section):
+    """A column of a further file, and one of the leading file, that show the same motion."""
+
+    column: Text = Field(description="name of the column in the further file")
+    to: Text = Field(description="name of the column in the leading file")
+
+
+class FurtherFile(Section):
+    """Another file of the same experiment, with a clock of its own."""
+
+    file: Text = Field(description=FILE)
+    format: Text | None = Field(default=None, description="of a file whose ending does not tell it, such as csv")
+    name: Name | None = Field(
+        default=None, description="its columns are then called name.column; needed where two files have one of a name"
+    )
+    time: TimeColumn = Field(description="its time axis")
+    offset: AutoQuantity = Field(
+        default=0.0, description="added to its time to get that of the leading file, s, or auto: found by `alike`"
+    )
+    rate: AutoQuantity = Field(
+        default=1.0, description="seconds of the leading file's clock to one of its own, or auto: found by `alike`"
+    )
+    alike: Alike | None = Field(default=None, description="columns by which an offset or a rate is found")
+
+
 class TimeRecording(Section):
     """A recording over time."""
 
@@ -275,6 +305,9 @@ class TimeRecording(Section):
     file: Text = Field(description=FILE)
     format: Text | None = Field(default=None, description="of a file whose ending does not tell it, such as csv")
     time: TimeColumn = Field(description="the time axis")
+    files: list[FurtherFile] = Field(
+        default_factory=list, description="further files of the experiment; `file` leads: its time is the recording's"
+    )
     window: list[Quantity] | None = Field(
         default=None,
         description="first and last instant to use, s, as the file counts time",

@@ -9,9 +9,14 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from flexarm.console import progress
+
 # The first example of a property may compile a model, so examples have no time limit.
 settings.register_profile("flexarm", deadline=None, max_examples=30, derandomize=True)
 settings.load_profile("flexarm")
+
+# What commands write does not depend on how long they take here.
+progress.EVERY = 1e9
 
 
 # A run in the background of a shell script is started with interrupts ignored, and tests of them would wait for ever.

@@ -8,6 +8,7 @@ import sys
 import tomllib
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -71,21 +72,37 @@ def version() -> str:
     return str(project["version"])
 
 
+LOGGERS = ("ros", "matlab", "hdf5", "mdf", "tdms", "excel")
+
+
+def wanted_lines(project: dict[str, Any], *extras: str) -> list[str]:
+    """Requirements of the project and of extras, without references to other extras."""
+    lines = [line for extra in extras for line in project["optional-dependencies"][extra]]
+    return [line for line in [*project["dependencies"], *lines] if not line.startswith("flexarm[")]
+
+
+def test_the_extra_for_loggers_is_all_of_theirs() -> None:
+    from diagnosis.recordings.loggers.host import FORMATS
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["optional-dependencies"]["loggers"] == [f"flexarm[{','.join(LOGGERS)}]"]
+    assert {form.extra for form in FORMATS.values()} == set(LOGGERS)
+
+
 def test_lock_file_holds_names_and_versions_only() -> None:
     lines = (ROOT / "requirements.lock").read_text().splitlines()
     pins = [line for line in lines if not line.startswith("#")]
     assert all(re.fullmatch(r"[a-z0-9-]+==[0-9][0-9a-z.+!]*", pin) for pin in pins)
     locked = {pin.partition("==")[0] for pin in pins}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    wanted = wanted_lines(project, "dev", "loggers", *LOGGERS)
     names = {re.sub(r"[-_.]+", "-", re.split(r"[<>=\[ ]", line)[0]).lower() for line in wanted}
     assert names <= locked
 
 
 def test_every_dependency_has_a_lower_and_an_upper_bound() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extras = project["optional-dependencies"]
-    wanted = [*project["dependencies"], *(line for lines in extras.values() for line in lines)]
+    wanted = wanted_lines(project, *project["optional-dependencies"])
     assert all(">=" in line and ",<" in line for line in wanted)
 
 

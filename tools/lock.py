@@ -24,7 +24,17 @@ def wanted() -> list[str]:
     """The requirements that pyproject.toml names."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    return [*project["dependencies"], *(line for extra in EXTRAS for line in extras[extra])]
+    found = [*project["dependencies"]]
+    waiting = [line for extra in EXTRAS for line in extras[extra]]
+    while waiting:
+        line = waiting.pop(0)
+        # An extra may name others of the project itself.
+        own = re.fullmatch(rf"{project['name']}\[([^]]*)\]", line)
+        if own:
+            waiting = [inner for extra in own[1].split(",") for inner in extras[extra.strip()]] + waiting
+        elif line not in found:
+            found.append(line)
+    return found
 
 
 def resolve(requirements: list[str]) -> dict[str, str]:

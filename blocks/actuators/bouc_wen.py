@@ -16,13 +16,16 @@ class BoucWenSpring(Block):
 
     e = angle of a - angle of b - rest_angle.
 
-    h = (b |e'| z |z|^(p-1) + (1 - b) e' |z|^p) / zy^p: z follows small e, and is held at +-zy while the twist goes on.
+    h = (b |e'| z |z|^(p-1) + (c - b) e' |z|^p) / zy^p: z follows small e, and is held at +-zy while the twist goes on.
     k = stiffness at small twist, r = residual_share of it that stays at large twist, zy = yield_twist, p = sharpness of
-    the knee, b = unloading_share, d = damping. tau acts on b and -tau on a: the spring drives b after a. z begins at
-    -rest_angle, the twist of a spring that was wound before its shafts start at zero, or at +-zy where that is more.
+    the knee, b = unloading_share, c = loading_share, d = damping. tau acts on b and -tau on a: the spring drives b
+    after a. z begins at -rest_angle, the twist of a spring that was wound before its shafts start at zero, or at +-zy
+    where that is more.
 
     Without d the loop does not depend on the rate. With b = 1/2 the spring unloads with its full stiffness; a greater b
-    makes the loop wider, and from 1/2 on the law never gives out more than it took in.
+    makes the loop wider, and from 1/2 on the law never gives out more than it took in. With c below 1 the yield is
+    farther off, zy / c^(1/p), and below 0 there is none: the spring stiffens while it is loaded [Noel 2016]. Energy is
+    counted as stored by (r e^2 + (1 - r) z^2) k / 2 whatever c: below 0 what is lost is right for whole cycles only.
     [Bouc 1967; Wen 1976]
     """
 
@@ -33,6 +36,9 @@ class BoucWenSpring(Block):
     yield_twist = parameter("rad", ..., "twist zy at which the hysteretic part is full", gt=0, tolerance=0.3)
     sharpness = parameter("1", 1.0, "exponent p of the knee", ge=1, tolerance=0.3)
     unloading_share = parameter("1", 0.5, "share b of the yield law that |e'| drives", ge=0.5, le=1, tolerance=0.3)
+    loading_share = parameter(
+        "1", 1.0, "share c of the yield law that loading shows; below 0 it stiffens", ge=-10, le=1
+    )
     damping = parameter("N.m.s/rad", 0.0, "torque per rate of twist d", ge=0, tolerance=0.3)
     rest_angle = parameter("rad", 0.0, "angle of a - angle of b at which the spring is slack")
 
@@ -42,13 +48,13 @@ class BoucWenSpring(Block):
     torque = signal_out("N.m", "torque on b, tau")
 
     def stamp(self, net: Net) -> None:
-        a, b, k, share = self.a, self.b, self.stiffness, self.unloading_share
+        a, b, k, share, load = self.a, self.b, self.stiffness, self.unloading_share, self.loading_share
         twist, rate = a.angle - b.angle - self.rest_angle, a.speed - b.speed
         wound = least(greatest(-self.rest_angle, -self.yield_twist), self.yield_twist)
         z = net.state("hysteresis", self.here("rad"), start=wound, doc="hysteretic part z of the twist")
         size, speed = greatest(z, -z) / self.yield_twist, greatest(rate, -rate)
         knee = greatest(size, 1e-12) ** (self.sharpness - 1)
-        lost = knee * (share * speed * z / self.yield_twist + (1 - share) * rate * size)
+        lost = knee * (share * speed * z / self.yield_twist + (load - share) * rate * size)
         net.derivative(z, rate - lost)
 
         elastic, hysteretic = self.residual_share * k * twist, (1 - self.residual_share) * k * z

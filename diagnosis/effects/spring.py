@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from blocks.registry import find
@@ -26,22 +27,34 @@ def is_linear_spring(block: Block) -> bool:
 
 
 def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
-    """Other laws in place of a linear torsion spring, with its stiffness, damping and preload."""
+    """Other laws in place of a linear spring, with its stiffness, damping and preload; along a slide their twins."""
     name, block = place.target, scales.system.blocks[place.target]
-    if not is_linear_spring(block) or slides(scales.system, f"{name}.a"):
+    if not is_linear_spring(block):
         return
+    sliding = slides(scales.system, f"{name}.a")
     stiffness, damping = (_value(block, key) for key in block.spring_parameters[:2])
     torque = max((t for f, t in scales.torque.items() if f.startswith(f"{name}.")), default=0.0)
     torque = torque or max(scales.torque.values(), default=1.0)
     twist = torque / stiffness
 
     def candidate(
-        effect: str, type_name: str, starts: tuple[Sizes, ...], *parameters: EffectParameter, **given: Any
+        effect: str,
+        type_name: str,
+        starts: tuple[Sizes, ...],
+        *parameters: EffectParameter,
+        option: str = "",
+        **given: Any,
     ) -> Candidate:
-        def edits(values: Sizes) -> list[Edit]:
-            return [_replaced(name, block, type_name, values, given)]
+        twin, called = _twin(type_name) if sliding else (type_name, {})
 
-        return Candidate(effect, name, name, name, edits, parameters, starts)
+        def own(sizes: Sizes) -> Sizes:
+            return {called.get(key, key): value for key, value in sizes.items()}
+
+        def edits(values: Sizes) -> list[Edit]:
+            return [_replaced(name, block, twin, values, given)]
+
+        known = tuple(replace(p, name=called.get(p.name, p.name)) for p in parameters)
+        return Candidate(effect, name, name, name, edits, known, tuple(own(start) for start in starts), option=option)
 
     cubic = stiffness**3 / torque**2
     yield candidate(
@@ -50,21 +63,32 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         combinations(cubic_stiffness=shares(cubic, 1e-3, 0.01, 0.1, 1.0)),
         EffectParameter("cubic_stiffness", cubic),
     )
-    yield candidate(
-        "backlash",
-        "Backlash",
-        combinations(half_gap=shares(twist, 1e-3, 0.01, 0.1, 0.5, 2.0)),
-        EffectParameter("half_gap", twist),
-        law="push_only",
-    )
+    if not sliding:  # play in a slide comes with the compliance of its mount
+        yield candidate(
+            "backlash",
+            "Backlash",
+            combinations(half_gap=shares(twist, 1e-3, 0.01, 0.1, 0.5, 2.0)),
+            EffectParameter("half_gap", twist),
+            law="push_only",
+        )
     if damping:
-        yield candidate("one_sided_contact", "Backlash", ({},), half_gap="0 rad", law="push_only")
+        yield candidate("one_sided_contact", "Backlash", ({},), half_gap="0 m" if sliding else "0 rad", law="push_only")
     yield candidate(
         "hysteresis",
         "BoucWenSpring",
         combinations(yield_twist=shares(twist, 3.0, 1.0, 0.2), residual_share=(0.95, 0.6)),
         EffectParameter("yield_twist", twist),
         EffectParameter("residual_share", 0.5, usual=1.0),
+    )
+    yield candidate(
+        "hysteresis",
+        "BoucWenSpring",
+        combinations(yield_twist=shares(twist, 3.0, 1.0, 0.3), residual_share=(0.6,), loading_share=(-0.4,)),
+        EffectParameter("yield_twist", twist),
+        EffectParameter("residual_share", 0.5, usual=1.0),
+        EffectParameter("loading_share", 1.0, signed=True),
+        option="stiffening under load",
+        unloading_share=1.0,
     )
     centre = math.sqrt(stiffness / min(scales.inertia.values(), default=1.0))
     # What is faster than the recordings show need not be simulated.
@@ -111,6 +135,12 @@ def at_mount(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     plays = tuple({"half_gap": gap, **s} for gap in shares(travel, *PLAYS) for s in contacts)
     gap = EffectParameter("half_gap", travel)
     yield Candidate("backlash", name, name, name, loose, (gap, *parameters(contacts)), plays)
+
+
+def _twin(type_name: str) -> tuple[str, dict[str, str]]:
+    """The type of a law along a slide, and what it calls otherwise."""
+    made = find(type_name)
+    return made.slide_twin, dict(made.slide_names)
 
 
 def _value(block: Block, key: str) -> float:

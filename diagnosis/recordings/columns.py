@@ -1,31 +1,37 @@
-"""Files of columns: CSV, MATLAB, Parquet, JSON and plain tables, checked with row numbers."""
+"""Files of columns, of every format, checked with row numbers."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.recordings.columns_type import Columns, RecordingError, Vector
+from diagnosis.recordings.columns_type import Columns, Elsewhere, RecordingError, Vector
 from diagnosis.recordings.dialect import read_dialect
+from diagnosis.recordings.loggers.found import Found
+from diagnosis.recordings.loggers.host import FORMATS, installed, read_foreign
 from engine.errors import Where, nearest
 from engine.files import missing
+from engine.readers.matlab import LARGEST as LARGEST_MAT
 from engine.readers.matlab import read_mat, simplified
 from engine.readers.objects import LINES, read_json
-from engine.readers.regular import FileProblem, opened, problem
+from engine.readers.regular import FileProblem, opened, problem, shown
 from engine.readers.text import LARGEST, Oddity, TextTable, as_numbers, check_names, read_plain, read_table
 
 __all__ = ["SUFFIXES", "Columns", "RecordingError", "Vector", "read_columns"]
 
-SUFFIXES = (".csv", ".txt", ".tsv", ".log", ".asc", ".mat", ".parquet", ".json", ".jsonl", ".ndjson", ".dat")
+OWN = (".csv", ".txt", ".tsv", ".log", ".asc", ".mat", ".parquet", ".json", ".jsonl", ".ndjson", ".dat")
+SUFFIXES = (*OWN, *(ending for ending in FORMATS if ending.startswith(".")))
 TEXTS = ("", ".csv", ".txt", ".tsv", ".log", ".asc")
 FREE_CELLS, CELLS_A_BYTE = 10_000_000, 10
 """Rows times columns that a Parquet file may unpack to in any case, and for each of its bytes."""
+HDF5 = b"\x89HDF\r\n\x1a\n"
 DEEPEST = 40
 """Levels of structures in a MATLAB or JSON file that are searched for columns."""
 
@@ -34,10 +40,11 @@ def read_columns(path: Path, where: Where | None = None, like: str = "", form: s
     """Read a file of columns.
 
     Columns are called as in the header, the variable or the key; those of a matrix ``name[1]``, ``name[2]``, the cells
-    of a MATLAB cell array ``name{1}``, and the columns of a .dat file, which has no header, ``[1]``, ``[2]``.
+    of a MATLAB cell array ``name{1}``, and the columns of a .dat file, which has no header, ``[1]``, ``[2]``; a bag's
+    ``topic.field``. Columns of another length than the time's are kept with their own clock, where the file has one.
 
     Args:
-        path: a .csv, .mat (version 5), .parquet, .json, .jsonl or .dat file.
+        path: a file of one of `SUFFIXES`, or the folder of a rosbag2.
         where: the place in the scenario that names it.
         form: format of a file whose name does not tell it, such as ``csv``.
         like: column whose length the others must have, for files that hold several lengths; the most common otherwise.
@@ -50,7 +57,13 @@ def read_columns(path: Path, where: Where | None = None, like: str = "", form: s
         raise RecordingError(f"there is no recording '{path}'", where, nearest(path.name, beside) if beside else "")
     kind = f".{form.lower().lstrip('.')}" if form else path.suffix.lower()
     try:
-        if kind in (".mat", ".json", *LINES):
+        if path.is_dir() and (path / "metadata.yaml").is_file():
+            columns = _foreign(path, read_foreign(path, "rosbag2"), like)
+        elif kind in FORMATS:
+            columns = _foreign(path, read_foreign(path, kind), like)
+        elif kind == ".mat" and _needs_library(path):
+            columns = _foreign(path, read_foreign(path, "matlab"), like)
+        elif kind in (".mat", ".json", *LINES):
             columns = _structure(path, like)
         elif kind == ".dat":
             columns = _text(path, read_plain)
@@ -105,14 +118,49 @@ def _structure(path: Path, like: str) -> Columns:
     """Every vector and matrix of a MATLAB or JSON file that is as long as most, or as ``like``."""
     matlab = path.suffix.lower() == ".mat"
     content = simplified(read_mat(path)) if matlab else read_json(path, records=True)
+    objects = [shown(name) for name, value in content.items() if value is None] if matlab else []
+    if objects and installed("matlab"):
+        return _foreign(path, read_foreign(path, "matlab"), like)
     flat: dict[str, Vector] = {}
     _collect("", content, flat, path)
+    remedy = f"pip install 'flexarm[{FORMATS['matlab'].extra}]' to read tables" if objects else ""
     if not flat:
-        raise RecordingError("the file holds no columns of numbers", Where(str(path)))
+        raise RecordingError("the file holds no columns of numbers", Where(str(path)), remedy)
+    notes = (f"{', '.join(objects[:8])} hold no plain numbers and are left out; {remedy}",) if objects else ()
+    return replace(_of_length(path, Found(flat), like), units=_mat_units(content), notes=notes)
+
+
+def _foreign(path: Path, found: Found, like: str) -> Columns:
+    columns = _of_length(path, found, like)
+    odd = {name: Oddity(*said) for name, said in found.odd.items()}
+    return replace(columns, units=found.units, odd=odd, notes=tuple(found.notes))
+
+
+def _needs_library(path: Path) -> bool:
+    """Whether a MATLAB file is of version 7.3, or holds tables."""
+    with opened(path, LARGEST_MAT, "save a part of it") as file:
+        start = file.read(520)
+    return start[:8] == HDF5 or start[512:] == HDF5 or start[124:128] in (b"\x00\x02IM", b"\x02\x00MI")
+
+
+def _of_length(path: Path, found: Found, like: str) -> Columns:
+    """The columns that belong to the clock ``like``, or are as long as it, or as most."""
+    flat = found.columns
     lengths = Counter(len(values) for values in flat.values())
     length = len(flat[like]) if like in flat else max(lengths, key=lambda n: (lengths[n] * (n > 1), n))
-    columns = {name: values for name, values in flat.items() if len(values) == length}
-    return Columns(str(path), columns, np.arange(1, length + 1), units=_mat_units(content))
+    clock = found.clocks.get(like)
+
+    def together(name: str) -> bool:
+        own = found.clocks.get(name)
+        return len(flat[name]) == length and (own == clock or own is None or clock is None)
+
+    columns = {name: values for name, values in flat.items() if together(name)}
+    others = {
+        name: Elsewhere(values, found.clocks.get(name, ""), flat.get(found.clocks.get(name, "")))
+        for name, values in flat.items()
+        if name not in columns
+    }
+    return Columns(str(path), columns, np.arange(found.rows, found.rows + length), others=others)
 
 
 def _collect(prefix: str, value: Any, flat: dict[str, Vector], path: Path, depth: int = 0) -> None:

@@ -19,6 +19,21 @@ class RecordingError(FlexarmError):
     """A recording cannot be used."""
 
 
+@dataclass(frozen=True)
+class Elsewhere:
+    """A column of a file that does not belong to the rows of the others.
+
+    Attributes:
+        values: shape (other rows,).
+        clock: the column that holds its time; empty if the file does not say.
+        time: that column, shape (other rows,), in the file's time; None if the file does not say.
+    """
+
+    values: Vector
+    clock: str
+    time: Vector | None
+
+
 @dataclass
 class Columns:
     """The columns of a file.
@@ -31,6 +46,7 @@ class Columns:
         units: units that the file itself states, by column.
         odd: the first text of each column that holds texts; its numbers cannot be asked for.
         notes: what was assumed in reading them, in sentences.
+        others: columns of other lengths or clocks.
     """
 
     file: str
@@ -40,6 +56,7 @@ class Columns:
     units: dict[str, str] = field(default_factory=dict)
     odd: Mapping[str, Oddity] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    others: Mapping[str, Elsewhere] = field(default_factory=dict)
 
     @property
     def names(self) -> list[str]:
@@ -59,6 +76,14 @@ class Columns:
         Raises:
             RecordingError: no such column, or a cell that is neither a number nor empty.
         """
+        if name in self.others:
+            other = self.others[name]
+            its = f"belongs to the time '{shown(other.clock)}'" if other.clock else f"has {len(other.values)} rows"
+            raise RecordingError(
+                f"column '{shown(name)}' {its}, and the time of the recording has {len(self)} rows",
+                where,
+                "list the file under 'files:' once more, with the time of this column",
+            )
         if name not in self.raw:
             raise RecordingError(
                 f"'{self.file}' has no column '{shown(name)}'", where, nearest(name, map(shown, self.names))

@@ -6,9 +6,11 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.recordings.checks import LARGEST, checked
 from diagnosis.recordings.columns import RecordingError, Vector, read_columns
+from diagnosis.recordings.further_files import join_files
 from diagnosis.recordings.paths import recording_path
 from diagnosis.recordings.reader import Reader
 from diagnosis.recordings.time_axis import time_axis, window, with_lead_in
@@ -40,15 +42,18 @@ def from_scenario(scenario: Scenario, name: str) -> Recorded:
 
 
 def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Scenario) -> Recording:
-    time, time_column = time_axis(reader, described)
+    time, time_column = time_axis(reader, described.time)
+    reader.axis = time
+    join_files(reader, name, described, scenario, time)
     required: dict[str, Vector] = {time_column: time}
+    shared = np.ones(len(time), dtype=bool)
     drive = []
     for end, column in described.drive.items():
         keys = ("drive", end)
-        values = required[column.column] = reader.column(column.column, *keys)
+        values = required[column.column] = _driven(reader, column.column, column.hold, shared, keys)
         values = values - reader.convert(column.offset, column.unit, *keys, "offset")
         if column.enable is not None:
-            acts = required[column.enable] = reader.column(column.enable, *keys)
+            acts = required[column.enable] = _driven(reader, column.enable, "zero_order", shared, keys)
             values = np.where(acts != 0, values, 0.0)
         scale, unit = reader.factor(column.unit, column.scale, *keys, "unit")
         drive.append(
@@ -81,8 +86,36 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
         resample=resample,
     )
     within = window(reader, described, time)
+    if not shared.all():
+        reader.notes.append(f"{int((within & ~shared).sum())} rows lie before or after what the drive's file holds")
+        within &= shared
+        if not within.any():
+            raise RecordingError(
+                f"the files of recording '{name}' have no time in common", reader.where("files"), "check their offsets"
+            )
     recording = checked(recording, reader, required, time_column, skip_gaps=described.gaps == "skip", within=within)
     return with_lead_in(recording, described.lead_in)
+
+
+def _driven(reader: Reader, column: str, hold: str, shared: NDArray[np.bool_], keys: tuple[str, ...]) -> Vector:
+    """A column that drives, in the rows of the recording; those that its file does not reach leave ``shared``."""
+    values, clock = reader.column(column, *keys), reader.clock(column)
+    if clock is None or reader.axis is None:
+        return values
+    if hold == "zero_order":
+        made = clock.held(values, reader.axis)
+    elif hold == "linear":
+        made = clock.straight(values, reader.axis)
+    else:
+        raise RecordingError(
+            f"column '{column}' is of another clock, and a band-limited drive cannot be joined",
+            reader.where(*keys, "hold"),
+            "let the file of the drive lead, or write 'hold: linear'",
+        )
+    there = np.flatnonzero(np.isfinite(made))
+    shared[: there[0] if len(there) else None] = False
+    shared[there[-1] + 1 if len(there) else 0 :] = False
+    return made
 
 
 def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario: Scenario) -> Channel:
@@ -111,6 +144,9 @@ def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario
             raise RecordingError(f"a range of {column.wrap}", reader.where(*keys, "wrap"), "give one above zero")
         finite = np.isfinite(values)
         values[finite] = np.unwrap(values[finite], period=period)
+    clock = reader.clock(column.column)
+    if clock is not None and reader.axis is not None:
+        values = clock.measured(values, reader.axis)
     noise = None
     if column.noise != "auto":
         noise = abs(scale) * reader.convert(column.noise, column.unit, *keys, "noise")

@@ -225,11 +225,24 @@ MOST_SPIKES = 0.1
 """Share of the samples from which they are no outliers, but what the signal does."""
 
 
+def _cubic(t: Sequence[Vector], y: Sequence[Vector], at: Vector) -> Vector:
+    """The cubic through four points, each of shape (n,), at one instant of each row (Lagrange)."""
+    made = np.zeros(len(at))
+    for i, value in enumerate(y):
+        weight = np.ones(len(at))
+        for j, other in enumerate(t):
+            if j != i:
+                weight = weight * (at - other) / (t[i] - other)
+        made = made + weight * value
+    return made
+
+
 def spikes(time: Vector, values: Vector, sigma: float) -> NDArray[np.bool_]:
     """Single samples, or two in a row, that jump away and back while the samples on both sides go on as before.
 
     The straight lines through the two samples before and after predict it; at an edge they contradict each other, at
-    a kink they meet it.
+    a kink they meet it. At a peak that few samples make up, the lines meet above it: it lies between them and its
+    neighbours, as no spike does.
 
     Args:
         time: instants (s), shape (samples,).
@@ -256,7 +269,16 @@ def spikes(time: Vector, values: Vector, sigma: float) -> NDArray[np.bool_]:
             left = y[1 : 1 + n] + before[0] / before[1] * (t[at] - t[1 : 1 + n])
             right = y[2 + width :][:n] + after[0] / after[1] * (t[at] - t[2 + width :][:n])
             low, high = y[at] - left, y[at] - right
-            sign[k] = np.where(low * high > 0, np.sign(low), 0)
+            # Straight from the sample before to the one after.
+            share = (t[at] - t[1 : 1 + n]) / (t[2 + width :][:n] - t[1 : 1 + n])
+            chord = y[at] - (1 - share) * y[1 : 1 + n] - share * y[2 + width :][:n]
+            # At the sample in which a swing turns, the lines bend a little, and the chord is far off.
+            out = (low * high > 0) & (np.minimum(low * chord, high * chord) > 0.5 * chord**2)
+            # What swings fast is met by the cubic through the four, and a spike is not.
+            nodes = [slice(0, n), slice(1, 1 + n), slice(2 + width, 2 + width + n), slice(3 + width, 3 + width + n)]
+            bend = y[at] - _cubic([t[node] for node in nodes], [y[node] for node in nodes], t[at])
+            out &= (bend * low > 0.8 * low**2) & (bend * low < 1.25 * low**2)
+            sign[k] = np.where(out, np.sign(low), 0)
             away = np.minimum(away, np.minimum(np.abs(low), np.abs(high)))
             apart = np.maximum(apart, np.abs(left - right))
         alike = (sign == sign[0]).all(axis=0) & (sign[0] != 0)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diagnosis.recordings.columns import RecordingError
-from engine.errors import nearest
+from engine.errors import Where, nearest
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario
@@ -26,10 +26,13 @@ def recording_path(scenario: Scenario, name: str) -> Path:
     Raises:
         RecordingError: the path starts with a variable other than `VARIABLE`, or `VARIABLE` is unset or no folder.
     """
-    file = scenario.recordings[name].file
+    return named_path(scenario, name, scenario.recordings[name].file, scenario.where("recordings", name, "file"))
+
+
+def named_path(scenario: Scenario, name: str, file: str, where: Where) -> Path:
+    """A file that a recording names; see `recording_path`."""
     if not file.startswith("$"):
         return scenario.path.parent / file
-    where = scenario.where("recordings", name, "file")
     variable, _, rest = file[1:].replace("\\", "/").partition("/")
     variable = variable.strip("{}")
     if variable != VARIABLE:

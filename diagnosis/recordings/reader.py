@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.recordings.columns import Columns, Vector
-from engine.errors import ParameterError, Where
+from diagnosis.recordings.columns import Columns, RecordingError, Vector
+from diagnosis.recordings.joining import Clock
+from engine.errors import ParameterError, Where, nearest
 from engine.quantity import coherent, convert, split
 
 if TYPE_CHECKING:
@@ -25,24 +26,54 @@ class Reader:
         scenario: describes the file; None if nothing does.
         path: keys of the description in the scenario.
         notes: sentences that say how the data were changed.
+        further: columns of further files by the names that they are called by, each with its file and its clock.
+        unsure: names that several files have.
+        axis: time of the rows (s), shape (rows,); needed to join further columns.
+        seconds: to one unit of the file's time.
     """
 
     columns: Columns
     scenario: Scenario | None = None
-    path: tuple[str, ...] = ()
+    path: tuple[str | int, ...] = ()
     notes: list[str] = field(default_factory=list)
+    further: dict[str, tuple[Columns, str, Clock]] = field(default_factory=dict)
+    unsure: dict[str, str] = field(default_factory=dict)
+    axis: Vector | None = None
+    seconds: float = 1.0
 
     def where(self, *keys: str) -> Where | None:
         """The place of a key of the description; None without a scenario."""
         return self.scenario.where(*self.path, *keys) if self.scenario is not None else None
 
     def column(self, name: str, *keys: str) -> Vector:
-        """A column as numbers; ``keys`` lead to the part of the description that names it.
+        """A column as numbers, in the rows of its own file; ``keys`` lead to the part of the description that names it.
 
         Raises:
-            RecordingError: no such column, or a cell that is no number.
+            RecordingError: no such column, one that several files have, or a cell that is no number.
         """
-        return self.columns.number(name, self.where(*keys, "column"))
+        where = self.where(*keys, "column")
+        if name in self.unsure:
+            raise RecordingError(f"'{name}' is a column of several files", where, self.unsure[name])
+        if name in self.further:
+            columns, own, _ = self.further[name]
+            return columns.number(own, where)
+        if name in self.columns.others and self.axis is not None and self.columns.others[name].time is not None:
+            return self.columns.others[name].values
+        if name not in self.columns.raw and self.further and name not in self.columns.others:
+            known = nearest(name, [*self.columns.names, *self.further])
+            raise RecordingError(f"no file of the recording has a column '{name}'", where, known)
+        return self.columns.number(name, where)
+
+    def clock(self, name: str) -> Clock | None:
+        """The clock of a column; None if its rows are those of the recording."""
+        if name in self.further:
+            return self.further[name][2]
+        other = self.columns.others.get(name)
+        if other is None or other.time is None or self.axis is None:
+            return None
+        if f"'{other.clock}'" not in " ".join(self.notes):
+            self.notes.append(f"columns of the clock '{other.clock}' are joined on time")
+        return Clock(other.time * self.seconds)
 
     def factor(self, unit: str, scale: Any, *keys: str) -> tuple[float, str]:
         """Factor to SI, and the SI unit, of a column in ``unit`` that is multiplied by ``scale``.

@@ -15,7 +15,7 @@ from engine.errors import ParameterError, Where
 from engine.quantity import factor
 
 if TYPE_CHECKING:
-    from scenarios.schema import TimeRecording
+    from scenarios.schema import TimeColumn, TimeRecording
 
 JITTER = 1e-3
 """Deviation of a sampling instant from an even axis, as a fraction of the interval, up to which the axis is even."""
@@ -24,13 +24,16 @@ ROUNDING = 1e-6
 """The same, up to which the recorded instants are kept as they are."""
 
 
-def time_axis(reader: Reader, described: TimeRecording) -> tuple[Vector, str]:
+def time_axis(reader: Reader, given: TimeColumn) -> tuple[Vector, str]:
     """Time in seconds, shape (rows,), and the name of its column.
+
+    Args:
+        reader: of the file.
+        given: how the file tells the time.
 
     Raises:
         FlexarmError: neither a column nor an interval, both, or one that cannot be used.
     """
-    given = described.time
     if (given.column is None) == (given.interval is None):
         raise RecordingError(
             "the time needs either a column or an interval", reader.where("time"), "give one of them, such as column: t"
@@ -45,6 +48,7 @@ def time_axis(reader: Reader, described: TimeRecording) -> tuple[Vector, str]:
         seconds = factor(given.unit, "s")
     except ParameterError as error:
         raise error.at(reader.where("time", "unit") or Where(reader.columns.file)) from None
+    reader.seconds = seconds
     return reader.column(given.column, "time") * seconds, given.column
 
 

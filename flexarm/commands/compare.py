@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from engine.errors import FlexarmError
-from engine.files import json_text
+from engine.files import check_suffix, json_text
 from flexarm.console.options import ScenarioArgument, SetOption, load
+
+if TYPE_CHECKING:
+    from diagnosis.compare import Comparison
+    from diagnosis.recordings.types import Recorded
 
 
 def compare(
@@ -19,6 +24,9 @@ def compare(
     ] = None,
     overrides: SetOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON alone.")] = False,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="HTML", help="Write a page with errors and pictures.")
+    ] = None,
     rows: Annotated[bool, typer.Option("--rows", help="Also print every row of a frequency-response table.")] = False,
 ) -> None:
     """Simulate with a recording's own input and print the error of every signal.
@@ -30,7 +38,11 @@ def compare(
     from flexarm.api import compare as compare_one
     from flexarm.console.progress import Progress
     from flexarm.console.text import comparison_page
+    from flexarm.report.page import HTML
 
+    if report is not None:
+        check_suffix(report, HTML)
+    made: list[tuple[Recorded, Comparison]] = []
     loaded = load(scenario, overrides)
     if not recordings and not loaded.recordings:
         raise FlexarmError(
@@ -45,9 +57,17 @@ def compare(
     for recording in found:
         with Progress(f"{loaded.name} against {recording.name}") as progress:
             comparison = compare_one(loaded, recording, progress=progress.update)
+        made.append((recording, comparison))
         done.append(comparison.numbers())
         if not as_json:
             typer.echo(comparison_page(comparison, rows))
+    if report is not None:
+        from flexarm.report import write_comparisons
+        from flexarm.report.origin import command_line
+
+        write_comparisons(loaded, made, report, command=command_line())
+        if not as_json:
+            typer.echo(f"written: {report}")
     if as_json:
         typer.echo(
             json_text(

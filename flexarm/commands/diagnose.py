@@ -52,30 +52,23 @@ def diagnose(
     as_json: Annotated[bool, typer.Option("--json", help="Print the verdict as JSON alone.")] = False,
 ) -> None:
     """Say what the model leaves out, put it in, and show the fit improve on held-out data."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     from diagnosis.api import diagnose as run
     from diagnosis.verdict.write import write
     from flexarm.console.interrupt import heard
+    from flexarm.console.progress import Progress
 
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    # Where nobody looks, a bar leaves nothing but an empty line.
-    bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
     keep = output / PROGRESS if output is not None else None
     try:
-        with heard() as check, bar:
-            task = bar.add_task("starting", total=None)
+        with heard() as check, Progress(Path(scenario).stem) as bar:
 
             def progress(what: str, done: int, total: int) -> None:
                 check()
-                bar.update(task, description=what, completed=done, total=total)
+                bar.update(done / max(total, 1), what)
 
             def warn(texts: Sequence[str]) -> None:
                 # Whoever mapped a column wrongly need not wait for the search.
                 for text in texts:
-                    bar.console.print(f"warning: {text}", style="yellow", markup=False, highlight=False)
+                    bar.note(f"warning: {text}")
 
             found = run(
                 scenario,

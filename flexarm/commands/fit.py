@@ -35,26 +35,49 @@ def fit(
         Path | None,
         typer.Option("--output", "-o", metavar="FITTED.yaml", help="Write the scenario with the fitted values."),
     ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="HTML", help="Write a page with values, intervals and pictures.")
+    ] = None,
 ) -> None:
     """Fit the parameters, within their tolerances, to recordings."""
     from diagnosis.api import fit as run
     from engine.files import check_suffix
+    from flexarm.console.progress import Progress
+    from flexarm.report.page import HTML
 
     if output is not None:
         check_suffix(output, (".yaml", ".yml"))
-    made, scores = run(
-        scenario, recordings or (), hold_out=hold_out or (), overrides=overrides or (), workers=workers, seed=seed
-    )
+    if report is not None:
+        check_suffix(report, HTML)
+    with Progress(f"{Path(scenario).stem}: fit") as bar:
+        made, scores = run(
+            scenario,
+            recordings or (),
+            hold_out=hold_out or (),
+            overrides=overrides or (),
+            workers=workers,
+            seed=seed,
+            progress=bar.update,
+        )
     if output is not None:
         from scenarios.load import find
 
         _write(output, made, Path(find(scenario)), overrides or ())
+    if report is not None:
+        from diagnosis.binding import find_recording
+        from flexarm.report import write_fit
+        from flexarm.report.origin import command_line
+
+        source = made.problem.scenario
+        used = [find_recording(source, name).file for name in (*(recordings or source.recordings), *(hold_out or ()))]
+        write_fit(made, scores, report, files=used, seed=seed, command=command_line())
     if as_json:
         typer.echo(json_text(_fit_numbers(made, scores), indent=2))
         return
     typer.echo(fit_page(made, scores))
-    if output is not None:
-        typer.echo(f"written: {output}")
+    for path in (output, report):
+        if path is not None:
+            typer.echo(f"written: {path}")
 
 
 def _write(path: Path, made: Fit, source: Path, overrides: Sequence[str]) -> None:

@@ -10,9 +10,10 @@ from diagnosis.verdict.verdict import fit_table
 from diagnosis.verdict.write import amended_text
 from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report.evidence import evidence_charts
+from flexarm.report.fit_page import fitted_starts
 from flexarm.report.held_out import LABELS, ROLES, before_after, prediction
 from flexarm.report.origin import origin
-from flexarm.report.page import difference, render, write_page
+from flexarm.report.page import difference, render, view_of, write_page
 from scenarios.amend import relocated
 
 if TYPE_CHECKING:
@@ -53,14 +54,18 @@ def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: st
     after = before_after(found)
     given = study.scenario.path.read_text(encoding="utf-8")
     units = {v.name: v.unit for v in study.refit.fit.problem.model.outputs}
-    charts = [*evidence, after, *([prediction(found.proposal, units)] if found.proposal else [])]
+    # An input on which rivals hardly differ is not one to apply.
+    useful = found.proposal is not None and found.proposal.separating
+    charts = [*evidence, after, *([prediction(found.proposal, units)] if found.proposal and useful else [])]
+    fitted = zip(found.fit.problem.free, found.fit.intervals(), strict=True)
     return render(
         "diagnosis.html.j2",
         charts,
         title=f"{study.scenario.name}: diagnosis",
         scenario=study.scenario,
         found=found,
-        heading=VERDICTS.get(found.verdict, found.verdict.replace("_", " ")),
+        heading=heading(found),
+        warnings=[(text, view_of(text, after)) for text in found.warnings],
         statuses=VERDICTS,
         picture=picture,
         odds=list(odds.items()),
@@ -72,7 +77,8 @@ def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: st
         rivals=_trials(found, found.rivals),
         tried=_trials(found, study.trials[:12]),
         trials=len(study.trials),
-        parameters=[(i.name, i.start, i.numbers()) for i in found.fit.intervals() if "@" not in i.name],
+        parameters=[(i.name, i.start, i.numbers()) for f, i in fitted if not f.recording],
+        starts=fitted_starts(found.fit),
         weak=found.fit.weak,
         proposal=found.proposal,
         rows=difference(
@@ -83,6 +89,31 @@ def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: st
         ),
         recordings=[(r.name, ROLES.get(r.role, r.role), *r.extent, r.notes) for r in study.recordings],
     )
+
+
+def heading(found: Diagnosis) -> str:
+    """A title for all findings: that of the weakest where they agree, else what is named and what stays open."""
+    statuses = [finding["status"] for finding in found.findings]
+    sure = [status for status in statuses if status in ("named", "wrong_parameter")]
+    if not sure or len(statuses) == 1:
+        if found.verdict == "unknown" and found.study.chosen.effects:
+            return "Something is missing; what stands below explains part of it, and no name is sure"
+        return VERDICTS.get(found.verdict, found.verdict.replace("_", " "))
+    if len(sure) == len(statuses):
+        if set(sure) == {"named"}:
+            return "The missing effects are named"
+        return (
+            "Parameters are wrong"
+            if set(sure) == {"wrong_parameter"}
+            else "An effect is missing, and a parameter is wrong"
+        )
+    first = "A missing effect is named" if "named" in sure else "A parameter is wrong"
+    rest = (
+        "of another several explain the recordings equally well"
+        if "tie" in statuses
+        else "more is missing, without a sure name"
+    )
+    return f"{first}; {rest}"
 
 
 def _lit(found: Diagnosis, odds: dict[str, float]) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -27,22 +28,36 @@ KEY = "before-after"
 
 
 def before_after(found: Diagnosis) -> Chart:
-    """Every held-out recording, or every one if none is held out, with each model and what it leaves over."""
+    """Every recording, the held-out ones first, with each model and what it leaves over."""
     made = models(found)
     if not found.study.chosen.effects:
         del made["amended"]
     base = made["refit"].problem
-    given = tables(base.experiments)
-    if given:
-        view = ("", _rows(made, base.model, given))
-        chart = Chart(KEY, "Table and models over frequency", "frequency", "rad/s", (view,), log=True)
-    else:
-        shown = base.judged
-        views = [(f"{e.name} ({ROLES.get(e.role, e.role)})", _recording(made, base.model, e)) for e in shown]
-        chart = Chart(KEY, "Recording and models over time", "time", "s", tuple(views), "Recording")
+    judged = [e.name for e in base.judged]
+    chart = beside(made, [*base.judged, *(e for e in base.experiments if e.name not in judged)])
     nominal, refit = found.study.nominal[1], found.study.refit.hold_out
     if nominal < DWARFS * refit:
         return chart
+    return _without_nominal(chart)
+
+
+def beside(made: dict[str, Fit], shown: Sequence[Experiment]) -> Chart:
+    """Recordings, with each model and what it leaves over; of tables all rows.
+
+    Args:
+        made: models by their keys in `LABELS`, ``refit`` among them.
+        shown: recordings over time.
+    """
+    base = made["refit"].problem
+    given = tables(base.experiments)
+    if given:
+        view = ("", _rows(made, base.model, given))
+        return Chart(KEY, "Table and models over frequency", "frequency", "rad/s", (view,), log=True)
+    views = [(f"{e.name} ({ROLES.get(e.role, e.role)})", _recording(made, base.model, e)) for e in shown]
+    return Chart(KEY, "Recording and models over time", "time", "s", tuple(views), "Recording")
+
+
+def _without_nominal(chart: Chart) -> Chart:
     note = (
         f"“{LABELS['nominal']}” is hidden at first, since its error would dwarf the others; press its name to show it."
     )

@@ -73,6 +73,13 @@ def write_page(path: Path, text: str) -> Path:
     return path
 
 
+def view_of(text: str, chart: Chart) -> str:
+    """The view of a chart that shows the recording which a sentence names; empty if it names none that is shown."""
+    names = {name: name.rpartition(" (")[0] if name.endswith(")") else name for name, _ in chart.views}
+    found = [view for view, recording in names.items() if f"recording '{recording}'" in text]
+    return found[0] if found else ""
+
+
 def significant(value: float, digits: int = 4) -> str:
     """A number in a few digits, with a true minus sign."""
     return _typeset(f"{value:.{digits}g}")

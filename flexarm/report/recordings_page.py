@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexarm.report.origin import origin
-from flexarm.report.page import render, write_page
+from flexarm.report.page import render, view_of, write_page
 from flexarm.report.series import Chart, Panel, Trace
 
 if TYPE_CHECKING:
@@ -38,10 +38,24 @@ def write_recordings(scenario: Scenario, found: Examination, path: Path, *, comm
         title=f"{scenario.name}: recordings",
         scenario=scenario,
         found=found,
+        remarks=[(remark, *_picture(remark.text, charts)) for remark in found.remarks],
         drawn=[chart.key for chart in charts],
         origin=origin(scenario, recordings=[one.recording.file for one in found.recordings], command=command),
     )
     return write_page(path, text)
+
+
+CLOCKS = ("clock", "interval", "times ", "samples jitter", "missing")
+SPECTRA = ("lines at", "folds back", "hum")
+"""Words of warnings whose picture is that of the clock, or of the spectrum; all others show in the signals."""
+
+
+def _picture(text: str, charts: list[Chart]) -> tuple[str, str]:
+    """Key of the chart that shows what a warning says, and the view of it; empty if there is none."""
+    key = "clocks" if any(word in text for word in CLOCKS) else "signals"
+    key = "spectra" if any(word in text for word in SPECTRA) else key
+    chart = next((c for c in charts if c.key == key), None)
+    return key, view_of(text, chart) if chart else ""
 
 
 def _charts(found: Examination) -> list[Chart]:

@@ -77,6 +77,7 @@
         const select = make("select", { "aria-label": label + " shown in the plot" });
         this.chart.views.forEach((view, i) => select.append(make("option", { value: i }, view.name)));
         select.addEventListener("change", () => this.choose(Number(select.value)));
+        this.select = select;
         row.append(make("label", {}, label + ": ", select));
       } else if (this.chart.views[0] && this.chart.views[0].name) row.append(make("span", {}, this.chart.views[0].name));
       row.append(make("span", { class: "gap" }));
@@ -91,6 +92,13 @@
         row.append(button);
       }
       return row;
+    }
+
+    show(name) {
+      const number = this.chart.views.findIndex(view => view.name === name);
+      if (number < 0) return;
+      if (this.select) this.select.value = number;
+      this.choose(number);
     }
 
     choose(number) {
@@ -324,5 +332,9 @@
   }
 
   const charts = new Map(JSON.parse(document.getElementById("data").textContent).map(c => [c.key, c]));
-  for (const figure of document.querySelectorAll("figure[data-plot]")) new Plot(figure, charts.get(figure.dataset.plot));
+  const plots = new Map();
+  for (const figure of document.querySelectorAll("figure[data-plot]"))
+    plots.set(figure.dataset.plot, new Plot(figure, charts.get(figure.dataset.plot)));
+  for (const link of document.querySelectorAll("a[data-show]"))
+    link.addEventListener("click", () => plots.has(link.dataset.show) && plots.get(link.dataset.show).show(link.dataset.view));
 })();

@@ -74,6 +74,31 @@ def test_bouc_wen_unloads(share: float, slope: float) -> None:
     np.testing.assert_allclose(z[back], exact, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize(("load", "share"), [(-0.4, 1.0), (0.5, 0.7)])
+def test_bouc_wen_that_yields_less_or_stiffens(load: float, share: float) -> None:
+    """With p = 1: loading dz/de = 1 - c z / zy, and going back dz/de = 1 + (2 b - c) z / zy until z = 0."""
+    result = twisted(bouc_wen(unloading_share=share, loading_share=load), 0.06, 0.5)
+    e, torque = result["spring.twist"], result["spring.torque"]
+    z = (torque - RESIDUAL * K * e) / ((1 - RESIDUAL) * K)
+    first = result.time <= 0.5
+    np.testing.assert_allclose(z[first], ZY / load * (1 - np.exp(-load * e[first] / ZY)), rtol=0, atol=1e-9)
+    back = (result.time > 0.5) & (z > 0) & (result.time < 1.0)
+    top, slope = ZY / load * (1 - np.exp(-load * 0.06 / ZY)), 2 * share - load
+    exact = (top + ZY / slope) * np.exp(slope * (e[back] - 0.06) / ZY) - ZY / slope
+    np.testing.assert_allclose(z[back], exact, rtol=0, atol=1e-9)
+    assert balance(result) < 1e-7
+
+
+def test_bouc_wen_that_stiffens_takes_energy_over_a_cycle() -> None:
+    """Its loop is still a little larger in the third cycle than in the second, so that some of it is stored."""
+    result = twisted(bouc_wen(unloading_share=1.0, loading_share=-0.4), 0.05, 1.0, 3)
+    cycle = slice(1000, 3001)
+    loop = np.trapezoid(result["spring.torque"][cycle], result["spring.twist"][cycle])
+    lost, stored = (float(np.ptp(result[f"energy.{name}"][[1000, 3000]])) for name in ("dissipated", "stored"))
+    assert lost > 0.9 * loop > 0
+    assert abs(loop - lost) == pytest.approx(stored, rel=1e-2)
+
+
 def test_bouc_wen_does_not_depend_on_the_rate_and_loses_its_loop() -> None:
     slow, fast = (twisted(bouc_wen(sharpness=1.5, unloading_share=0.7), 0.05, f, 3) for f in (0.1, 30.0))
     np.testing.assert_allclose(slow["spring.torque"], fast["spring.torque"], rtol=0, atol=1e-7)

@@ -27,9 +27,15 @@ class Bench:
         there = [c for c in self.known if c.effect == effect and place in c.place]
         return next(c for c in there if c.place == place) if exact else there[0]
 
-    def put_in(self, *effects: Candidate) -> ScoredModel:
-        """The model with effects in it, fitted from the refit; all but the last begin at the first of their sizes."""
-        return self.fitter.finish(self.fitter.partial_fit(effects, [standing(self.refit.fit)]))
+    def put_in(self, *effects: Candidate, given: bool = False) -> ScoredModel:
+        """The model with effects in it, fitted from the refit; all but the last begin at the first of their sizes.
+
+        Args:
+            effects: that are put in.
+            given: begin from the values given too, as a diagnosis does where the refit went astray.
+        """
+        parents = [standing(self.refit.fit), {}] if given else [standing(self.refit.fit)]
+        return self.fitter.finish(self.fitter.partial_fit(effects, parents))
 
 
 def bench(name: str, *overrides: str) -> Bench:

@@ -10,10 +10,12 @@ from typing import Any
 import pytest
 
 import flexarm
-from diagnosis.api import diagnose, gather
+from diagnosis.api import diagnose, fit, gather
+from diagnosis.binding import find_recording
+from diagnosis.compare import compare
 from diagnosis.verdict.experiment_design import propose
 from flexarm.plotting.wiring.diagram import diagram
-from flexarm.report import write_diagnosis, write_run
+from flexarm.report import write_comparisons, write_diagnosis, write_fit, write_run
 from scenarios.load import load, shipped_names
 from tests.diagnosis.plants import case
 from tests.report.conftest import HOSTILE, axes
@@ -46,12 +48,29 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return write_run(scenario, flexarm.simulate(scenario), folder / "run.html")
 
 
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("fitted")
+    made, scores = fit(case(folder, coulomb=4.0e-4, seed=3), workers=1)
+    return write_fit(made, scores, folder / "fit.html", seed=0, command=f"flexarm fit {HOSTILE}")
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("compared")
+    scenario = load(case(folder, coulomb=4.0e-4, seed=3))
+    found = [(find_recording(scenario, name), compare(scenario, name)) for name in scenario.recordings]
+    return write_comparisons(scenario, found, folder / "comparison.html", command=f"flexarm compare {HOSTILE}")
+
+
 @pytest.fixture
-def page(request: pytest.FixtureRequest, diagnosed: tuple[Any, Any], simulated: Any) -> Any:
-    return diagnosed[1] if request.param == "diagnosis" else simulated
+def page(request: pytest.FixtureRequest) -> Any:
+    """The page of that kind."""
+    found = request.getfixturevalue(request.param)
+    return found[1] if request.param == "diagnosed" else found
 
 
-both = pytest.mark.parametrize("page", ["diagnosis", "run"], indirect=True)
+both = pytest.mark.parametrize("page", ["diagnosed", "simulated", "fitted", "compared"], indirect=True)
 
 
 def test_the_report_holds_the_verdict_and_what_repeats_it(diagnosed: tuple[Any, Any]) -> None:
@@ -227,7 +246,9 @@ def test_recordings_are_chosen_and_curves_hidden(browser: Any, diagnosed: tuple[
     figure = browser.driver.find_element(By.CSS_SELECTOR, "[data-plot='before-after']")
     select = Select(figure.find_element(By.TAG_NAME, "select"))
     held = [e.name for e in found.study.refit.fit.problem.held_out]
-    assert [o.text.split(" ")[0] for o in select.options] == held
+    # Those that were fitted stand behind them.
+    assert [o.text.split(" ")[0] for o in select.options[: len(held)]] == held
+    assert len(select.options) == len(found.study.recordings)
     path = "return document.querySelector(\"[data-plot='before-after'] .trace.recording[d^=M]\").getAttribute('d')"
     script = path.replace("document.querySelector", "[...document.querySelectorAll").replace(
         ").getAttribute", ")].at(-1).getAttribute"
@@ -277,3 +298,20 @@ def test_details_open_by_keyboard(browser: Any, diagnosed: tuple[Any, Any]) -> N
     summary = browser.driver.find_element(By.TAG_NAME, "summary")
     summary.send_keys(Keys.ENTER)
     assert browser.run("return document.querySelector('details').open")
+
+
+def test_a_warning_shows_the_recording_that_it_is_about(
+    browser: Any, diagnosed: tuple[Any, Any], tmp_path: Path
+) -> None:
+    """A link beside a warning chooses the recording in the plot that it leads to."""
+    found, _ = diagnosed
+    name = found.study.recordings[-1].name
+    found = replace(found, warnings=(f"'motor.shaft.speed' of recording '{name}' jumps",))
+    browser.open(write_diagnosis(found, tmp_path / "warned.html"), WIDTHS[1])
+    assert not browser.complaints()
+    link = "document.querySelector('a[data-show]')"
+    view = browser.run(f"return {link}.dataset.view")
+    assert view.startswith(name)
+    browser.run(f"{link}.click()")
+    select = "document.querySelector('figure[data-plot=\"before-after\"] select')"
+    assert browser.run(f"return {select}.selectedOptions[0].textContent") == view

@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 
 from flexarm.cli import main
+from scenarios.load import load
+from tests.diagnosis.plants import case
 
 
 @pytest.fixture
@@ -56,6 +58,25 @@ def test_run_reports(call: Any, tmp_path: Path) -> None:
     assert code == 0
     assert out.endswith("written: a.html\n")
     assert "srv02-bare" in (tmp_path / "a.html").read_text()
+
+
+def test_fit_and_compare_report(call: Any, tmp_path: Path) -> None:
+    model = case(tmp_path, coulomb=4.0e-4, seed=3)
+    code, out, _ = call("compare", model, "--report", "c.html")
+    assert code == 0
+    assert out.endswith("written: c.html\n")
+    code, out, _ = call("fit", model, "--report", "f.html", "--workers", 1)
+    assert code == 0
+    assert out.endswith("written: f.html\n")
+    comparison, fit = (tmp_path / "c.html").read_text(), (tmp_path / "f.html").read_text()
+    for recording in load(model).recordings:
+        assert recording in comparison
+        assert recording in fit
+    assert "95 % interval" in fit
+    for command in ("compare", "fit"):
+        code, out, err = call(command, model, "--report", "a.txt")
+        assert (code, out) == (1, "")
+        assert ".html" in err
 
 
 @pytest.mark.parametrize(("name", "said"), [("a.txt", ".html"), ("nowhere/a.html", "no folder")])

@@ -21,9 +21,10 @@ from diagnosis.recordings.mapping import from_scenario
 from diagnosis.recordings.types import FrequencyTable
 from diagnosis.search.force_recovery import Curve
 from engine.errors import FlexarmError
+from flexarm.report.diagnosis_page import heading
 from flexarm.report.evidence import evidence_charts
 from flexarm.report.held_out import before_after
-from flexarm.report.page import difference, render, significant, write_page
+from flexarm.report.page import difference, render, significant, view_of, write_page
 from flexarm.report.run_page import page, write_run
 from flexarm.report.series import BUDGET, LEAST, Chart, Panel, Trace, as_json, fitting, thin
 from scenarios.load import load
@@ -244,3 +245,44 @@ def test_a_table_is_drawn_over_its_frequencies() -> None:
     curve = next(t for t in above.traces if t.name == "refitted")
     assert np.allclose(np.sort(curve.y), np.sort(simulated), atol=0.02)
     assert below.unit == "dB"
+
+
+def _finding(status: str) -> dict[str, str]:
+    return {"status": status}
+
+
+@pytest.mark.parametrize(
+    ("verdict", "statuses", "effects", "title"),
+    [
+        ("named", ["named"], 1, "The missing effect is named"),
+        ("named", ["named", "named"], 2, "The missing effects are named"),
+        ("unknown", ["unknown"], 0, "Something is missing that has no name here"),
+        ("unknown", ["unknown"], 1, "no name is sure"),
+        ("unknown", ["named", "unknown"], 2, "A missing effect is named; more is missing"),
+        ("tie", ["named", "tie"], 2, "A missing effect is named; of another several explain"),
+        ("wrong_parameter", ["named", "wrong_parameter"], 2, "An effect is missing, and a parameter is wrong"),
+        ("none", ["none"], 0, "Nothing is missing"),
+    ],
+)
+def test_the_title_fits_all_findings(verdict: str, statuses: list[str], effects: int, title: str) -> None:
+    chosen = SimpleNamespace(effects=("effect",) * effects)
+    found: Any = SimpleNamespace(
+        verdict=verdict, findings=[_finding(s) for s in statuses], study=SimpleNamespace(chosen=chosen)
+    )
+    assert title in heading(found)
+
+
+def test_a_band_is_no_wider_than_what_it_shows() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    wide = np.array([0.1, 0.1, 0.1, 50.0, 900.0])
+    (chart,) = evidence_charts([Curve("t", "x", "1", "y", "N", x, x, x - wide, x + wide, 0.5, (0.0, 1.0))])
+    trace = chart.views[0][1][0].traces[0]
+    assert np.max(np.asarray(trace.high)) == 2.0
+    assert np.min(np.asarray(trace.low)) == -1.0
+    assert "cut" in chart.notes[0]
+
+
+def test_a_warning_leads_to_its_recording() -> None:
+    chart = _chart("a", _view("one (fitted)", 5, 1), _view("two (held out)", 5, 1))
+    assert view_of("'x' of recording 'two' jumps", chart) == "two (held out)"
+    assert view_of("recording 'three': late", chart) == ""

@@ -278,7 +278,32 @@ def test_a_playless_contact_in_a_mount_is_a_spring_too(tmp_path: Any) -> None:
     path = mount(
         tmp_path, "{type: TranslationalBacklash, stiffness: 100 N/m, damping: 1 N.s/m, half_gap: 0 m, law: two_sided}"
     )
-    assert effects_at(possible_effects(path), "joint") == {"joint_flexibility", "backlash"}
+    laws = {"hardening_spring", "one_sided_contact", "hysteresis", "structural_damping"}
+    assert effects_at(possible_effects(path), "joint") == {"joint_flexibility", "backlash", *laws}
+
+
+@pytest.mark.parametrize(
+    ("effect", "least"),
+    [
+        ("hardening_spring", {"cubic_stiffness": 1e-9}),
+        ("hysteresis", {"yield_compression": 1e6, "residual_share": 0.5}),
+        ("structural_damping", {"loss_factor": 0.0}),
+    ],
+)
+def test_a_sliding_spring_that_another_law_replaces_stays_pressed(
+    tmp_path: Any, effect: str, least: dict[str, float]
+) -> None:
+    """As the shafts above: two masses swing about the spring's rest, rest (1 - cos(w t)), w^2 = k (1 / m1 + 1 / m2)."""
+    path = mount(tmp_path, f"{{type: TranslationalSpringDamper, stiffness: {K} N/m, rest_distance: {REST} m}}")
+    found = next(c for c in possible_effects(path) if (c.effect, c.place) == (effect, "joint"))
+    assert set(found.starts[0]) >= {p.name for p in found.parameters} == set(least)
+    made = load(path, text=amended(without(path.read_text(), "recordings"), found.edits(least)))
+    assert type(made.system.blocks["joint"]).__name__.startswith("Translational")
+    model = made.build(inputs=["torque.force"], outputs=["rotor.flange.position", "arm.flange.position"])
+    run = simulate(model, 0.3, 1e-3, internal_step=1e-4)
+    apart = run["rotor.flange.position"] - run["arm.flange.position"]
+    w = math.sqrt(K * (1 / 0.01 + 1 / 0.03))
+    np.testing.assert_allclose(apart, REST * (1 - np.cos(w * run.time)), rtol=0, atol=2e-5)
 
 
 # -- effects of other packages -----------------------------------------------------------------------------------------

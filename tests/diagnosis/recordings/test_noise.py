@@ -80,7 +80,7 @@ def test_spikes_are_found_and_nothing_else() -> None:
     assert not spikes(t, smooth, sigma).any()
 
 
-@pytest.mark.parametrize("shape", ["square", "triangle", "staircase", "bounce"])
+@pytest.mark.parametrize("shape", ["square", "triangle", "staircase", "bounce", "few samples a swing"])
 def test_edges_and_kinks_are_no_spikes(shape: str) -> None:
     t = np.float64(1e-3) * np.arange(4000)
     clean = {
@@ -88,6 +88,7 @@ def test_edges_and_kinks_are_no_spikes(shape: str) -> None:
         "triangle": np.abs((t * 3) % 2 - 1),
         "staircase": np.round(5 * np.sin(4 * t)),
         "bounce": np.abs(np.sin(60 * t)),
+        "few samples a swing": np.abs(np.sin(390 * t)) * (1 + 0.3 * np.sin(t)),
     }[shape]
     y = clean + RANDOM.normal(0, 1e-4, 4000)
     assert not spikes(t, y, noise(t, y).sigma).any()
