@@ -170,9 +170,7 @@ def linearise(
         )
     sounds = isinstance(found, DiscreteModel)  # whose modes are those of the point
     heard = found if sounds else audible(made.model, found, **{**there, "modes": asked["modes"]})
-    if not made.settings.name:
-        assumed = ("inputs are what the sources feed, outputs what the run records", *assumed)
-    return replace(heard, assumed=(*heard.assumed, *assumed))
+    return replace(heard, assumed=(*heard.assumed, *made.chosen, *assumed))
 
 
 def linear_family(

@@ -23,13 +23,14 @@ def as_scenario(source: Source) -> Scenario:
 
 @dataclass(frozen=True)
 class Cut:
-    """A scenario's model with external inputs, and the blocks those inputs replace."""
+    """A scenario's model with external inputs, and the blocks they replace; ``chosen`` says what nobody named."""
 
     model: Model
     bypassed: tuple[str, ...]
     settings: AnalysisSettings
     scenario: Scenario
     simulation: Simulation | None = None
+    chosen: tuple[str, ...] = ()
 
 
 def cut(
@@ -61,7 +62,9 @@ def cut(
     }
     settings = replace(settings, modes=kept)
     dropped = bypass(scenario.system, list(settings.inputs), settings.outputs or ())[1]
-    return Cut(model, tuple(dropped), settings, scenario, scenario.simulation)
+    own = (("inputs are what the sources feed", inputs), ("outputs are what the run records", outputs))
+    chosen = () if settings.name else tuple(text for text, given in own if not given)
+    return Cut(model, tuple(dropped), settings, scenario, scenario.simulation, chosen)
 
 
 def _is_block(scenario: Scenario, name: str) -> bool:
