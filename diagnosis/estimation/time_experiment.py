@@ -256,6 +256,9 @@ class TimeExperiment(Experiment):
             FlexarmError: the variant has no meaning, or lost a state that recordings start from.
         """
         model = scenario.build(inputs, outputs)
+        if len(model.outputs) < len(outputs):
+            twice = next(name for k, name in enumerate(outputs) if name in outputs[:k])
+            raise FlexarmError(f"two sensors would both read '{twice}'")
         lost = {name for e in others for name in e.free} - set(starting_names(model))
         if lost:
             raise FlexarmError(f"'{min(lost)}', which a recording starts from, is no state of the amended model")

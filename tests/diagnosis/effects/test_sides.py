@@ -16,6 +16,7 @@ from diagnosis.effects.places import sides, splits
 from diagnosis.effects.scales import operating_scales
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import standing
+from engine.errors import FlexarmError
 from engine.system import System
 from scenarios.load import load
 
@@ -139,3 +140,16 @@ def test_the_side_on_which_the_encoder_sits_fits_best(tmp_path: Path, sits: str,
     values = right.fit.parameters()
     ours = values["found_joint_flexibility.stiffness"] * (1 / values["rotor.inertia"] + 1 / values["arm.inertia"])
     assert ours == pytest.approx(STIFFNESS * (1 / ROTOR + 1 / ARM), rel=0.01)
+
+
+def test_two_sensors_are_never_read_as_one(tmp_path: Path) -> None:
+    signals = "rotor.shaft.angle: {column: y, unit: rad, noise: 2e-5}, arm.shaft.angle"
+    fitter = rig(tmp_path, "rotor", signals)
+    refused, built = [], []
+    for c in joints(fitter):
+        try:
+            built.append(len(fitter.build((c,), c.starts[:1]).model.outputs))
+        except FlexarmError as error:
+            refused.append(error.message)
+    assert set(built) == {2}
+    assert "two sensors would both read 'arm.shaft.angle'" in refused
