@@ -282,7 +282,7 @@ class Evidence:
     share: float = number(
         0.005,
         "1",
-        "What an effect must account for, as a share of all that its model explains: nuisances are that large.",
+        "What an effect must account for, as a share of all that any model explains: nuisances are that large.",
         "nuisances of random rigs, 3 % of an effect or less",
     )
     rough: float = number(

@@ -1,9 +1,9 @@
 """From evidence to probabilities: which models are believed, what each finding's odds are, and what ties.
 
 A model is as probable as its evidence and its price say: each effect was chosen from as many as were tried, and costs
-the logarithm of that number. A model that owes less than `EVIDENCE.share` of what it explains to one of its effects, or
-to the richer one of two laws, is not believed: nuisances that nobody asks for are that large. Nor is one that an effect
-makes worse on recordings that were not fitted.
+the logarithm of that number. A model that owes to one of its effects, or to the richer one of two laws, less than
+`EVIDENCE.share` of what can be explained at all is not believed: nuisances that nobody asks for are that large. Nor is
+one that an effect makes worse on recordings that were not fitted.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ def believed(models: Sequence[ScoredModel], refit: ScoredModel) -> list[ScoredMo
         models: all that were fitted, the refit among them.
         refit: the model without effects.
     """
-    return [m for m in models if not any(_owes_little(m, simpler, refit) for simpler in models if simpler is not m)]
+    explained = energy(refit) - min(energy(m) for m in models)
+    return [m for m in models if not any(_owes_little(m, simpler, explained) for simpler in models if simpler is not m)]
 
 
-def _owes_little(model: ScoredModel, simpler: ScoredModel, refit: ScoredModel) -> bool:
+def _owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:
     if not _simpler(simpler, model):
         return False
-    explained = energy(refit) - energy(model)
     relief = 0.5 * max(simpler.strain - model.strain, 0.0)
     unlikelier = model.unseen.log_likelihood < simpler.unseen.log_likelihood - relief
     worse = unlikelier and float(model.unseen.energy.sum()) >= float(simpler.unseen.energy.sum())

@@ -74,6 +74,13 @@ def test_nor_is_a_model_that_owes_little_to_a_further_effect(gained: float, kept
     assert (both in believed([REFIT, simple, both], REFIT)) == kept
 
 
+def test_nor_is_a_small_effect_alone_where_another_explains_nearly_all() -> None:
+    """However likely it makes many bands of frequency: what it explains by itself is no measure."""
+    small = model(LAG, excess=1e5 * (1 - 0.5 * EVIDENCE.share), log_evidence=1e4)
+    assert small in believed([REFIT, small], REFIT)
+    assert small not in believed([REFIT, small, model(FRICTION, excess=1e3)], REFIT)
+
+
 def test_a_richer_law_elsewhere_is_no_richer_law() -> None:
     """It stands on its own: only at the same place is the simple law its special case."""
     simple = model(FRICTION, excess=1e3)
