@@ -57,7 +57,7 @@ def read_columns(path: Path, where: Where | None = None, like: str = "", form: s
         raise RecordingError(f"there is no recording '{path}'", where, nearest(path.name, beside) if beside else "")
     kind = f".{form.lower().lstrip('.')}" if form else path.suffix.lower()
     try:
-        if path.is_dir() and (path / "metadata.yaml").is_file():
+        if _is_bag(path):
             columns = _foreign(path, read_foreign(path, "rosbag2"), like)
         elif kind in FORMATS:
             columns = _foreign(path, read_foreign(path, kind), like)
@@ -78,6 +78,14 @@ def read_columns(path: Path, where: Where | None = None, like: str = "", form: s
     if not len(columns):
         raise RecordingError("the recording is empty", Where(str(path)), "it needs a header and at least two rows")
     return columns
+
+
+def _is_bag(path: Path) -> bool:
+    """Whether it is the folder of a rosbag2; a name that no file can have is none."""
+    try:
+        return path.is_dir() and (path / "metadata.yaml").is_file()
+    except OSError:
+        return False
 
 
 def _text(path: Path, reader: Callable[[Path], TextTable]) -> Columns:
