@@ -237,7 +237,7 @@ class _Search:
     def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
         """Effects, those first that promise the lowest cost, and the greatest likelihood, by turns.
 
-        Those that would gain less than they cost are left out.
+        Beside the user's model alone, those that would gain less than they cost are left out.
         """
         first, later = _spoken_for(able)
         promise = dict(zip(map(id, first), self._promises(origins, first), strict=True))
@@ -255,14 +255,16 @@ class _Search:
     def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[tuple[float, float]]:
         """The lowest cost that each effect promises, and the least unlikelihood.
 
-        Infinite for one that would gain less than it costs.
+        Infinite for one that would gain less than it costs beside the user's model alone.
         """
+        # Beside an effect, what is still missing has bent that effect's sizes, and promises less than it gains.
+        least = -math.inf if origins and origins[0].effects else self.price
 
         def one(effect: Candidate) -> tuple[float, float]:
             cost = unlikely = math.inf
             for origin in origins:
                 for course in courses(self.fitter, origin, effect):
-                    if course.likelihood > origins[0].likelihood + self.price:
+                    if course.likelihood > origins[0].likelihood + least:
                         cost = min(cost, origin.cost - course.gain)
                         unlikely = min(unlikely, -course.likelihood)
             return cost, unlikely
