@@ -23,7 +23,7 @@ from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.screening import Origin, begun
 from diagnosis.search.wave_starts import solved
-from diagnosis.thresholds import SEARCH
+from diagnosis.thresholds import COARSE, FITTING, SEARCH
 from engine.errors import FlexarmError, SimulationError
 from engine.spread import Store
 from engine.threads import Threads
@@ -80,15 +80,15 @@ class CandidateFitter:
 
     def settled(self, model: ScoredModel) -> ScoredModel:
         """A model whose fit was left where it hardly gained, fitted to the end."""
-        point = StartingPoint(model.fit.cost, model.fit.problem, model.fit.x, model.sizes, model.sizes)
+        point = _end_of(model)
 
         def compute() -> PartialFit:
+            made = point.problem
             with Threads(self.workers) as pool:
-                made, x = point.problem, point.x
-                x, cost, converged = descend(made, x, made.training, pool, iterations=SEARCH.most_steps)
+                x, cost, converged = descend(made, point.x, made.training, pool, iterations=SEARCH.most_steps)
             return PartialFit(model.effects, replace(point, x=x, cost=cost), converged)
 
-        return self._trial(compute())
+        return self._trial(self._kept(f"settled {model.label} {_mark(point.x)}", model.effects, compute))
 
     def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:
         """What ``compute`` gives, or what it gave before under the same key."""
@@ -250,35 +250,33 @@ class CandidateFitter:
 
     def finish(self, partial: PartialFit) -> ScoredModel:
         """Finish a partial fit until it converges, or `SEARCH.most_steps` are taken, and score it."""
-        point = hashlib.sha256(np.ascontiguousarray(partial.point.x).tobytes()).hexdigest()[:16]
-        key = " ".join(["finish", *(f"{c.key} {c.option}" for c in partial.effects), repr(partial.point.sizes), point])
+        point = partial.point
+        names = [f"{c.key} {c.option}" for c in partial.effects]
+        key = " ".join(["finish", *names, repr(point.sizes), _mark(point.x)])
         return self._trial(self._kept(key, partial.effects, lambda: self.compute_finish(partial)))
 
     def retried(self, model: ScoredModel) -> ScoredModel:
         """A model fitted again from points around where its fit ended, or as it is if none of them leads lower.
 
-        Contacts that bounce make a cost so rough that a fit ends on its way; a little beside, it goes on.
+        Contacts that bounce make a cost so rough that a fit ends on its way; a little beside, it goes on. So an end
+        counts as converged only if a second try ends as low.
         """
-        point = hashlib.sha256(np.ascontiguousarray(model.fit.x).tobytes()).hexdigest()[:16]
+        made = _end_of(model)
 
         def compute() -> PartialFit:
-            began = {f.name: f.start for f in model.fit.problem.free}
-            built = tuple(
-                {key: began.get(f"{c.name}.{key}", value) for key, value in sizes.items()}
-                for c, sizes in zip(model.effects, model.sizes, strict=True)
-            )
-            made = StartingPoint(model.fit.cost, model.fit.problem, model.fit.x, model.sizes, built)
-            best = PartialFit(model.effects, made, model.fit.converged)
+            best, ends = made, [made.cost]
             random = np.random.default_rng(self.seed)
             for _ in range(SEARCH.retries):
-                there = best.point.x + random.normal(0.0, SEARCH.around, len(best.point.x))
+                there = best.x + random.normal(0.0, SEARCH.around, len(best.x))
                 with Threads(self.workers) as pool:
-                    x, cost, converged = descend(made.problem, there, made.problem.training, pool)
-                if cost < best.point.cost:
-                    best = PartialFit(model.effects, replace(made, x=x, cost=cost), converged)
-            return best
+                    x, cost, _ = descend(made.problem, there, made.problem.training, pool)
+                ends.append(cost)
+                if cost < best.cost:
+                    best = replace(made, x=x, cost=cost)
+            lowest, second, *_ = sorted(ends)
+            return PartialFit(model.effects, best, second - lowest < max(1.0, FITTING.stalled * lowest))
 
-        return self._trial(self._kept(f"retried {model.label} {point}", model.effects, compute))
+        return self._trial(self._kept(f"retried {model.label} {_mark(made.x)}", model.effects, compute))
 
     def compute_finish(self, partial: PartialFit) -> PartialFit:
         """The work of `finish`, done anew whatever is kept and not scored."""
@@ -316,9 +314,25 @@ class CandidateFitter:
         return partial
 
 
+def _mark(x: Array) -> str:
+    """A search vector in a few letters, to tell fits that begin there from others."""
+    return hashlib.sha256(np.ascontiguousarray(x).tobytes()).hexdigest()[:16]
+
+
+def _end_of(model: ScoredModel) -> StartingPoint:
+    """Where the fit of a model ended, to go on from."""
+    began = {f.name: f.start for f in model.fit.problem.free}
+    built = tuple(
+        {key: began.get(f"{c.name}.{key}", value) for key, value in sizes.items()}
+        for c, sizes in zip(model.effects, model.sizes, strict=True)
+    )
+    return StartingPoint(model.fit.cost, model.fit.problem, model.fit.x, model.sizes, built)
+
+
 def _digest(base: Problem, seed: int) -> str:
-    """What every fit depends on: the model, the data, what may move, and the random seed."""
-    found = hashlib.sha256(f"{base.model.signature} {base.free} {base.internal_step} {seed}".encode())
+    """What every fit depends on: the model, the data, what may move, the rules, and the random seed."""
+    rules = f"{FITTING} {COARSE} {SEARCH}"
+    found = hashlib.sha256(f"{base.model.signature} {base.free} {base.internal_step} {rules} {seed}".encode())
     for e in base.experiments:
         found.update(f"{e.name} {e.role}".encode())
         for part in e.fingerprint():

@@ -84,7 +84,8 @@ class _Search:
         self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
         self._done: set[tuple[str, ...]] = set()
         self._order: list[Candidate] = []
-        self._settling: set[frozenset[str]] = set()
+        self._ended: set[frozenset[str]] = set()
+        self._repeated: set[frozenset[str]] = set()
         self._seen: list[Candidate] = []
         """Effects that were looked at beside the user's model alone."""
 
@@ -112,10 +113,11 @@ class _Search:
         self._grow(most)
         for model in sorted(self.models, key=self.worth, reverse=True)[: SEARCH.settled]:
             self._settled(model)
+        self._confirmed(self.best)
 
     def _grow(self, most: int) -> None:
         for count in range(1, most + 1):
-            before = self.best if count == 1 else self._settled(self.best)
+            before = self.best if count == 1 else self._confirmed(self.best)
             if before.room < self.price + SEARCH.effort or complete(before, self.refit):
                 return
             if count > 1 and not before.effects and not misses(self.refit):
@@ -155,21 +157,26 @@ class _Search:
         curves = [(c,) for c in laws(replace(found, chosen=self.refit))]
         named = dict(self._models)
         self._fit([(c, [standing(self.refit.fit), {}]) for c in curves], len(curves))
-        if any(c.effect == "unknown" for c in self._settled(self.best).effects):
+        if any(c.effect == "unknown" for c in self._confirmed(self.best).effects):
             return True
         self._models = named
         return False
 
     def _settled(self, model: ScoredModel) -> ScoredModel:
-        """A model whose fit has not converged, fitted on, and tried again from around where it ended."""
-        if model.fit.converged or model.keys in self._settling:
-            return model
-        self._settling.add(model.keys)
-        model = self._models[model.keys] = self.fitter.settled(model)
-        if not model.fit.converged and model.effects:
-            self._keep(self.fitter.retried(model))
-        if not model.effects:
-            self.refit = self._models[model.keys]
+        """A model whose fit was left early, fitted to the end."""
+        if not model.fit.converged and model.keys not in self._ended:
+            self._ended.add(model.keys)
+            self._models[model.keys] = self.fitter.settled(model)
+            if not model.effects:
+                self.refit = self._models[model.keys]
+        return self._models[model.keys]
+
+    def _confirmed(self, model: ScoredModel) -> ScoredModel:
+        """A model fitted to the end, and tried again from around there if it has not converged."""
+        model = self._settled(model)
+        if model.effects and not model.fit.converged and model.keys not in self._repeated:
+            self._repeated.add(model.keys)
+            self._models[model.keys] = self.fitter.retried(model)
         return self._models[model.keys]
 
     def _deepen(self, count: int) -> None:
@@ -231,14 +238,18 @@ class _Search:
         among = among or (self._order[: SEARCH.beside] if kept else self.listed)
         promised = self._screened(origins, [c for c in among if c.key not in names and c.name not in blocks])
         self._order = self._order or promised
-        self._fit([((*kept, c), parents) for c in promised[:begin]], finish)
+        # What is still missing beside an effect has bent that effect's sizes: others promise less than they gain.
+        able = promised if kept else [c for c in promised if self._pays(origins, c)]
+        self._fit([((*kept, c), parents) for c in able[:begin]], finish)
         self.fitter.forget(kept)
 
-    def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
-        """Effects, those first that promise the lowest cost, and the greatest likelihood, by turns.
+    def _pays(self, origins: Sequence[Origin], effect: Candidate) -> bool:
+        """Whether an effect promises to raise the likelihood by more than it costs."""
+        found = [course.likelihood for origin in origins for course in courses(self.fitter, origin, effect)]
+        return max(found, default=-math.inf) > origins[0].likelihood + self.price
 
-        Beside the user's model alone, those that would gain less than they cost are left out.
-        """
+    def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
+        """Effects, those first that promise the lowest cost, and the greatest likelihood, by turns."""
         first, later = _spoken_for(able)
         promise = dict(zip(map(id, first), self._promises(origins, first), strict=True))
         cuts = [_cut(c) for c in _ranked(first, promise) if _cut(c) in later][: SEARCH.cuts]
@@ -253,21 +264,12 @@ class _Search:
         return list(found.values())
 
     def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[tuple[float, float]]:
-        """The lowest cost that each effect promises, and the least unlikelihood.
-
-        Infinite for one that would gain less than it costs beside the user's model alone.
-        """
-        # Beside an effect, what is still missing has bent that effect's sizes, and promises less than it gains.
-        least = -math.inf if origins and origins[0].effects else self.price
+        """The lowest cost that each effect promises, and the least unlikelihood."""
 
         def one(effect: Candidate) -> tuple[float, float]:
-            cost = unlikely = math.inf
-            for origin in origins:
-                for course in courses(self.fitter, origin, effect):
-                    if course.likelihood > origins[0].likelihood + least:
-                        cost = min(cost, origin.cost - course.gain)
-                        unlikely = min(unlikely, -course.likelihood)
-            return cost, unlikely
+            found = [(o, course) for o in origins for course in courses(self.fitter, o, effect)]
+            cost = min((o.cost - course.gain for o, course in found), default=math.inf)
+            return cost, min((-course.likelihood for _, course in found), default=math.inf)
 
         found = []
         with Spread(self.fitter.workers, threads=True) as pool:
@@ -356,7 +358,7 @@ def _spoken_for(able: Sequence[Candidate]) -> tuple[list[Candidate], dict[tuple[
 
 
 def _ranked(able: Sequence[Candidate], promise: dict[int, tuple[float, float]]) -> list[Candidate]:
-    """Effects that promise something: the lowest cost and the greatest likelihood, by turns."""
+    """Effects that can be put in: the lowest cost and the greatest likelihood, by turns."""
     orders = [sorted(able, key=lambda c: promise[id(c)][which]) for which in (0, 1)]
     found = {id(c): c for both in zip(*orders, strict=True) for c in both}
     return [c for c in found.values() if promise[id(c)][0] < math.inf]
