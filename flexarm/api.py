@@ -155,7 +155,7 @@ def linearise(
     assumed: tuple[str, ...] = ()
     if not made.settings.name and trim is None and not at and found.moving:
         try:
-            there = trimmed(made).arguments()
+            there = trimmed(made, modes=modes).arguments()
             found = linear(made.model, **there)
             assumed = ("the equilibrium nearest to the start",)
         except FlexarmError:

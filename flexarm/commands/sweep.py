@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from engine.errors import FlexarmError
 from flexarm.console import completion
 from flexarm.console.options import OutputsOption, ScenarioArgument, SetOption, load, names, seconds
 
@@ -112,6 +113,8 @@ def sweep(
     for path in (made.table, made.trajectories, *drawn):
         if path is not None:
             typer.echo(f"written: {path}")
+    if (reasons := _reasons(made.table)) and len(reasons) == made.plan.total:
+        raise FlexarmError(f"every run failed; the first: {reasons[0]}")
 
 
 def _ranges(table: Path, outputs: tuple[tuple[str, str], ...], metrics: tuple[Metric, ...]) -> str:
@@ -139,7 +142,13 @@ def _ranges(table: Path, outputs: tuple[tuple[str, str], ...], metrics: tuple[Me
             parts.append(
                 f"  {metric.name}: {' '.join(filter(None, ('median', middle, unit)))}, 5 to 95 % {low} to {high}"
             )
-    reasons = [reason for reason in read(table, ["failure"])["failure"] if reason is not None]
-    if reasons:
+    if reasons := _reasons(table):
         parts.append(f"  {plural(len(reasons), 'run')} failed; the first: {reasons[0]}")
     return "\n".join(parts)
+
+
+def _reasons(table: Path) -> list[str]:
+    """Why runs failed, those that did."""
+    from flexarm.table import read
+
+    return [reason for reason in read(table, ["failure"])["failure"] if reason is not None]

@@ -111,6 +111,8 @@ def wanted(
             limits[names(key)] = si(low, units, names(key)), si(high, units, names(key))
     inputs = [v.name for v in model.inputs]
     freed = [names(name) for name in (options.get("free", ()) if free is None else free)]
+    if free is None:  # what is given replaces what the file says
+        freed = [name for name in freed if name not in {names(key) for key in fix or {}}]
     for name in freed:
         with own(made, "free", name, dict.fromkeys(free or ())):
             if name not in inputs:
@@ -137,13 +139,19 @@ def _trim_settings(made: Cut, name: str | None) -> AnalysisSettings:
     return cut(made.scenario, "trim", chosen, inputs=made.settings.inputs, outputs=made.settings.outputs).settings
 
 
-def trimmed(made: Cut, name: str | None = None, at: Mapping[str, Any] | None = None) -> Equilibrium:
+def trimmed(
+    made: Cut,
+    name: str | None = None,
+    at: Mapping[str, Any] | None = None,
+    modes: Mapping[str, int | str] | None = None,
+) -> Equilibrium:
     """The equilibrium of an analysis of kind ``trim``, for the model of another analysis.
 
     Args:
         made: the model with its inputs and outputs.
         name: of the analysis; the first of that kind if None or ``auto``, and without one the nearest to the start.
         at: where to begin, over that of either analysis.
+        modes: that are held, over those of the analysis.
 
     Raises:
         FlexarmError: no such analysis, or no equilibrium.
@@ -152,7 +160,7 @@ def trimmed(made: Cut, name: str | None = None, at: Mapping[str, Any] | None = N
     given = {v.name for v in made.model.inputs}
     begin = {k: v for k, v in {**made.settings.at, **settings.at}.items() if k in motion_units(made) or k in given}
     settings = replace(settings, at={**begin, **(at or {})})
-    return equilibrium(replace(made, settings=settings))
+    return equilibrium(replace(made, settings=settings), modes=modes)
 
 
 def start_of(made: Cut, asked: dict[str, Any], trim: str | None, at: Mapping[str, Any] | None = None) -> dict[str, Any]:

@@ -182,6 +182,16 @@ def test_failures_are_rows(spin: Path) -> None:
     assert table["wheel.shaft.speed.final"][2] == pytest.approx(2 * (1 - math.exp(-2)), rel=1e-8)
 
 
+def test_a_sweep_of_which_every_run_fails_has_failed(spin: Path, command: Any) -> None:
+    """The signals are written all the same; a metric that works for no run is no success."""
+    (spin.parent / "own.py").write_text("def many(result):\n    return [1.0, 2.0]\n")
+    asked = ["--vary", "wheel.inertia=1,2", "--metric", "b=own.py:many"]
+    answer = command("sweep", spin, *asked, "-o", "out", "--workers", 1)
+    assert answer.code == 1
+    assert "every run failed; the first: metric own.py:many" in answer.err
+    assert np.isfinite(flexarm.read("out/runs.parquet")["wheel.shaft.speed.final"]).all()
+
+
 @pytest.mark.slow
 def test_the_same_bytes_whatever_does_the_work(spin: Path, cluster: str, command: Any) -> None:
     """One process, two processes, a cluster, other threads and hash seeds: files equal byte for byte."""
