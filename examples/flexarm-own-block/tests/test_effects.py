@@ -27,6 +27,7 @@ def test_the_drag_that_the_model_leaves_out_is_found(rig):
 
 
 def test_it_is_tried_at_shafts_alone(rig):
+    """At no signal, and nowhere if it is left out."""
     drags = [c for c in possible_effects(rig) if c.effect == "eddy_current_drag"]
     assert [c.place for c in drags] == ["motor.shaft"]
     assert "eddy_current_drag" not in {c.effect for c in possible_effects(rig, without=["eddy_current_drag"])}
