@@ -155,8 +155,9 @@ def linearise(
     assumed: tuple[str, ...] = ()
     if not made.settings.name and trim is None and not at and found.moving:
         try:
-            there = trimmed(made, modes=modes).arguments()
-            found = linear(made.model, **there)
+            near = trimmed(made).arguments()
+            near["modes"] |= asked["modes"]  # what is given counts over where the equilibrium is
+            found, there = linear(made.model, **near), near
             assumed = ("the equilibrium nearest to the start",)
         except FlexarmError:
             pass

@@ -139,19 +139,13 @@ def _trim_settings(made: Cut, name: str | None) -> AnalysisSettings:
     return cut(made.scenario, "trim", chosen, inputs=made.settings.inputs, outputs=made.settings.outputs).settings
 
 
-def trimmed(
-    made: Cut,
-    name: str | None = None,
-    at: Mapping[str, Any] | None = None,
-    modes: Mapping[str, int | str] | None = None,
-) -> Equilibrium:
+def trimmed(made: Cut, name: str | None = None, at: Mapping[str, Any] | None = None) -> Equilibrium:
     """The equilibrium of an analysis of kind ``trim``, for the model of another analysis.
 
     Args:
         made: the model with its inputs and outputs.
         name: of the analysis; the first of that kind if None or ``auto``, and without one the nearest to the start.
         at: where to begin, over that of either analysis.
-        modes: that are held, over those of the analysis.
 
     Raises:
         FlexarmError: no such analysis, or no equilibrium.
@@ -160,7 +154,7 @@ def trimmed(
     given = {v.name for v in made.model.inputs}
     begin = {k: v for k, v in {**made.settings.at, **settings.at}.items() if k in motion_units(made) or k in given}
     settings = replace(settings, at={**begin, **(at or {})})
-    return equilibrium(replace(made, settings=settings), modes=modes)
+    return equilibrium(replace(made, settings=settings))
 
 
 def start_of(made: Cut, asked: dict[str, Any], trim: str | None, at: Mapping[str, Any] | None = None) -> dict[str, Any]:
