@@ -20,6 +20,7 @@ from diagnosis.estimation.least_squares import fit as fit_problem
 from diagnosis.problems import problem
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.dask_fitter import DaskFitter
+from diagnosis.search.even_clock import on_their_clocks
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import Progress, study
 from diagnosis.verdict.recording_checks import screen
@@ -81,7 +82,7 @@ def fit(
         FlexarmError: scenario or recordings that do not fit.
     """
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
-    recorded = gather(scenario, recordings, hold_out)
+    workers = workers or cores()
     begun = itertools.count()
 
     def said(_: str) -> None:
@@ -90,8 +91,8 @@ def fit(
             progress(next(begun) / (RANDOM_STARTS + 1))
 
     with threadpool_limits(BLAS_THREADS):
-        posed = problem(scenario, recorded)
-        made = fit_problem(posed, random_starts=RANDOM_STARTS, seed=seed, workers=workers or cores(), progress=said)
+        posed = problem(scenario, on_their_clocks(scenario, gather(scenario, recordings, hold_out), workers))
+        made = fit_problem(posed, random_starts=RANDOM_STARTS, seed=seed, workers=workers, progress=said)
     scores = {"fitted": made.chi2}
     if made.problem.held_out:
         # Nothing that was fitted tells the state in which a held-out recording begins.
@@ -188,14 +189,15 @@ def diagnose(
     if how.workers is not None and how.workers < 1:
         raise FlexarmError(f"{how.workers} workers cannot do anything", remedy="give 1 or more")
     scenario = source if isinstance(source, Scenario) else load(source, how.overrides)
-    recorded = gather(scenario, recordings, how.hold_out)
+    workers = how.workers or cores()
     store = JsonStore(how.keep) if how.keep is not None else None
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
+        recorded = on_their_clocks(scenario, gather(scenario, recordings, how.hold_out), workers)
         if how.scheduler:
             spread = stack.enter_context(Spread(how.workers, how.scheduler))
             fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, how.seed, store)
         else:
-            fitter = CandidateFitter(scenario, recorded, how.workers or cores(), how.seed, store)
+            fitter = CandidateFitter(scenario, recorded, workers, how.seed, store)
         if how.warn is not None:
             how.warn([remark.text for remark in screen(fitter.base)])
         return judge(study(fitter, without=how.without, progress=how.progress), how.seed)
