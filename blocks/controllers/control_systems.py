@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,8 @@ class Plant:
     Attributes:
         A, B, C, D: its matrices.
         period: sample period (s); 0 for a continuous one.
-        states: names, where they are known.
+        states, inputs, outputs: names, where they are known.
+        units: of the names.
     """
 
     A: Matrix
@@ -32,6 +34,9 @@ class Plant:
     D: Matrix
     period: float = 0.0
     states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def plant(model: Any, period: float = 0.0) -> Plant:
@@ -41,17 +46,22 @@ def plant(model: Any, period: float = 0.0) -> Plant:
         ParameterError: the model is sampled with another period.
     """
     A, B, C, D = (np.atleast_2d(np.asarray(getattr(model, name), dtype=float)) for name in "ABCD")
-    names = tuple(model.state_labels if hasattr(model, "state_labels") else model.states)
+    named: dict[str, Any] = {
+        "states": tuple(model.state_labels if hasattr(model, "state_labels") else model.states),
+        "inputs": tuple(model.input_labels if hasattr(model, "input_labels") else model.inputs),
+        "outputs": tuple(model.output_labels if hasattr(model, "output_labels") else model.outputs),
+        "units": dict(getattr(model, "units", {})),
+    }
     own = float(getattr(model, "period", None) or getattr(model, "dt", None) or 0.0)
     if own:
         if period and not math.isclose(own, period, rel_tol=1e-9):
             raise ParameterError(f"the model is sampled with {own:g} s, not {period:g} s")
-        return Plant(A, B, C, D, own, names)
+        return Plant(A, B, C, D, own, **named)
     if period:
         n, m = B.shape
         both = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, n + m))]]) * period)
         A, B = both[:n, :n], both[:n, n:]
-    return Plant(A, B, C, D, period, names)
+    return Plant(A, B, C, D, period, **named)
 
 
 def from_control(system: Any, *, period: float = 0.0, **settings: Any) -> StateSpace | DiscreteStateSpace:
