@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from blocks.controllers.state_space import DiscreteStateSpace, StateSpace
 from engine.errors import ParameterError
@@ -91,3 +91,26 @@ def from_control(system: Any, *, period: float = 0.0, **settings: Any) -> StateS
     if found.period:
         return DiscreteStateSpace(**matrices, period=found.period, **settings)
     return StateSpace(**matrices, **settings)
+
+
+def in_words(period: float) -> str:
+    """A sample period in words."""
+    return f"sampled every {period:g} s" if period else "continuous"
+
+
+def check_observer(made: Plant, gain: ArrayLike) -> None:
+    """Refuse an observer that is not stable.
+
+    Raises:
+        ParameterError: that, or a gain of another shape.
+    """
+    L = np.asarray(gain, dtype=float)
+    wanted = (made.A.shape[0], made.C.shape[0])
+    if L.shape != wanted:
+        raise ParameterError(f"the observer's gain is {L.shape}, not {wanted}", remedy="states by outputs")
+    poles = np.linalg.eigvals(made.A - L @ made.C)
+    if (np.abs(poles) > 1 + 1e-9).any() if made.period else (poles.real > 1e-9 * np.abs(poles).max(initial=0)).any():
+        raise ParameterError(
+            f"the observer, {in_words(made.period)}, is not stable with this gain",
+            remedy="give the same period to kalman as here, 0 for a continuous observer",
+        )

@@ -5,21 +5,18 @@ A linear model is what `engine.linearise.linearise` returns, a python-control st
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from blocks.controllers.control_systems import Matrix, Plant, plant
+from blocks.controllers.control_systems import Matrix, Plant, check_observer, in_words, plant
 from blocks.controllers.observer import Observer
 from blocks.controllers.state_feedback import StateFeedback
 from engine.errors import ParameterError
-from engine.files import json_text, writing
 from engine.quantity import convert
 
 
@@ -109,64 +106,9 @@ def observer(model: Any, gain: ArrayLike, *, period: float = 0.0, **settings: An
         ParameterError: an observer that is not stable, as with the gain of another period.
     """
     made = plant(model, period)
-    _check_observer(made, gain)
+    check_observer(made, gain)
     direct = {"D": made.D} if made.D.any() else {}
     return Observer(A=made.A, B=made.B, C=made.C, **direct, L=np.asarray(gain), period=made.period, **settings)
-
-
-def save(
-    file: str | Path,
-    model: Any,
-    *,
-    feedback: Feedback | None = None,
-    observer_gain: ArrayLike | None = None,
-    reference_gain: ArrayLike | None = None,
-    period: float = 0.0,
-) -> Path:
-    """Write a design as a .json file, from which `Observer` and `StateFeedback` read it; returns its path.
-
-    Beside A, B, C, D and K, L, N it holds the period, and the names and units of states, inputs and outputs, by which
-    the blocks refuse another period and swapped wires.
-
-    Args:
-        file: ends in .json.
-        model: the linear model that was designed for.
-        feedback: of `lqr`.
-        observer_gain: L, shape (states, outputs), of `kalman` or another design.
-        reference_gain: N, a number for each input.
-        period: sample period (s); that of the feedback if 0.
-
-    Raises:
-        ParameterError: feedback or observer belong to another period or other states.
-        FlexarmError: the file cannot be written.
-    """
-    if feedback is not None:
-        if period and not math.isclose(period, feedback.period, rel_tol=1e-9):
-            raise ParameterError(f"the feedback is {_sampled(feedback.period)}, not {_sampled(period)}")
-        period = feedback.period
-    made = plant(model, period)
-    if feedback is not None and made.period != feedback.period:
-        raise ParameterError(f"the feedback is {_sampled(feedback.period)}, and the model {_sampled(made.period)}")
-    if feedback is not None and feedback.states != made.states:
-        raise ParameterError(f"the feedback is one of {', '.join(feedback.states)}, not of {', '.join(made.states)}")
-    content: dict[str, Any] = {name: getattr(made, name).tolist() for name in "ABCD"}
-    if feedback is not None:
-        content["K"] = feedback.gain.tolist()
-    if observer_gain is not None:
-        _check_observer(made, observer_gain)
-        content["L"] = np.asarray(observer_gain, dtype=float).tolist()
-    if reference_gain is not None:
-        content["N"] = np.asarray(reference_gain, dtype=float).reshape(-1, 1).tolist()
-    content |= {"dt": made.period, "states": made.states, "inputs": made.inputs, "outputs": made.outputs}
-    content["units"] = dict(made.units)
-    path = Path(file)
-    with writing(path, (".json",)) as temporary:
-        temporary.write_text(json_text(content, indent=1) + "\n", encoding="utf-8")
-    return path
-
-
-def _sampled(period: float) -> str:
-    return f"sampled every {period:g} s" if period else "continuous"
 
 
 def _same_period(what: str, own: float, settings: dict[str, Any]) -> None:
@@ -177,20 +119,7 @@ def _same_period(what: str, own: float, settings: dict[str, Any]) -> None:
     """
     given = settings.pop("period", own)
     if convert(given, "s") != own:
-        raise ParameterError(f"{what} is {_sampled(own)}, not {_sampled(convert(given, 's'))}", remedy="design it anew")
-
-
-def _check_observer(made: Plant, gain: ArrayLike) -> None:
-    L = np.asarray(gain, dtype=float)
-    wanted = (made.A.shape[0], made.C.shape[0])
-    if L.shape != wanted:
-        raise ParameterError(f"the observer's gain is {L.shape}, not {wanted}", remedy="states by outputs")
-    poles = np.linalg.eigvals(made.A - L @ made.C)
-    if (np.abs(poles) > 1 + 1e-9).any() if made.period else (poles.real > 1e-9 * np.abs(poles).max(initial=0)).any():
-        raise ParameterError(
-            f"the observer, {_sampled(made.period)}, is not stable with this gain",
-            remedy="give the same period to kalman as here, 0 for a continuous observer",
-        )
+        raise ParameterError(f"{what} is {in_words(own)}, not {in_words(convert(given, 's'))}", remedy="design it anew")
 
 
 def _weight(name: str, given: ArrayLike, n: int, states: Sequence[str]) -> Matrix:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,6 @@ from numpy.typing import NDArray
 
 from engine.errors import ParameterError, nearest
 from engine.ports import Expression, Port
-from engine.quantity import coherent
 from engine.readers.matlab import read_mat
 from engine.readers.objects import read_json
 from engine.readers.regular import FileProblem, shown
@@ -31,10 +28,11 @@ def read(file: str) -> dict[str, Matrix]:
     Raises:
         ParameterError: no such file, another kind of file, or not what its name says.
     """
-    return {name: made for name, value in _content(file).items() if (made := _numeric(value)) is not None}
+    return {name: made for name, value in content(file).items() if (made := _numeric(value)) is not None}
 
 
-def _content(file: str) -> dict[str, Any]:
+def content(file: str) -> dict[str, Any]:
+    """Everything in a file, by name; errors as of `read`."""
     path = Path(file)
     kind = path.suffix.lower()
     if kind not in (".json", ".mat"):
@@ -43,72 +41,6 @@ def _content(file: str) -> dict[str, Any]:
         return (read_json if kind == ".json" else read_mat)(path, LARGEST_FILE)
     except FileProblem as error:
         raise ParameterError(f"'{file}': {error.message}", remedy=error.remedy) from None
-
-
-@dataclass(frozen=True)
-class Labels:
-    """Signals that a design file names, each with its coherent SI unit, ``*`` where it tells none.
-
-    Attributes:
-        states, inputs, outputs: (name, unit) in the order of the matrices; empty where the file has no names.
-    """
-
-    states: tuple[tuple[str, str], ...] = ()
-    inputs: tuple[tuple[str, str], ...] = ()
-    outputs: tuple[tuple[str, str], ...] = ()
-
-    def fitting(self, key: str, count: int, file: str) -> tuple[tuple[str, str], ...]:
-        """The names of one kind, or as many without a name where the file has none.
-
-        Raises:
-            ParameterError: the file has another number of names.
-        """
-        named: tuple[tuple[str, str], ...] = getattr(self, key)
-        if named and len(named) != count:
-            raise ParameterError(
-                f"'{file}' names {len(named)} {key}, and its matrices have {count}",
-                remedy=f"give as many names as there are {key}, or leave '{key}' out of the file",
-            )
-        return named or (("", "*"),) * count
-
-
-def labels(file: str) -> Labels:
-    """What a design file says of its signals: ``states``, ``inputs`` and ``outputs``, and their ``units``.
-
-    Files of `flexarm.design.save` and of ``flexarm linearise`` have them; others need not.
-
-    Raises:
-        ParameterError: as `read`, or a unit that is not coherent SI, in which all matrices are.
-    """
-    if not file:
-        return Labels()
-    content = _content(file)
-    by_name = content.get("units")
-    made: dict[str, tuple[tuple[str, str], ...]] = {}
-    for key in ("states", "inputs", "outputs"):
-        names = _texts(content.get(key))
-        units = dict(zip(names, _texts(content.get(f"{key[:-1]}_units")), strict=False))
-        if isinstance(by_name, dict):
-            units |= by_name
-        made[key] = tuple((name, _unit(name, units.get(name), file)) for name in names)
-    return Labels(**made)
-
-
-def _texts(value: Any) -> list[str]:
-    items = np.ravel(np.array(value, dtype=object)).tolist() if isinstance(value, list | np.ndarray) else [value]
-    return items if all(isinstance(item, str) for item in items) else []
-
-
-def _unit(name: str, given: Any, file: str) -> str:
-    if not isinstance(given, str) or not given:
-        return "*"
-    try:
-        scale, unit = coherent(given)
-    except ParameterError as error:
-        raise ParameterError(f"'{file}': unit of '{name}': {error.message}", remedy=error.remedy) from None
-    if scale != 1:
-        raise ParameterError(f"'{file}': '{name}' is in {given}", remedy=f"matrices are in SI units: {unit}")
-    return unit
 
 
 def _numeric(value: Any) -> Matrix | None:
@@ -174,55 +106,3 @@ def numbered(role: str, name: str, count: int, doc: str, carried: Sequence[tuple
         text = doc if count == 1 else f"{doc}, element {k + 1}"
         made.append(Port(n, role, f"{text}: {what}" if what else text, "", unit, None, carries=what))
     return made
-
-
-def stated_period(matrices: Mapping[str, Matrix]) -> float | None:
-    """``dt`` of a file (s), 0 for a continuous system; None where the file does not say.
-
-    Raises:
-        ParameterError: it is no time.
-    """
-    stated = matrices.get("dt")
-    if stated is None:
-        return None
-    if not (stated.size == 1 and 0 <= stated.item() < math.inf):
-        what = f"{stated.item():g}" if stated.size == 1 else f"{stated.shape[0]} by {stated.shape[1]} numbers"
-        raise ParameterError(f"'dt' of the file is {what}", remedy="it is the sample period, one number of seconds")
-    return stated.item()
-
-
-def same_period(given: float | None, matrices: Mapping[str, Matrix], file: str) -> float:
-    """The sample period (s) of a block that may be continuous (0): the one given, or ``dt`` of its file.
-
-    Args:
-        given: None where the scenario gives none.
-        matrices: of the file.
-        file: its name.
-
-    Raises:
-        ParameterError: both, and different: the matrices are those of another period.
-    """
-    stated = stated_period(matrices)
-    if given is None or stated is None:
-        return given or stated or 0.0
-    if not math.isclose(given, stated, rel_tol=1e-9):
-        made = f"sampled every {stated:g} s" if stated else "continuous"
-        raise ParameterError(
-            f"period = {given:g} s, but the matrices of '{file}' are {made} (dt = {stated:g})",
-            remedy=f"design for a period of {given:g} s, or leave the period out" if given else "leave the period out",
-        )
-    return given
-
-
-def period_of(given: float, matrices: Mapping[str, Matrix]) -> float:
-    """The sample period (s) of a block that is sampled: the one given, or ``dt`` of the file.
-
-    Raises:
-        ParameterError: neither, or both and different.
-    """
-    found = stated_period(matrices) or 0.0
-    if given and found and not math.isclose(given, found, rel_tol=1e-9):
-        raise ParameterError(f"period = {given:g} s, but the file says dt = {found:g} s", remedy="leave the period out")
-    if not (given or found > 0):
-        raise ParameterError("no sample period is given", remedy="give period, or dt in the file")
-    return given or found

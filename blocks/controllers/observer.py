@@ -6,7 +6,9 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, ClassVar
 
 from blocks.controllers.base import SignalBlock, clock, period, sample_offset
-from blocks.controllers.matrices import collect, labels, numbered, same_period, shaped, times
+from blocks.controllers.labels import labels
+from blocks.controllers.matrices import collect, numbered, shaped, times
+from blocks.controllers.periods import same_period
 from engine.block import option
 from engine.errors import ParameterError
 from engine.ports import Port

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from blocks.controllers.base import OUTPUT_UNIT, SignalBlock, clock, sample_offset
-from blocks.controllers.matrices import collect, numbered, period_of, shaped, stated_period, times
+from blocks.controllers.matrices import collect, numbered, shaped, times
+from blocks.controllers.periods import period_of, stated_period
 from engine.block import option, parameter
 from engine.errors import ParameterError
 from engine.ports import Expression, Port

@@ -17,7 +17,8 @@ from blocks.actuators.effort import Torque
 from blocks.actuators.spring_damper import SpringDamper
 from blocks.controllers import from_control, kalman, lqr
 from blocks.controllers.control_systems import plant
-from blocks.controllers.design import observer, save
+from blocks.controllers.design import observer
+from blocks.controllers.design_file import save
 from blocks.controllers.low_pass import LowPass
 from blocks.controllers.observer import Observer
 from blocks.controllers.state_feedback import StateFeedback
