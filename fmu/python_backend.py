@@ -91,12 +91,16 @@ def export_python(
 
 
 def _binaries() -> list[tuple[str, str, bytes]]:
-    import pythonfmu
-
+    try:
+        import pythonfmu
+    except ImportError as error:
+        raise FlexarmError(
+            f"the python backend needs pythonfmu, which cannot be imported: {error}", remedy="pip install pythonfmu"
+        ) from error
     folder = Path(pythonfmu.__file__).parent / "resources" / "binaries"
     found = sorted(file for file in folder.rglob("*") if file.suffix in (".so", ".dll", ".dylib"))
     if not found:
-        raise FlexarmError(f"pythonfmu has no binaries in {folder}", remedy="install it again")
+        raise FlexarmError(f"pythonfmu has no binaries in {folder}", remedy="pip install --force-reinstall pythonfmu")
     return [(file.parent.name, file.name, file.read_bytes()) for file in found]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import math
+import sys
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator
@@ -21,6 +22,7 @@ from engine.errors import FlexarmError
 from engine.simulate import Drive
 from flexarm.api import export
 from flexarm.cut import cut
+from fmu import python_backend
 from fmu.host import host
 from fmu.verify import reference, references, slave
 from scenarios.load import load
@@ -237,3 +239,10 @@ def test_the_c_backend_refuses_and_names_the_way_out(scenario: Path, tmp_path: P
     assert "control" in str(caught.value)
     assert "python backend" in str(caught.value)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_pythonfmu_is_told_with_what_installs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pythonfmu", None)
+    with pytest.raises(FlexarmError, match="needs pythonfmu") as raised:
+        python_backend._binaries()
+    assert raised.value.remedy == "pip install pythonfmu"
