@@ -7,6 +7,7 @@ what the experiment says: that one law has narrower sizes beforehand than anothe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ import numpy as np
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.parameters import Array
 from diagnosis.planning.reach import Bench, Course, answer, fitted, together
+from diagnosis.planning.sizes import TURNS, Family
 from diagnosis.planning.smallest import DECISIVE, Smallest
 from diagnosis.search.equivalent_effects import KNOWN
 from diagnosis.search.posterior import is_in
@@ -29,14 +31,27 @@ class Truths:
     Attributes:
         found: the effects.
         multiple: how many times the smallest size that shows they have; less where they cannot become so large.
-        courses: of them.
         sizes: that they have.
+        forms: courses of each, its own first: what it can do as a rival is looked for around each of them. A wave has
+            a form for each quarter of a turn.
     """
 
     found: tuple[Smallest, ...]
     multiple: float
-    courses: tuple[Course, ...]
     sizes: tuple[float, ...]
+    forms: tuple[tuple[Course, ...], ...]
+
+    @property
+    def courses(self) -> list[Course]:
+        """Each effect as the truth."""
+        return [forms[0] for forms in self.forms]
+
+
+def turns(family: Family) -> list[Family]:
+    """The forms of an effect: a wave turned by quarters."""
+    if not TURNS & {*family.base}:
+        return [family]
+    return [family.turned(k * math.pi / 2) for k in range(4)]
 
 
 def truths(
@@ -63,27 +78,28 @@ def truths(
         family = each.family
         return min(multiple * each.size, max(family.largest, each.size)) if family.sized else 1.0
 
-    def one(each: Smallest) -> Course | None:
+    def one(each: Smallest) -> tuple[Course, ...]:
         family, size = each.family, size_of(each)
         try:
             near = bench.course(family, each.size) if family.sized and family.candidate.freed is None else None
-            return bench.course(family, size, near, further=further)
+            return tuple(bench.course(form, size, near, further=further) for form in turns(family))
         except FlexarmError:
-            return None
+            return ()
 
     rows = []
     with Spread(workers, threads=True) as pool:
-        for each, course in zip(found, pool.map(one, found), strict=True):
+        for each, courses in zip(found, pool.map(one, found), strict=True):
             done()
-            if course is not None:
-                rows.append((each, course))
-    sizes = tuple(size_of(e) for e, _ in rows)
-    return Truths(tuple(e for e, _ in rows), multiple, tuple(c for _, c in rows), sizes)
+            if courses:
+                rows.append((each, courses))
+    return Truths(tuple(e for e, _ in rows), multiple, tuple(size_of(e) for e, _ in rows), tuple(c for _, c in rows))
 
 
 def evidences(bench: Bench, told: Truths) -> Array:
     """How well each effect (column) fits where each (row) is the truth, as a logarithm of odds."""
-    columns = [fitted(bench.bands, answer(rival, told.courses)) for rival in told.courses]
+    columns = [
+        np.max([fitted(bench.bands, answer(form, told.courses)) for form in forms], axis=0) for forms in told.forms
+    ]
     return np.column_stack(columns) if columns else np.zeros((0, 0))
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment, over_time
-from diagnosis.planning.distinguish import Truths, unordered
+from diagnosis.planning.distinguish import Truths, turns, unordered
 from diagnosis.planning.experiment import Planned, Sensor
-from diagnosis.planning.reach import Bench, Course, answer, fitted
+from diagnosis.planning.reach import Bands, Bench, Course, answer, fitted
 from diagnosis.planning.smallest import DECISIVE
 from diagnosis.thresholds import NEXT_EXPERIMENT
 from diagnosis.verdict.experiment_design import menu
@@ -64,9 +64,9 @@ def sensors(planned: Planned, bench: Bench, told: Truths, tied: Sequence[Pair]) 
     for i, j in tied:
         by_rival.setdefault(j, []).append(i)
     involved = {k for pair in tied for k in pair}
-    own = {i: _with_each(bench, told.courses[i], [told.courses[i]])[:, 0] for i in involved}
+    own = {i: _with_each(bench, told.forms[i], [told.courses[i]])[:, 0] for i in involved}
     for j, mine in by_rival.items():
-        found = _with_each(bench, told.courses[j], [told.courses[i] for i in mine])
+        found = _with_each(bench, told.forms[j], [told.courses[i] for i in mine])
         for column, i in enumerate(mine):
             for k in np.flatnonzero(found[:, column] > own[i] - DECISIVE):
                 open_[k].add((min(i, j), max(i, j)))
@@ -75,15 +75,17 @@ def sensors(planned: Planned, bench: Bench, told: Truths, tied: Sequence[Pair]) 
     return sorted(rows, key=lambda row: -len(row.settles))
 
 
-def _with_each(bench: Bench, rival: Course, mine: Sequence[Course]) -> Array:
+def _with_each(bench: Bench, forms: Sequence[Course], mine: Sequence[Course]) -> Array:
     """How well a rival fits each truth, with each of the further sensors, shape (sensors, truths)."""
-    away = np.stack([t.further for t in mine], axis=2) - rival.further[:, :, None]
-    rows = []
-    for y, J in zip(away, rival.further_slopes, strict=True):
-        found = answer(rival, mine, J.T @ J, J.T @ y)
-        left = 0.5 * np.sum((y - J @ found.change) ** 2, axis=0)
-        rows.append(fitted(bench.bands, found) - left)
-    return np.array(rows)
+    found = []
+    for rival in forms:
+        away = np.stack([t.further for t in mine], axis=2) - rival.further[:, :, None]
+        rows = []
+        for y, J in zip(away, rival.further_slopes, strict=True):
+            made = answer(rival, mine, J.T @ J, J.T @ y)
+            rows.append(fitted(bench.bands, made) - 0.5 * np.sum((y - J @ made.change) ** 2, axis=0))
+        found.append(np.array(rows).reshape(len(rival.further), len(mine)))
+    return np.asarray(np.max(found, axis=0))
 
 
 def inputs(
@@ -120,27 +122,29 @@ def inputs(
         except FlexarmError:
             continue
 
-        def one(k: int, there: Bench = there) -> Course | None:
-            family, size = told.found[k].family, told.sizes[k]
+        def one(k: int, there: Bench = there) -> list[Course]:
+            size, forms = told.sizes[k], zip(turns(told.found[k].family), told.forms[k], strict=True)
             try:
-                return there.at(family, size, told.courses[k])
+                return [_joined(course, there.at(family, size, course)) for family, course in forms]
             except FlexarmError:
-                return None
+                return []
 
         with Spread(workers, threads=True) as pool:
-            courses = dict(zip(involved, pool.map(one, involved), strict=True))
-        joined = {k: _joined(told.courses[k], c) for k, c in courses.items() if c is not None}
+            joined = dict(zip(involved, pool.map(one, involved), strict=True))
         bands = bench.bands + there.bands
-        own = {k: fitted(bands, answer(c, [c]))[0] for k, c in joined.items()}
+        own = {k: _best(bands, forms, forms[0]) for k, forms in joined.items() if forms}
         left = {
             (min(i, j), max(i, j))
             for i, j in tied
-            if i not in joined
-            or j not in joined
-            or fitted(bands, answer(joined[j], [joined[i]]))[0] > own[i] - DECISIVE
+            if i not in own or j not in own or _best(bands, joined[j], joined[i][0]) > own[i] - DECISIVE
         }
         rows.append(Input(kind, sentence, tuple(sorted(before - left))))
     return sorted(rows, key=lambda row: -len(row.settles))
+
+
+def _best(bands: Bands, forms: Sequence[Course], truth: Course) -> float:
+    """How well a rival fits a truth."""
+    return max(float(fitted(bands, answer(form, [truth]))[0]) for form in forms)
 
 
 def _driven(problem: Problem, like: TimeExperiment, time: Array, drive: Array) -> Problem:
