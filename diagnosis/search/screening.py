@@ -86,7 +86,7 @@ class Origin:
         """Effects that could not be put in here, and why."""
         self.every = max(1, sum(len(e.time) for e in problem.training) // SEARCH.samples)
         strengths = leftover(problem, x, problem.training).by_band
-        self._whitening = [_Whitening(e, strengths, self.every) for e in problem.training]
+        self._whitening = [Whitening(e, strengths, self.every) for e in problem.training]
         plain, white = [], []
         for e, whitening in zip(problem.training, self._whitening, strict=True):
             r, J = problem.linearised(x, e)
@@ -196,7 +196,7 @@ class _Linear:
         return self.cost - float(np.sum((r + J @ change) ** 2)), change
 
 
-class _Whitening:
+class Whitening:
     """Residuals of an experiment as components of equal noise, several in one.
 
     Neighbours in a band are added with random signs: that keeps squares and products on average, and a line of the
@@ -239,7 +239,7 @@ class _Bands:
         strengths: mean square of the noise that they were whitened with, by signal and band.
     """
 
-    def __init__(self, whitening: Sequence[_Whitening], strengths: Mapping[tuple[int, int], float]) -> None:
+    def __init__(self, whitening: Sequence[Whitening], strengths: Mapping[tuple[int, int], float]) -> None:
         names = [name for each in whitening for name in each.names]
         self._kinds = sorted(set(names))
         number = {name: k for k, name in enumerate(self._kinds)}
