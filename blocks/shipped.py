@@ -44,6 +44,7 @@ SHIPPED = {
     "actuators.dc_motor": "DCMotor",
     "actuators.gear": "Gear",
     "actuators.friction": "BearingFriction JointFriction TranslationalBearingFriction TranslationalJointFriction",
+    "actuators.load_dependent_friction": "LoadDependentFriction TranslationalLoadDependentFriction",
     "actuators.brake": "Brake TranslationalBrake",
     "actuators.spring_damper": "SpringDamper TranslationalSpringDamper",
     "actuators.pulley": "Pulley",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blocks.symbolic import choose
+from blocks.actuators.directed_loss import directed_loss
 from engine.block import Block, flange, option, parameter, signal_out
 
 if TYPE_CHECKING:
@@ -59,14 +59,4 @@ class HarmonicDrive(Block):
             net.dissipate(torque / n * a.speed * (1 / eta - 1))
         else:
             net.force(a, -torque / n)
-            driving, driven = 1 / eta - 1, 1 - eta
-            # The load holds the input back in its forward sense where tau / n > 0.
-            forward = choose(torque / n > 0, torque * driving, -torque * driven) / n
-            backward = choose(torque / n > 0, torque * driven, -torque * driving) / n
-            net.friction(
-                {a: 1},
-                forward=lambda velocity: forward,
-                backward=lambda velocity: backward,
-                static_forward=forward,
-                static_backward=backward,
-            )
+            directed_loss(net, a, torque / n, eta, eta)
