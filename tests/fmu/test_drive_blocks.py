@@ -40,6 +40,79 @@ PARTS: dict[str, tuple[str, list[str], str]] = {
         ["rotor.shaft, gear.input", "gear.output, load.shaft"],
         "rotor.shaft.angle, load.shaft.angle",
     ),
+    "pmsm": (
+        """
+  asked: {type: Sine, amplitude: 12 A, frequency: 2 Hz}
+  bus: {type: Constant, value: 40 V}
+  control: {type: FieldOrientedController, pole_pairs: 3, bandwidth: 800 rad/s, current_limit: 10 A,
+    field_weakening: true, resistance: 0.3 ohm, d_inductance: 2 mH, q_inductance: 3 mH, flux_linkage: 0.05 Wb}
+  servo: {type: PMSM, pole_pairs: 3, resistance: 0.3 ohm, d_inductance: 2 mH, q_inductance: 3 mH, flux_linkage: 0.05 Wb}
+""",
+        [
+            "rotor.shaft, servo.shaft",
+            "asked.out, control.q_reference",
+            "bus.out, control.bus_voltage",
+            "control.d_voltage, servo.d_voltage",
+            "control.q_voltage, servo.q_voltage",
+            "servo.d_current, control.d_current",
+            "servo.q_current, control.q_current",
+            "rotor.shaft.speed, control.speed",
+        ],
+        "rotor.shaft.angle, servo.q_current, servo.d_current",
+    ),
+    "bridge-and-supply": (
+        """
+  bus: {type: Supply, source_voltage: 48 V, resistance: 0.5 ohm, capacitance: 2 mF, returns: false}
+  duty: {type: Sine, amplitude: 1.2, frequency: 2 Hz}
+  bridge: {type: Bridge, dead_time: 2 us, switching_period: 50 us, ripple_current: 0.2 A, on_resistance: 50 mohm}
+  chopper: {type: BrakeChopper, resistance: 10 ohm, switch_on: 55 V, switch_off: 52 V}
+  drawn: {type: Sum}
+  dc: {type: DCMotor, resistance: 0.5 ohm, inductance: 2 mH, torque_constant: 0.1 N.m/A}
+""",
+        [
+            "rotor.shaft, dc.shaft",
+            "duty.out, bridge.duty",
+            "bus.voltage, bridge.supply, chopper.voltage",
+            "dc.current, bridge.current",
+            "bridge.out, dc.voltage",
+            "bridge.supply_current, drawn.a",
+            "chopper.current, drawn.b",
+            "drawn.out, bus.current",
+        ],
+        "rotor.shaft.angle, bus.voltage",
+    ),
+    "thermal": (
+        """
+  step: {type: Step, height: 24 V}
+  warm: {type: ThermalDCMotor, resistance: 0.5 ohm, torque_constant: 0.1 N.m/A, winding_heat_capacity: 2 J/K,
+    housing_heat_capacity: 9 J/K, winding_thermal_resistance: 0.3 K/W, housing_thermal_resistance: 1 K/W}
+""",
+        ["rotor.shaft, warm.shaft", "step.out, warm.voltage"],
+        "rotor.shaft.speed, warm.current",
+    ),
+    "limits": (
+        """
+  wanted: {type: Sine, amplitude: 3 N.m, frequency: 1 Hz}
+  envelope: {type: TorqueEnvelope, peak_torque: 2 N.m, peak_power: 50 W, bandwidth: 300 rad/s, speed_limit: 60 rad/s}
+  source: {type: Torque}
+  target: {type: Sine, amplitude: 1 rad, frequency: 1 Hz}
+  servo: {type: DutyServo, proportional_gain: 20 1/rad, supply_voltage: 12 V}
+  limit: {type: CurrentLimiter, current_limit: 1.5 A, resistance: 1 ohm, back_emf_constant: 0.1 V.s/rad}
+  dc: {type: DCMotor, resistance: 1 ohm, torque_constant: 0.1 N.m/A, rotor_inertia: 1e-4 kg.m2}
+""",
+        [
+            "rotor.shaft, source.shaft",
+            "wanted.out, envelope.reference",
+            "rotor.shaft.speed, envelope.speed",
+            "envelope.out, source.torque",
+            "target.out, servo.reference",
+            "dc.shaft.angle, servo.measurement",
+            "dc.shaft.speed, limit.speed",
+            "servo.out, limit.in",
+            "limit.out, dc.voltage",
+        ],
+        "rotor.shaft.angle, dc.shaft.angle",
+    ),
     "load-dependent-friction": (
         "  friction: {type: LoadDependentFriction, coefficient: 0.3, opposing_coefficient: 0.6, static_ratio: 1.2}",
         ["rotor.shaft, friction.shaft", "drive.out, friction.load"],

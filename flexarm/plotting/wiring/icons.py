@@ -20,6 +20,9 @@ LETTERS = {
     "RigidFeedForward": "FF1",
     "TwoMassFeedForward": "FF2",
     "ThreeMassFeedForward": "FF3",
+    "FieldOrientedController": "dq",
+    "DutyServo": "d V",
+    "Bridge": "PWM",
     "PythonController": "f(t)",
     "FMU": "FMU",
 }
@@ -66,6 +69,10 @@ CURVES: dict[str, tuple[Curve, ...]] = {
     "Encoder": (
         ((2, 18), (2, 6), (5, 6), (5, 18), (8, 18), (8, 6), (11, 6), (11, 18), (14, 18), (14, 6), (17, 6), (17, 18)),
     ),
+    "CurrentLimiter": (((2, 18), (7, 18), (15, 4), (20, 4)), ((2, 11), (20, 11)), ((11, 8), (11, 14))),
+    "TorqueEnvelope": (((2, 5), (9, 5), (13, 10), (18, 13), (18, 19)), ((2, 19), (20, 19)), ((2, 3), (2, 19))),
+    "Supply": (((2, 11), (8, 11)), ((8, 3), (8, 19)), ((13, 7), (13, 15)), ((13, 11), (20, 11))),
+    "BrakeChopper": (((2, 11), (6, 11), (11, 5)), ((12, 11), (13, 7), (15, 15), (17, 7), (19, 15), (20, 11))),
     "Curve": (((2, 18), (7, 14), (11, 12), (15, 6), (20, 4)), ((2, 11), (20, 11)), ((11, 2), (11, 20))),
     "QuadraticDrag": (((2, 19), (7, 13), (11, 11), (15, 9), (20, 3)), ((2, 11), (20, 11))),
 }
@@ -100,8 +107,9 @@ def icon(kind: str, folder: str, x: float, y: float) -> list[Shape]:
     if (drawn := CURVES.get(LIKE.get(kind, kind))) is not None:
         return [line(*points) for points in drawn]
     word = kind.lower()
-    if kind == "DCMotor":
-        return [ring(11, 11, 9), Label("icon-text", x + 11, y + 15, "M", 11, "middle")]
+    if kind in ("DCMotor", "ThermalDCMotor", "PMSM"):
+        letters = "3~" if kind == "PMSM" else "M"
+        return [ring(11, 11, 9), Label("icon-text", x + 11, y + 15, letters, 11, "middle")]
     if kind == "Pulley":
         return [ring(7, 11, 5), line((7, 6), (22, 6)), line((7, 16), (22, 16))]
     if kind == "RackAndPinion":
