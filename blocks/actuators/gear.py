@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from blocks.actuators import kinematic_error
 from blocks.actuators.directed_loss import directed_loss
 from engine.block import Block, flange, parameter, signal_out
 from engine.errors import ParameterError
@@ -30,6 +31,8 @@ class Gear(Block):
     |tau / n| (1 - eta_b): the input sticks below it, exactly. With eta_b <= 0 the gear is self-locking; a worm of
     lead angle L and friction angle r has eta = tan L / tan(L + r), eta_b = tan(L - r) / tan L. Friction that does not
     depend on the load is a `BearingFriction` on a shaft; the two are the law of Modelica's LossyGear [Pelchen 2002].
+    An elastic gear may have a transmission error as `HarmonicDrive` has it: k = 1 of an eccentric pinion, k = 1 / n of
+    an eccentric wheel.
     """
 
     cut_after = ("output",)
@@ -50,6 +53,10 @@ class Gear(Block):
         le=1,
         tolerance=0.2,
     )
+    error_waves = kinematic_error.waves()
+    error_amplitude = kinematic_error.amplitude()
+    error_order = kinematic_error.order()
+    error_phase = kinematic_error.phase()
 
     input = flange("the fast shaft")
     output = flange("the slow shaft")
@@ -58,7 +65,8 @@ class Gear(Block):
     def check(self) -> None:
         """What needs elasticity must have it."""
         if self.values["stiffness"] == 0:
-            given = next((name for name in ("damping", "backdriving_efficiency") if name in self.given), "")
+            elastic_only = ("damping", "backdriving_efficiency", "error_waves")
+            given = next((name for name in elastic_only if name in self.given), "")
             if given:
                 raise ParameterError(
                     f"{given} is for an elastic Gear, and stiffness is 0",
@@ -73,13 +81,14 @@ class Gear(Block):
             net.tie({a: 1, b: -n}, (a, b, eta) if lossy else None)
             net.output(self.torque, 0.0)
             return
-        twist, rate = a.angle / n - b.angle, a.speed / n - b.speed
+        angle, share = kinematic_error.meshed(self, a)
+        twist, rate = angle - b.angle, share * a.speed - b.speed
         torque = self.stiffness * twist + self.damping * rate
         net.force(b, torque)
-        net.force(a, -torque / n)
+        net.force(a, -torque * share)
         net.twist({a: 1 / n, b: -1})
         net.store(self.stiffness * twist**2 / 2)
         net.dissipate(self.damping * rate**2)
         net.output(self.torque, torque)
         if lossy or self.values["backdriving_efficiency"] != 1:
-            directed_loss(net, a, torque / n, eta, self.backdriving_efficiency)
+            directed_loss(net, a, torque * share, eta, self.backdriving_efficiency)

@@ -113,6 +113,33 @@ PARTS: dict[str, tuple[str, list[str], str]] = {
         ],
         "rotor.shaft.angle, dc.shaft.angle",
     ),
+    "transmission-error": (
+        """
+  gear: {type: HarmonicDrive, ratio: 50, stiffness: 2e3, damping: 2, efficiency: 0.8, loss: directed,
+    error_waves: 2, error_amplitude: [1 mrad, 0.2 mrad], error_order: [2, 4]}
+  load: {type: Inertia, inertia: 0.5 kg.m2}
+  cogging: {type: Cogging, pole_pairs: 2, slots: 6, harmonics: 2, amplitude: [0.1 N.m, 20 mN.m], phase: [0, 1]}
+""",
+        ["rotor.shaft, gear.input, cogging.shaft", "gear.output, load.shaft"],
+        "rotor.shaft.angle, load.shaft.angle",
+    ),
+    "belt": (
+        """
+  pulley: {type: Pulley, radius: 20 mm}
+  belt: {type: Belt, stiffness: 2e4 N/m, damping: 20 N.s/m, pretension: 5 N}
+  carriage: {type: Mass, mass: 3 kg}
+""",
+        ["rotor.shaft, pulley.shaft", "pulley.slide, belt.a", "belt.b, carriage.flange"],
+        "rotor.shaft.angle, carriage.flange.position",
+    ),
+    "jitter": (
+        """
+  angle: {type: JitteredSample, period: 10 ms, jitter: 6 ms, seed: 4}
+  lag: {type: LowPass, corner_frequency: 20 rad/s}
+""",
+        ["rotor.shaft.angle, angle.in", "angle.out, lag.in"],
+        "rotor.shaft.angle, lag.out",
+    ),
     "load-dependent-friction": (
         "  friction: {type: LoadDependentFriction, coefficient: 0.3, opposing_coefficient: 0.6, static_ratio: 1.2}",
         ["rotor.shaft, friction.shaft", "drive.out, friction.load"],
