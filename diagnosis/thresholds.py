@@ -429,11 +429,11 @@ class Search:
         "Models of one effect, and of two at once, that are fitted to the end.",
         "random rigs",
     )
-    finished_beside: int = number(
+    few: int = number(
         3,
         "models",
-        "The same for a further effect beside a model.",
-        "random rigs",
+        "Models of a further effect that are fitted at a time, and of two at once that are fitted to the end.",
+        "random rigs 20 to 44",
     )
     slow: float = number(
         0.0005,
