@@ -460,7 +460,7 @@ class Search:
         "random rigs",
     )
     finer: tuple[float, ...] = number(
-        (0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125),
+        tuple(0.5**k for k in range(1, 11)),
         "distances between starting sizes",
         "How close to the best a size that is only chosen, a delay, is looked for.",
         "delays of suite 'core' (ad31092)",
