@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 WINDOW = 0.2
 """Length (s) of the pieces of time in which a residual is said to be large."""
 
+LATEST = 2
+"""Rows in which the first samples are looked for, as a multiple of their number."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class TimeExperiment(Experiment):
@@ -94,7 +97,8 @@ class TimeExperiment(Experiment):
             first = np.asarray(self.drive.values, dtype=float).reshape(-1, inputs)[0]
         keep = FITTING.first_samples
         whole = np.isfinite(self.measured).all(axis=1).cumsum() >= keep
-        end = int(np.argmax(whole)) + 1 if whole.any() else len(self.time)
+        # What was measured long after the start does not tell it.
+        end = min(int(np.argmax(whole)) + 1 if whole.any() else len(self.time), LATEST * keep)
         known = self.noise_stated or (False,) * len(self.sigma)
         return FirstSamples(self.name, self.time[:end], self.measured[:end], self.sigma, known, self.from_first, first)
 

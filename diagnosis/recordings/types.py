@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.recordings.columns import Vector
+from diagnosis.thresholds import FITTING
 
 
 @dataclass(frozen=True)
@@ -90,16 +91,17 @@ class Recording:
     def split(self, length: float) -> tuple[Recording, Recording] | None:
         """The recording with the measurements of every second stretch of ``length`` seconds, to fit, and with the rest.
 
-        The rest is held out.
+        The rest is held out. Both have the samples that tell in which state the recording begins.
         """
         fitted = np.floor(np.asarray(self.time) / length).astype(int) % 2 == 0
+        first = np.arange(len(self.time)) < FITTING.first_samples
 
         def only(keep: NDArray[np.bool_]) -> tuple[Channel, ...]:
             return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in self.measurements)
 
         return (
             replace(self, name=f"{self.name} (fitted part)", role="train", measurements=only(fitted)),
-            replace(self, name=f"{self.name} (held-out part)", role="hold_out", measurements=only(~fitted)),
+            replace(self, name=f"{self.name} (held-out part)", role="hold_out", measurements=only(~fitted | first)),
         )
 
 

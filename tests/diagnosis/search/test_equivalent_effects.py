@@ -14,11 +14,12 @@ from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.scales import operating_scales
+from diagnosis.problems import problem
 from diagnosis.search.equivalent_effects import lookalikes, one_law
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.posterior import prices
 from diagnosis.search.search import exchanged
-from diagnosis.thresholds import INTERVALS, SEARCH
+from diagnosis.thresholds import FITTING, INTERVALS, SEARCH
 from diagnosis.verdict import verdict, wording
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -110,15 +111,50 @@ def test_a_sensor_scale_near_that_between_two_units_is_pointed_out(gain: float, 
     )
 
 
-def test_the_halves_of_a_recording_are_all_of_it_once(fitter: CandidateFitter) -> None:
+def test_the_halves_of_a_recording_are_all_of_it_and_begin_alike(fitter: CandidateFitter) -> None:
     whole: Any = fitter.recordings[0]
     fitted, judged = whole.split(SEARCH.part)
     assert (fitted.role, judged.role) == ("train", "hold_out")
     a, b, y = (r.measurements[0].values for r in (fitted, judged, whole))
-    assert np.all(np.isfinite(a) != np.isfinite(b))
+    beyond = slice(FITTING.first_samples, None)
+    assert np.all(np.isfinite(a[beyond]) != np.isfinite(b[beyond]))
+    np.testing.assert_array_equal(b[: FITTING.first_samples], y[: FITTING.first_samples])
     np.testing.assert_array_equal(np.where(np.isfinite(a), a, b), y)
     assert np.isfinite(a[np.asarray(whole.time) < SEARCH.part]).all()
     assert fitted.drive == judged.drive == whole.drive
+
+
+SLIDE = """\
+schema: 1
+name: slide
+blocks:
+  drive: {type: Force}
+  table: {type: Mass, mass: 0.2 kg}
+connect: [[drive.flange, table.flange]]
+simulate: {stop: 2 s, step: 10 ms}
+recordings:
+  push:
+    file: push.csv
+    time: {column: t}
+    drive: {drive.force: {column: u, unit: N}}
+    measurements: {table.flange.position: {column: x, unit: m, noise: 1e-5}}
+    initial: {free: [table.flange.position]}
+"""
+
+
+@pytest.mark.parametrize("from_row", [0, 50])
+def test_the_held_out_part_begins_where_the_recording_does(tmp_path: Path, from_row: int) -> None:
+    """x = u t^2 / (2 m): half a metre on, the held-out part's first sample, or the recording's, tells no start."""
+    t = 0.01 * np.arange(200)
+    x = np.where(np.arange(200) >= from_row, 2.5 * t**2, np.nan)
+    rows = np.column_stack([t, np.full(200, 1.0), x])
+    np.savetxt(tmp_path / "push.csv", rows, delimiter=",", header="t,u,x", comments="", fmt="%.8g")
+    (tmp_path / "slide.yaml").write_text(SLIDE, encoding="utf-8")
+    scenario = load(tmp_path / "slide.yaml")
+    whole: Any = gather(scenario, (), ())[0]
+    for part in whole.split(SEARCH.part):
+        (begun,) = problem(scenario, [part]).experiments
+        assert begun.initial["table.flange.position"] == pytest.approx(0.0, abs=1e-4)
 
 
 def limited(t: Any) -> dict[str, Any]:
