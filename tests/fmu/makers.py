@@ -1,13 +1,19 @@
-"""Small FMUs as another maker would write them: C of their own, with nothing of this library in it."""
+"""Small FMUs as another maker would write them, and a host without Python that runs ours."""
 
 from __future__ import annotations
 
+import subprocess
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
+from fmpy import extract, read_model_description
+
 from engine import compile as compiling
+from engine.simulate import Drive
+from fmu.verify import references
 
 _HERE = Path(__file__).parent
 
@@ -46,3 +52,32 @@ def foreign_fmu(path: Path, binary: bytes, variables: Sequence[tuple[str, str, f
         archive.writestr("modelDescription.xml", text)
         archive.writestr("binaries/linux64/m.so", binary)
     return path
+
+
+class Unpacked:
+    """An FMU in a folder, and how to run the host on it with an empty environment."""
+
+    def __init__(self, host: Path, path: Path, folder: Path) -> None:
+        extract(str(path), str(folder))
+        self.host, self.description = host, read_model_description(str(path))
+        self.library = next((folder / "binaries" / "linux64").glob("*.so"))
+
+    def words(self, *command: object, tool: tuple[str, ...] = ()) -> list[str]:
+        """The command line of the host."""
+        inputs = references(self.description, "input")[:1] or [0]
+        numbers = [*inputs, *references(self.description, "output")]
+        return [str(word) for word in (*tool, self.host, self.library, self.description.guid, *command, *numbers)]
+
+    def run(self, *command: object, tool: tuple[str, ...] = (), timeout: float = 3600) -> list[str]:
+        """Words printed."""
+        words = self.words(*command, tool=tool)
+        run = subprocess.run(words, env={}, capture_output=True, text=True, timeout=timeout, check=False)
+        assert run.returncode == 0, run.stderr
+        return run.stdout.split()
+
+
+def wave(steps: int) -> Drive:
+    """The input with which the host drives."""
+    k = np.arange(steps)
+    values = np.sin(0.01 * (k - k % 7).astype(float))
+    return Drive(k * 1e-3, values[:, None])

@@ -144,6 +144,8 @@ BAD: dict[str, tuple[Any, ...]] = {
     "start": (math.nan, "0", None, [0]),
     "tick": (-1, 2**70, 0.5, True),
     "pending": (["os.system"], "x", None, 3),
+    "phase": ("error", "x", None, 3),
+    "stop": (-1.0, math.nan, "x", None),
     "simulation": ({"t": 0.0}, {}, [], "x"),
     "functions": ([], [{}, {}], [{"a": {"pickle": "x"}}], {"a": 1}),
 }
