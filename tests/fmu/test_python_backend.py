@@ -21,35 +21,9 @@ from flexarm.api import export
 from flexarm.cut import cut
 from fmu.verify import reference, references, slave
 from scenarios.load import load
+from tests.fmu.makers import PYTHON_CONTROLLER, PYTHON_SCENARIO
 
 DISCARD, ERROR = 2, 3
-
-CONTROLLER = """\
-class Integrator:
-    def __init__(self):
-        self.sum = 0.0
-
-    def __call__(self, t, u):
-        self.sum += 0.005 * (u[0] - u[1])
-        return 0.4 * (u[0] - u[1]) + 2.0 * self.sum
-"""
-SCENARIO = """\
-schema: 1
-name: python arm
-blocks:
-  reference: {type: Step, height: 3 rad/s}
-  control: {type: PythonController, function: Integrator, file: code/controller.py, inputs: 2, period: 5 ms}
-  motor: {type: DCMotor, resistance: 2.6 ohm, torque_constant: 0.05 N.m/A, rotor_inertia: 2e-4 kg.m2}
-  friction: {type: BearingFriction, coulomb_friction: 0.002 N.m}
-connect:
-  - [reference.out, control.in1]
-  - [motor.shaft.speed, control.in2]
-  - [control.out, motor.voltage]
-  - [motor.shaft, friction.shaft]
-simulate: {stop: 1 s, step: 1 ms, record: [control.out, motor.shaft.speed]}
-analyses:
-  fmu: {kind: export, inputs: [control.in1], outputs: [control.out, motor.shaft.speed, motor.shaft.angle]}
-"""
 
 
 @pytest.fixture(autouse=True)
@@ -63,8 +37,8 @@ def _quiet() -> Iterator[None]:
 def scenario(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("python")
     (folder / "code").mkdir()
-    (folder / "code" / "controller.py").write_text(CONTROLLER)
-    (folder / "arm.yaml").write_text(SCENARIO)
+    (folder / "code" / "controller.py").write_text(PYTHON_CONTROLLER)
+    (folder / "arm.yaml").write_text(PYTHON_SCENARIO)
     return folder / "arm.yaml"
 
 
@@ -262,7 +236,7 @@ def test_a_failing_controller_is_named(scenario: Path, tmp_path: Path) -> None:
     (tmp_path / "code").mkdir()
     text = "def fail(t, u):\n    if t > 0.02:\n        raise ValueError('no more')\n    return 0.0\n"
     (tmp_path / "code" / "controller.py").write_text(text)
-    (tmp_path / "arm.yaml").write_text(SCENARIO.replace("Integrator", "fail"))
+    (tmp_path / "arm.yaml").write_text(PYTHON_SCENARIO.replace("Integrator", "fail"))
     path = export(tmp_path / "arm.yaml", tmp_path / "arm.fmu", backend="python")
     with pytest.raises(FlexarmError, match=r"control.*no more"):
         fmu.cosim(path, 0.1)

@@ -9,7 +9,6 @@ import select
 import shutil
 import subprocess
 import sys
-import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,15 +23,13 @@ from fmpy.fmi1 import FMICallException
 import fmu
 from engine.errors import FlexarmError
 from engine.simulate import simulate
-from flexarm.api import export
 from flexarm.cut import cut
 from fmu.loaded import described, instance
 from fmu.package import write_archive
 from fmu.python_child import Request
 from fmu.source import headers
 from fmu.verify import references, slave
-from tests.fmu.makers import Unpacked, wave
-from tests.fmu.test_python_backend import CONTROLLER, SCENARIO
+from tests.fmu.makers import Unpacked, python_arm, wave
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the hosts load the linux64 binary"),
@@ -41,18 +38,9 @@ pytestmark = [
 HEADS = Path(fmu.__file__).parent / "heads"
 
 
-def _made(folder: Path, controller: str = CONTROLLER, name: str = "Integrator") -> Path:
-    (folder / "code").mkdir(parents=True)
-    (folder / "code" / "controller.py").write_text(controller)
-    (folder / "arm.yaml").write_text(SCENARIO.replace("Integrator", name))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return export(folder / "arm.yaml", folder / "arm.fmu", backend="python", platforms=["linux64"])
-
-
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return _made(tmp_path_factory.mktemp("process") / "a folder, 100% ümläut #1")
+    return python_arm(tmp_path_factory.mktemp("process") / "a folder, 100% ümläut #1")
 
 
 @pytest.fixture
@@ -307,7 +295,7 @@ class Deadly:
 def test_a_process_that_dies_is_an_error_with_its_last_words(death: str, tmp_path: Path) -> None:
     """Never a hang; the other instance goes on, and resetting starts another process."""
     deed, words = DEATHS[death]
-    path = _made(tmp_path / "d", DEADLY.format(deed=deed), "Deadly")
+    path = python_arm(tmp_path / "d", DEADLY.format(deed=deed), "Deadly")
     with running(path) as (found, u, messages), running(path) as (other, _, _):
         _steps(found, 0, 12)
         state = found.getFMUstate()
@@ -336,7 +324,7 @@ def test_a_process_that_dies_is_an_error_with_its_last_words(death: str, tmp_pat
 def test_what_python_prints_is_logged(tmp_path: Path) -> None:
     """However much it is: a full pipe would stop the process."""
     text = "def speak(t, u):\n    print('first %s #')\n    print('x' * 300_000)\n    print('last')\n    return 0.0\n"
-    with running(_made(tmp_path / "s", text, "speak")) as (found, _, messages):
+    with running(python_arm(tmp_path / "s", text, "speak")) as (found, _, messages):
         _steps(found, 0, 6)
         said = [message for message in messages if message in ("first _s _", "last")]
         assert said[:2] == ["first _s _", "last"]
@@ -348,7 +336,7 @@ def test_what_python_prints_is_logged(tmp_path: Path) -> None:
 
 def test_a_function_that_wants_to_leave_only_fails(tmp_path: Path) -> None:
     text = "import sys\n\ndef leave(t, u):\n    return sys.exit(4) if u[0] > 1.5 else u[0]\n"
-    with running(_made(tmp_path / "l", text, "leave")) as (found, u, messages):
+    with running(python_arm(tmp_path / "l", text, "leave")) as (found, u, messages):
         found.setReal(u, [2.0])
         with pytest.raises(FMICallException):
             _steps(found, 0, 12)
@@ -401,7 +389,7 @@ def run(t, u):
 @pytest.mark.parametrize("busy", [False, True])
 def test_the_process_ends_with_its_host(busy: bool, host: Path, made: Path, tmp_path: Path) -> None:
     """The host is killed while it steps; busy: in the midst of a Python function that never returns."""
-    path = _made(tmp_path / "e", ENDLESS, "run") if busy else made
+    path = python_arm(tmp_path / "e", ENDLESS, "run") if busy else made
     unpacked = Unpacked(host, path, tmp_path / "m")
     running = subprocess.Popen(unpacked.words("long", 10**9), env={}, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     try:
