@@ -144,20 +144,6 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
             "test_python_backend.test_calls_before_the_start_and_after_the_end",
         ),
     ),
-    (
-        "Python in a process: which one, its death, its end with the importer, signals, prints, fmusim, Wine",
-        (
-            "test_python_process.test_the_chosen_python_must_do",
-            "test_python_process.test_the_exporting_python_then_the_one_on_the_path",
-            "test_python_process.test_another_version_is_refused",
-            "test_python_process.test_a_process_that_dies_is_an_error_with_its_last_words",
-            "test_python_process.test_the_process_ends_with_its_host",
-            "test_python_process.test_signals",
-            "test_python_process.test_what_python_prints_is_logged",
-            "test_python_process.test_fmusim",
-            "test_wine.test_python_in_a_process_under_wine",
-        ),
-    ),
     ("A state that is not finite makes doStep an error", ("test_robust.test_a_state_that_is_not_finite_is_an_error",)),
     (
         "Tuning in mid-run equals a restart from the same state",
@@ -237,6 +223,20 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
             "test_importers.test_importers_agree_on_an_ssp",
             "test_coupling.test_a_master_of_twenty_lines",
             "test_coupling.test_libcosim_and_ecos",
+        ),
+    ),
+    (
+        "Python in a process: which one, its death, its end with the importer, signals, prints, fmusim, Wine",
+        (
+            "test_python_process.test_the_chosen_python_must_do",
+            "test_python_process.test_the_exporting_python_then_the_one_on_the_path",
+            "test_python_process.test_another_version_is_refused",
+            "test_python_process.test_a_process_that_dies_is_an_error_with_its_last_words",
+            "test_python_process.test_the_process_ends_with_its_host",
+            "test_python_process.test_signals",
+            "test_python_process.test_what_python_prints_is_logged",
+            "test_python_process.test_fmusim",
+            "test_wine.test_python_in_a_process_under_wine",
         ),
     ),
 )

@@ -368,7 +368,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   if (!i) return 0;
   i->alive = FP_ALIVE;
   i->call = *functions;
-  i->logging = -1;                                      /* why there is no instance is always told */
+  i->logging = logging ? -1 : 1 << fp_category_of(fmi2Error);   /* why there is no instance is always told */
   snprintf(i->name, sizeof i->name, "%s", name ? name : "");
   const char *wrong = 0;
   if (!name || !*name) wrong = "the instance name is missing";

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import re
@@ -40,7 +41,7 @@ HEADS = Path(fmu.__file__).parent / "heads"
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return python_arm(tmp_path_factory.mktemp("process") / "a folder, 100% ümläut #1")
+    return python_arm(tmp_path_factory.mktemp("process") / "made")
 
 
 @pytest.fixture
@@ -140,6 +141,34 @@ def test_fmusim(made: Path, tmp_path: Path) -> None:
     for name in plain.dtype.names[1:]:
         assert np.ptp(plain[name]) > 0
         assert np.allclose(rows[name], plain[name], rtol=1e-12, atol=1e-12), name
+
+
+def test_resources_are_found_where_the_importer_says(made: Path, tmp_path: Path) -> None:
+    """By a URL, as the standard has it, by what importers write instead, or beside the binary."""
+    with zipfile.ZipFile(made) as archive:
+        archive.extractall(tmp_path / "m")
+    odd = tmp_path / "a folder, 100% ümläut #1"
+    shutil.move(tmp_path / "m" / "resources", odd / "resources")
+    folder, quoted = str(odd / "resources"), (odd / "resources").as_uri()
+    assert "%25" in quoted
+    plain = quoted.removeprefix("file://")
+    with slave(made) as (loaded, description, messages):
+
+        def instantiated(location: str | None) -> Any:
+            text = None if location is None else location.encode()
+            arguments = (b"x", 1, description.guid.encode(), text, ctypes.byref(loaded.callbacks), 0, 1)
+            library = ctypes.CDLL(str(next((tmp_path / "m").glob("binaries/linux64/*.so"))))
+            library.fmi2Instantiate.restype = ctypes.c_void_p
+            return library, library.fmi2Instantiate(*arguments)
+
+        for location in (quoted, quoted + "/", f"file:{plain}", f"file://localhost{plain}", folder):
+            library, found = instantiated(location)
+            assert found, (location, messages)
+            library.fmi2FreeInstance(ctypes.c_void_p(found))
+        for location in (None, "", "file:///nowhere", "%", "file:", "file://", "x" * 10_000):
+            messages.clear()
+            assert not instantiated(location)[1]
+            assert "resources are not found" in messages[0]
 
 
 def test_requests_have_the_numbers_of_the_binary() -> None:
@@ -430,3 +459,60 @@ def test_a_forked_copy_of_the_host_leaves_it_alone(made: Path) -> None:
             os._exit(3)
         assert os.waitstatus_to_exitcode(os.waitpid(copy, 0)[1]) == 0
         _steps(found, 2, 4)
+
+
+def test_sanitizers_find_nothing(made: Path, tmp_path: Path) -> None:
+    """In the binary, built by gcc, under a host of the same kind; leaks count."""
+    program = shutil.which("gcc")
+    if program is None:
+        pytest.skip("gcc is not installed")
+    for name, text in headers(2).items():
+        (tmp_path / name).write_text(text)
+    for file in (*HEADS.glob("process*.c"), Path(__file__).parent / "host.c"):
+        shutil.copy(file, tmp_path)
+    flags = ["-std=c11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-Wall", "-Wextra"]
+    library = [*flags, "-Werror", "-fvisibility=hidden", "-fPIC", "-shared", "process.c", "-o", "library.so"]
+    run = subprocess.run([program, *library], cwd=tmp_path, capture_output=True, text=True, check=False)
+    if "libasan" in run.stderr or "libubsan" in run.stderr:
+        pytest.skip("gcc has no address sanitizer: install libasan and libubsan")
+    assert run.returncode == 0, run.stderr
+    rest = ["-std=gnu11", *flags[1:5], "host.c", "-o", "host", "-lm", "-ldl", "-lpthread"]
+    subprocess.run([program, *rest], cwd=tmp_path, check=True)
+    unpacked = Unpacked(tmp_path / "host", made, tmp_path / "m")
+    shutil.copy(tmp_path / "library.so", unpacked.library)
+    assert unpacked.run("instances", 2, 10) == ["0"]
+    assert unpacked.run("threads", 3, 5) == ["0"]
+
+
+@pytest.mark.parametrize("importer", ["libcosimpy", "ecospy"])
+def test_other_importers(importer: str, made: Path) -> None:
+    """Each has its own way to say where the resources are."""
+    pytest.importorskip(importer)
+    plain = simulate_fmu(str(made), stop_time=0.1, output_interval=1e-3, start_values={"control_in1": 2})
+    description = described(made)
+    u, y = references(description, "input"), references(description, "output")
+    if importer == "libcosimpy":
+        from libcosimpy import CosimExecution, CosimManipulator, CosimObserver, CosimSlave
+
+        run = CosimExecution.CosimExecution.from_step_size(1_000_000)
+        index = run.add_local_slave(CosimSlave.CosimLocalSlave(fmu_path=str(made), instance_name="arm"))
+        seen = CosimObserver.CosimObserver.create_last_value()
+        run.add_observer(seen)
+        hand = CosimManipulator.CosimManipulator.create_override()
+        run.add_manipulator(hand)
+        hand.slave_real_values(index, u, [2.0])
+        assert run.simulate_until(100_000_000)
+        given = seen.last_real_values(index, y)
+    else:
+        import ecospy
+
+        names = {v.valueReference: v.name for v in description.modelVariables if v.type == "Real"}
+        with ecospy.EcosSimulationStructure() as structure:
+            structure.add_model("arm", str(made))
+            structure.add_parameter_set("start", {f"arm::{names[u[0]]}": 2.0})
+            with ecospy.EcosSimulation(structure=structure, step_size=1e-3) as simulation:
+                simulation.init(parameter_set="start")
+                simulation.step(100)
+                given = [simulation.get_real(f"arm::{names[r]}") for r in y]
+    names_of = [v.name for v in description.modelVariables if v.causality == "output"]
+    assert np.allclose(given, [plain[name][-1] for name in names_of], rtol=1e-12, atol=1e-12)
