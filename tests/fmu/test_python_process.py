@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib
 import json
 import os
 import re
@@ -165,9 +166,9 @@ def test_resources_are_found_where_the_importer_says(made: Path, tmp_path: Path)
             library, found = instantiated(location)
             assert found, (location, messages)
             library.fmi2FreeInstance(ctypes.c_void_p(found))
-        for location in (None, "", "file:///nowhere", "%", "file:", "file://", "x" * 10_000):
+        for wrong in (None, "", "file:///nowhere", "%", "file:", "file://", "x" * 10_000):
             messages.clear()
-            assert not instantiated(location)[1]
+            assert not instantiated(wrong)[1]
             assert "resources are not found" in messages[0]
 
 
@@ -492,25 +493,24 @@ def test_other_importers(importer: str, made: Path) -> None:
     description = described(made)
     u, y = references(description, "input"), references(description, "output")
     if importer == "libcosimpy":
-        from libcosimpy import CosimExecution, CosimManipulator, CosimObserver, CosimSlave
-
-        run = CosimExecution.CosimExecution.from_step_size(1_000_000)
-        index = run.add_local_slave(CosimSlave.CosimLocalSlave(fmu_path=str(made), instance_name="arm"))
-        seen = CosimObserver.CosimObserver.create_last_value()
+        parts = {name: importlib.import_module(f"libcosimpy.Cosim{name}") for name in ("Execution", "Manipulator")}
+        observer, local = (importlib.import_module(f"libcosimpy.Cosim{name}") for name in ("Observer", "Slave"))
+        run = parts["Execution"].CosimExecution.from_step_size(1_000_000)
+        index = run.add_local_slave(local.CosimLocalSlave(fmu_path=str(made), instance_name="arm"))
+        seen = observer.CosimObserver.create_last_value()
         run.add_observer(seen)
-        hand = CosimManipulator.CosimManipulator.create_override()
+        hand = parts["Manipulator"].CosimManipulator.create_override()
         run.add_manipulator(hand)
         hand.slave_real_values(index, u, [2.0])
         assert run.simulate_until(100_000_000)
         given = seen.last_real_values(index, y)
     else:
-        import ecospy
-
+        ecos = importlib.import_module("ecospy")
         names = {v.valueReference: v.name for v in description.modelVariables if v.type == "Real"}
-        with ecospy.EcosSimulationStructure() as structure:
+        with ecos.EcosSimulationStructure() as structure:
             structure.add_model("arm", str(made))
             structure.add_parameter_set("start", {f"arm::{names[u[0]]}": 2.0})
-            with ecospy.EcosSimulation(structure=structure, step_size=1e-3) as simulation:
+            with ecos.EcosSimulation(structure=structure, step_size=1e-3) as simulation:
                 simulation.init(parameter_set="start")
                 simulation.step(100)
                 given = [simulation.get_real(f"arm::{names[r]}") for r in y]

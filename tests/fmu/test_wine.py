@@ -49,7 +49,9 @@ class Wine:
         settings = {"WINEPREFIX": str(folder / "prefix"), "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "mscoree,mshtml="}
         self.program, self.folder, self.environment = program, folder, os.environ | settings
 
-    def run(self, *words: object, timeout: float = 120, code: int = 0, **variables: str) -> list[str]:
+    def run(
+        self, *words: object, timeout: float = 120, code: int = 0, variables: dict[str, str] | None = None
+    ) -> list[str]:
         """Words printed. Wine's server outlives the program and would keep a pipe open, so the output goes to files.
 
         With another exit code than 0 expected, those of the standard error.
@@ -58,7 +60,12 @@ class Wine:
         with out.open("w") as to_out, err.open("w") as to_err:
             command = [self.program, *map(str, words)]
             run = subprocess.run(
-                command, stdout=to_out, stderr=to_err, timeout=timeout, env=self.environment | variables, check=False
+                command,
+                stdout=to_out,
+                stderr=to_err,
+                timeout=timeout,
+                env=self.environment | (variables or {}),
+                check=False,
             )
         assert run.returncode == code, err.read_text()
         return (err if code else out).read_text().split()
@@ -124,12 +131,12 @@ def test_python_in_a_process_under_wine(windows_host: Path, standin: Path, wine:
     inputs, outputs = references(description, "input"), references(description, "output")
     command = (windows_host, library, description.guid, 20, *inputs, *outputs)
     chosen = {"FLEXARM_PYTHON": "Z:" + str(standin).replace("/", "\\")}
-    given = [float(word) for word in wine.run(*command, **chosen)]
+    given = [float(word) for word in wine.run(*command, variables=chosen)]
     assert given == pytest.approx([20 * 1.5e-3] * len(outputs), rel=1e-12)
-    found = wine.run(*command, WINEPATH="Z:" + str(standin.parent).replace("/", "\\"))
+    found = wine.run(*command, variables={"WINEPATH": "Z:" + str(standin.parent).replace("/", "\\")})
     assert [float(word) for word in found] == given
-    assert "only stands in." in " ".join(wine.run(*command, code=4, STANDIN="refuses", **chosen))
-    wine.run(*command, code=6, STANDIN="dies", **chosen)
+    assert "only stands in." in " ".join(wine.run(*command, code=4, variables=chosen | {"STANDIN": "refuses"}))
+    wine.run(*command, code=6, variables=chosen | {"STANDIN": "dies"})
     said = " ".join(wine.run(*command, code=4))
     assert "no Python runs this FMU" in said
     assert "python.exe on the PATH: cannot be started (there is none)" in said
