@@ -15,14 +15,19 @@ OK, ERROR = 0, 3
 
 def main() -> None:
     """Take the pipes from standard input and output, and answer requests or say why not."""
-    os.closerange(3, 1 << 16)  # what the importer had open is not ours
+    if sys.platform != "win32":
+        os.closerange(3, 1 << 16)  # what the importer had open is not ours
     requests = os.dup(0)
     with open(os.devnull, "rb") as nothing:  # noqa: PTH123
         os.dup2(nothing.fileno(), 0)
     answers = requests
     if sys.platform == "win32":
+        import msvcrt
+
         answers = os.dup(1)
         os.dup2(2, 1)
+        for pipe in (requests, answers):
+            msvcrt.setmode(pipe, os.O_BINARY)
     folder = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120
     sys.path[:] = [entry for entry in sys.path if os.path.abspath(entry) != folder]  # noqa: PTH100
     reason = unfit(folder)

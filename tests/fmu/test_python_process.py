@@ -25,6 +25,7 @@ from fmpy.fmi1 import FMICallException
 import fmu
 from engine.errors import FlexarmError
 from engine.simulate import simulate
+from flexarm.api import export
 from flexarm.cut import cut
 from fmu.loaded import described, instance
 from fmu.package import write_archive
@@ -170,6 +171,11 @@ def test_resources_are_found_where_the_importer_says(made: Path, tmp_path: Path)
             messages.clear()
             assert not instantiated(wrong)[1]
             assert "resources are not found" in messages[0]
+
+
+def test_the_same_scenario_gives_the_same_bytes(made: Path, tmp_path: Path) -> None:
+    again = export(made.parent / "arm.yaml", tmp_path / "arm.fmu", backend="python", platforms=["linux64"])
+    assert again.read_bytes() == made.read_bytes()
 
 
 def test_requests_have_the_numbers_of_the_binary() -> None:
