@@ -97,7 +97,7 @@ class Child:
         except Refused as error:
             status, text = error.status, error.text
         except FlexarmError as error:
-            status, text = Fmi2Status.error, error.message
+            status, text = Fmi2Status.error, "; ".join(filter(None, (error.message, error.remedy)))
         except BaseException as error:  # of the user's code too, which may even want to leave
             status, text = Fmi2Status.error, f"{type(error).__name__}: {error}"
         messages = b"".join(_message(log.status, log.msg) for log in self._logged())

@@ -278,7 +278,7 @@ def test_another_version_is_refused(made: Path, tmp_path: Path, monkeypatch: pyt
         recipe["names"] = "0"
 
     said = _refusal(_changed(made, tmp_path / "other.fmu", other))
-    assert "makes another model" in said
+    assert "makes another model of the scenario; export it again" in said
     assert "Tried" not in said
 
     def guid(_: dict[str, Any], lines: list[str]) -> None:
