@@ -67,4 +67,6 @@ def find(name: str) -> type[Block]:
         return registry()[name]
     except KeyError:
         remedy = _REPLACED.get(name) or nearest(name, registry())
+        if remedy.endswith(" more"):
+            remedy += "; 'flexarm blocks' says what each is"
         raise ParameterError(f"there is no block type '{name}'", remedy=remedy) from None

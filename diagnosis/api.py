@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypedDict, Unpack
@@ -17,9 +17,13 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import Fit, with_held_out_starts
 from diagnosis.estimation.least_squares import fit as fit_problem
+from diagnosis.planning.experiment import own_run, recorded
+from diagnosis.planning.plan import MULTIPLES, Plan
+from diagnosis.planning.plan import plan as judge_plan
 from diagnosis.problems import problem
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.dask_fitter import DaskFitter
+from diagnosis.search.even_clock import on_their_clocks
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import Progress, study
 from diagnosis.verdict.recording_checks import screen
@@ -81,7 +85,7 @@ def fit(
         FlexarmError: scenario or recordings that do not fit.
     """
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
-    recorded = gather(scenario, recordings, hold_out)
+    workers = workers or cores()
     begun = itertools.count()
 
     def said(_: str) -> None:
@@ -90,8 +94,8 @@ def fit(
             progress(next(begun) / (RANDOM_STARTS + 1))
 
     with threadpool_limits(BLAS_THREADS):
-        posed = problem(scenario, recorded)
-        made = fit_problem(posed, random_starts=RANDOM_STARTS, seed=seed, workers=workers or cores(), progress=said)
+        posed = problem(scenario, on_their_clocks(scenario, gather(scenario, recordings, hold_out), workers))
+        made = fit_problem(posed, random_starts=RANDOM_STARTS, seed=seed, workers=workers, progress=said)
     scores = {"fitted": made.chi2}
     if made.problem.held_out:
         # Nothing that was fitted tells the state in which a held-out recording begins.
@@ -188,14 +192,67 @@ def diagnose(
     if how.workers is not None and how.workers < 1:
         raise FlexarmError(f"{how.workers} workers cannot do anything", remedy="give 1 or more")
     scenario = source if isinstance(source, Scenario) else load(source, how.overrides)
-    recorded = gather(scenario, recordings, how.hold_out)
+    workers = how.workers or cores()
     store = JsonStore(how.keep) if how.keep is not None else None
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
+        recorded = on_their_clocks(scenario, gather(scenario, recordings, how.hold_out), workers)
         if how.scheduler:
             spread = stack.enter_context(Spread(how.workers, how.scheduler))
             fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, how.seed, store)
         else:
-            fitter = CandidateFitter(scenario, recorded, how.workers or cores(), how.seed, store)
+            fitter = CandidateFitter(scenario, recorded, workers, how.seed, store)
         if how.warn is not None:
             how.warn([remark.text for remark in screen(fitter.base)])
         return judge(study(fitter, without=how.without, progress=how.progress), how.seed)
+
+
+def plan(
+    source: Scenario | str | Path,
+    recordings: Sequence[str | Path | Recorded] = (),
+    *,
+    measure: Mapping[str, str] | None = None,
+    overrides: Sequence[str] = (),
+    without: Sequence[str] = (),
+    multiples: Sequence[float] = MULTIPLES,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Plan:
+    """Say before an experiment which missing effects it could find, and tell apart; see `diagnosis.planning.plan.Plan`.
+
+    Args:
+        source: the scenario.
+        recordings: whose inputs, sensors and noise are those of the experiment; all that the scenario describes by
+            default. Their samples do not matter.
+        measure: signals and the standard deviation of their noise, such as ``{"motor.shaft.angle": "0.1 deg"}``; an
+            empty text for a usual one. The experiment is then the scenario's own run, as it is where no recordings are
+            described.
+        overrides: ``key=value`` texts.
+        without: effects that are left out.
+        multiples: sizes at which effects are told apart, in smallest sizes that show, ascending.
+        workers: threads; as many as cores if None. The result does not depend on them.
+        progress: told what is done, how many of how many.
+
+    Raises:
+        FlexarmError: scenario or recordings that do not fit, an unknown signal or effect, or a size that is none.
+    """
+    check_names(without)
+    if workers is not None and workers < 1:
+        raise FlexarmError(f"{workers} workers cannot do anything", remedy="give 1 or more")
+    if not multiples or min(multiples) < 1:
+        raise FlexarmError(
+            f"effects at {', '.join(f'{m:g}' for m in multiples) or 'no'} times the smallest size that shows",
+            remedy="give multiples of 1 or more, such as 3 and 10",
+        )
+    scenario = source if isinstance(source, Scenario) else load(source, overrides)
+    if measure is not None and recordings:
+        raise FlexarmError(
+            "both recordings and signals to measure are given", remedy="give one: signals are those of the own run"
+        )
+    with threadpool_limits(BLAS_THREADS):
+        if measure is not None or not (recordings or scenario.recordings):
+            planned = own_run(scenario, measure)
+        else:
+            planned = recorded(scenario, gather(scenario, recordings, ()))
+        return judge_plan(
+            scenario, planned, multiples=multiples, without=without, workers=workers or cores(), progress=progress
+        )

@@ -429,11 +429,11 @@ class Search:
         "Models of one effect, and of two at once, that are fitted to the end.",
         "random rigs",
     )
-    finished_beside: int = number(
+    few: int = number(
         3,
         "models",
-        "The same for a further effect beside a model.",
-        "random rigs",
+        "Models of a further effect that are fitted at a time, and of two at once that are fitted to the end.",
+        "random rigs 20 to 44",
     )
     slow: float = number(
         0.0005,
@@ -460,7 +460,7 @@ class Search:
         "random rigs",
     )
     finer: tuple[float, ...] = number(
-        (0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125),
+        tuple(0.5**k for k in range(1, 11)),
         "distances between starting sizes",
         "How close to the best a size that is only chosen, a delay, is looked for.",
         "delays of suite 'core' (ad31092)",

@@ -204,7 +204,8 @@ class Block:
 
     def __init__(self, **values: Any) -> None:
         cls = type(self)
-        known = [*cls.parameters, *cls.options]
+        further_parameters = {declared.name: declared for declared in cls.further_parameters(values)}
+        known = [*cls.parameters, *cls.options, *further_parameters]
         for name in values:
             if name not in known:
                 raise ParameterError(f"{cls.__name__} has no parameter '{name}'", remedy=nearest(name, known))
@@ -221,6 +222,9 @@ class Block:
                 self.values[name] = self._given(declared, values, lambda v, d=declared: self._checked(d, v))
         for name, other in self._aliases.items():
             self.values[name] = self.values[other]
+        for name in values:
+            if name in further_parameters:
+                self.values[name] = further_parameters[name].check(values[name])
         try:
             for relation in self.relations():
                 relation.check(self.values, {name: self._shown_unit(name) for name in cls.parameters})
@@ -235,6 +239,14 @@ class Block:
             self.ports = {**cls.ports, **further}
             # Not by their bare names, which may be those of parameters.
             self._port_attributes = {**cls._port_attributes, **{f"port {name}": name for name in further}}
+
+    @classmethod
+    def further_parameters(cls, values: Mapping[str, Any]) -> Iterable[Parameter]:
+        """Parameters that only blocks made with these values have, such as those of the FMU in a file.
+
+        They are structural, and have a value in ``values`` alone where one is given.
+        """
+        return ()
 
     def further_ports(self) -> Iterable[Port]:
         """Ports that only this instance has, such as one per joint; `port` reads them inside `stamp`."""

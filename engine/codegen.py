@@ -310,8 +310,15 @@ def _emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expressi
     return emitter
 
 
-def _sizes(model: Model) -> str:
-    """Sizes, patterns and tables as C constants."""
+def _sizes(model: Model, *, called: bool = False) -> str:
+    """Sizes, patterns and tables as C constants.
+
+    Args:
+        model: the model.
+        called: by Python, which tells how long delays are.
+    """
+    # A power of two of room, so that delays that differ in length alone share one library.
+    rings = [max(_RING, 1 << (line.size - 1).bit_length()) if called else line.size for line in model.lines]
     frictions = [mode for mode in model.modes if mode.kind == FRICTION]
     sizes = {
         "FA_NQ": model.coordinates,
@@ -329,7 +336,7 @@ def _sizes(model: Model) -> str:
         "FA_NEI": sum(external.inputs for external in model.externals),
         "FA_NEO": sum(external.outputs for external in model.externals),
         "FA_NL": len(model.lines),
-        "FA_NLS": sum(line.size for line in model.lines),
+        "FA_NLS": sum(rings),
         "FA_NLR": sum(len(line.stages) for line in model.lines),
     }
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
@@ -343,12 +350,15 @@ def _sizes(model: Model) -> str:
         values = [str(getattr(external, field)) for external in model.externals]
         lines.append(_array("int", f"fa_external_{field}", values))
     if model.lines:
-        for field in ("clock", "first", "size"):
-            lines.append(_array("int", f"fa_line_{field}", [str(getattr(line, field)) for line in model.lines]))
+        firsts = [sum(rings[:k]) for k in range(len(rings))]
+        columns = {"clock": [line.clock for line in model.lines], "first": firsts, "size": rings}
+        lines += [_array("int", f"fa_line_{field}", [str(v) for v in values]) for field, values in columns.items()]
         reads = [
             (l, s, m) for l, line in enumerate(model.lines) for s, m in zip(line.stages, line.memories, strict=True)
         ]
         for field, column in zip(("line", "stage", "memory"), zip(*reads, strict=True), strict=True):
+            if called and field == "stage":
+                continue
             lines.append(_array("int", f"fa_read_{field}", [str(value) for value in column]))
     for kind in "tv":
         names = [f"fa_table_{kind}{i}" for i in range(len(model.tables))]
@@ -365,15 +375,19 @@ def runtime(name: str) -> str:
 
 
 _INCLUDES = "#include <math.h>\n#include <string.h>\n#include <stdint.h>\n"
-_CANCELLABLE = "#define FA_CANCELLABLE\n"
+_CALLED = "#define FA_CANCELLABLE\n#define FA_STAGED\n"
+"""What a run that Python calls can do: be ended, and have delays that its caller tells."""
+
+_RING = 128
+"""Least room of a delay line in a run that Python calls."""
 
 
 def simulation_source(model: Model) -> str:
     """One translation unit: the model, the integrator and the entry point that Python calls."""
     parts = [
         _INCLUDES,
-        _CANCELLABLE,
-        _sizes(model),
+        _CALLED,
+        _sizes(model, called=True),
         "\n\n",
         _emitter(model).text(),
         runtime("core.c"),
@@ -409,7 +423,7 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
             lines.append(_array("int", f"fa_{name}_col", [str(i) for i in column]))
         if name != "following":
             rules.append(_tangent_rule(name, model, jacobian.size1(), list(zip(row, column, strict=True))))
-    head = [_INCLUDES, _CANCELLABLE, _sizes(model), *lines, emitter.text(), runtime("tangent.c")]
+    head = [_INCLUDES, _CALLED, _sizes(model, called=True), *lines, emitter.text(), runtime("tangent.c")]
     return "\n".join([*head, runtime("core.c") + runtime("simulate.c"), *rules, runtime("tangent_rules.c")])
 
 

@@ -83,13 +83,44 @@ class CompilerUnavailable(FlexarmError):
     """No C compiler could be run."""
 
 
+NEAR = 0.71
+"""Likeness (`difflib.SequenceMatcher.ratio`) from which a name is suggested in place of another."""
+MOST_SHOWN = 700
+"""Characters of a list of names."""
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """A sentence that names the nearest allowed name, or all of them when there are few."""
+    """A sentence that names the nearest allowed name, or else what is allowed: all, or how many more there are."""
     names = list(dict.fromkeys(allowed))
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    if close:
-        return f"did you mean '{close[0]}'?"
     if not names:
         return "none is allowed here"
-    shown = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-    return f"allowed: {shown}"
+    likeness = {other: _likeness(name, other) for other in names}
+    near = sorted((other for other in names if likeness[other][0] >= NEAR), key=lambda other: likeness[other])[::-1]
+    if near:
+        equal = [f"'{other}'" for other in near if likeness[other][0] == likeness[near[0]][0]][:3]
+        return f"did you mean {' or '.join([', '.join(equal[:-1]), equal[-1]] if len(equal) > 1 else equal)}?"
+    shown, length = 0, 0
+    while shown < len(names) and (shown < 3 or length + len(names[shown]) <= MOST_SHOWN):
+        length += len(names[shown]) + 2
+        shown += 1
+    more = f", and {len(names) - shown} more" if shown < len(names) else ""
+    return f"allowed: {', '.join(names[:shown])}{more}"
+
+
+def _likeness(name: str, other: str) -> tuple[float, float]:
+    """Likeness from 0 to 1, and that of the letters, which decides between equals.
+
+    Two letters in the other order, a part between dots, a beginning or an ending are nearer than letters that happen
+    to agree.
+    """
+    a, b = name.lower(), other.lower()
+    letters = difflib.SequenceMatcher(None, b, a).ratio()
+    if a == b:
+        return 1.0, letters
+    if len(a) == len(b) and sum(x != y for x, y in zip(a, b, strict=True)) == 2 and sorted(a) == sorted(b):
+        return max(0.95, letters), letters
+    if len(a) >= 3 and (f".{a}." in f".{b}." or b.startswith(f"{a}_") or b.endswith(f"_{a}")):
+        return max(0.9, letters), letters
+    if (len(a) >= 3 and b.startswith(a)) or (len(a) >= 4 and b.endswith(a)):
+        return max(0.8, letters), letters
+    return letters, letters

@@ -76,6 +76,7 @@ class _Job(ctypes.Structure):
         ("output_ticks", c_int64),
         ("period", POINTER(c_int64)),
         ("offset", POINTER(c_int64)),
+        ("stage", POINTER(c_int64)),
         ("knots", c_int64),
         ("knot", POINTER(c_int64)),
         ("value", POINTER(c_double)),
@@ -157,6 +158,7 @@ def call(model: Model, job: Job, function: Callable[[Any], int]) -> Outcome:
         setattr(c, name, keep.pointer(getattr(job, name), c_double))
     for name in ("period", "offset", "knot"):
         setattr(c, name, keep.pointer(getattr(job, name), c_int64))
+    c.stage = keep.pointer([stage for line in model.lines for stage in line.stages], c_int64)
     c.linear = keep.pointer(job.linear, c_int32)
     c.t0, c.resolution, c.hmax = job.t0, job.resolution, job.hmax
     c.outputs, c.output_ticks, c.knots = job.outputs, job.output_ticks, len(job.knot)

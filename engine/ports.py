@@ -30,6 +30,8 @@ class Port:
         unit: for a signal; ``*`` fits any unit.
         default: value of an input that nothing feeds; None means it must be connected.
         like: an input of the block that has the same unit, where ``unit`` fits any; of an output ``*``: none has.
+        carries: name of the signal that a design says is here, such as the state ``link.hub.angle``; wires that say
+            otherwise are refused.
     """
 
     name: str
@@ -39,3 +41,4 @@ class Port:
     unit: str = ""
     default: float | None = None
     like: str = ""
+    carries: str = ""

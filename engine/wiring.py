@@ -59,6 +59,7 @@ class Wiring:
         self._motion_of = {hash_symbol(m.acceleration): m for m in net.motions}
         self._memory_of = {hash_symbol(entry.symbol): entry for entry in net.memories}
         self._check_units()
+        self._check_carried()
 
     # -- naming -----------------------------------------------------------------------------------------------------
 
@@ -200,6 +201,54 @@ class Wiring:
                     "connect a signal of the same kind, or put a Gain with `unit:` between",
                     signal=name,
                 )
+
+    def _check_carried(self) -> None:
+        """Inputs of which a design says what they carry must not be fed by what it says of another one."""
+        for name, source in self.sources.items():
+            wanted = self.net.inputs[name].port.carries
+            if source is None or not wanted:
+                continue
+            block = self.system.split(name)[0]
+            role = self.net.inputs[name].port.role
+            ports = [port for port in self.system.blocks[block].ports.values() if port.role == role and port.carries]
+            seen = self._called(source.name)
+            other = next((port for port in ports if port.carries in seen), None)
+            if wanted not in seen and other is not None:
+                fed = f"{source.name}, which is {other.carries}" if source.name != other.carries else source.name
+                raise ConnectionProblem(
+                    f"by the design '{name}' takes {wanted}, but it is fed by {fed}",
+                    self._fed[name][1].where,
+                    f"{other.carries} belongs to '{block}.{other.name}': are the wires swapped?",
+                    signal=name,
+                )
+
+    def _called(self, name: str) -> set[str]:
+        """Every name of what a signal tells: that of each flange which shares a motion, through sensors and filters."""
+        found: set[str] = set()
+        while name not in found:
+            found.add(name)
+            seen = self.system.observable(name)
+            if seen is not None:
+                return found | self._shared(self.flanges[seen[:2]], seen[2])
+            block, port = self.system.split(name)
+            ports = self.system.blocks[block].ports
+            if port in ports and ports[port].carries:
+                return found | {ports[port].carries}
+            flanges = [p.name for p in ports.values() if p.role == "flange"]
+            inputs = self._inputs_of.get(block, [])
+            if len(flanges) == 1 and not inputs:
+                motion, unit = self.flanges[block, flanges[0]], self.unit(name)
+                orders = [k for k, (_, own) in enumerate(MOTION[motion.kind][:3]) if own == unit]
+                return found.union(*(self._shared(motion, order) for order in orders))
+            fed = self._fed.get(inputs[0]) if len(inputs) == 1 and not flanges else None
+            if fed is None or self.unit(fed[0]) != self.unit(name):
+                return found
+            name = fed[0]
+        return found
+
+    def _shared(self, motion: Motion, order: int) -> set[str]:
+        quantity = MOTION[motion.kind][order][0]
+        return {f"{block}.{port}.{quantity}" for (block, port), other in self.flanges.items() if other is motion}
 
     # -- continuous resolution --------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from flexarm import _packages
 _packages.claim()
 
 if TYPE_CHECKING:
-    from diagnosis.api import DiagnosisOptions, diagnose, fit
+    from diagnosis.api import DiagnosisOptions, diagnose, fit, plan
     from diagnosis.compare import Comparison
     from diagnosis.recordings.types import FrequencyTable, Recording
     from engine.assemble import build
@@ -112,6 +112,7 @@ _PLACES = {
     "margins": "flexarm.design.margins",
     "option": "engine.block",
     "parameter": "engine.block",
+    "plan": "diagnosis.api",
     "plot": "flexarm.plotting.results",
     "read": "flexarm.table",
     "reduce": "flexarm.design.reduction",
@@ -177,6 +178,7 @@ __all__ = [
     "margins",
     "option",
     "parameter",
+    "plan",
     "plot",
     "read",
     "reduce",

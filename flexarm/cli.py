@@ -29,6 +29,7 @@ from flexarm.commands.export import export
 from flexarm.commands.fit import fit
 from flexarm.commands.linearise import linearise
 from flexarm.commands.margins import margins
+from flexarm.commands.plan import plan
 from flexarm.commands.record import record
 from flexarm.commands.run import run
 from flexarm.commands.schema import schema
@@ -47,6 +48,7 @@ COMMANDS = (
     compare,
     fit,
     diagnose,
+    plan,
     trim,
     linearise,
     describe,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import re
 import warnings
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,7 +17,7 @@ import numpy as np
 from engine.block import Block, option, parameter
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.ports import Port
-from engine.quantity import coherent
+from engine.quantity import Parameter, coherent, convert
 from fmu import archive
 from fmu.host import host
 from fmu.loaded import NUMBERS
@@ -33,9 +35,14 @@ class FMU(Block):
     directly is therefore not delayed; one that is computed inside a step is delayed by one step. Outputs are 0 before
     the first instant.
 
+    The FMU's parameters are set by their names, as the block's own are (``limit: 10 V``, ``--set control.limit=8``,
+    ``--vary control.limit=6:12:4``), which goes before ``set``, a text for several. Where the FMU gives no unit they
+    are plain numbers.
+
     Inputs that nothing feeds keep the FMU's start value. Units are converted where the FMU names one that is known.
     ``unit`` tells those of connectors to which the FMU gives none, as ``u=V; w=rad/s``, or ``V`` for the only such
-    output; without it their numbers are passed as they are, to and from any unit.
+    output, and 1 for a plain number; without it their numbers are passed as they are, to and from any unit, which a
+    warning says.
 
     The FMU's binary runs in a process of its own, so that one that crashes ends the run and not this program, but with
     all the rights of the user: a warning names it when it is loaded, which happens only where a scenario names it.
@@ -49,7 +56,7 @@ class FMU(Block):
     file = option(str, ..., "the .fmu file")
     period = parameter("s", ..., "sample period, which is the communication step", gt=0, structural=True)
     sample_offset = parameter("s", 0.0, "instant of the first sample", ge=0, structural=True)
-    set = option(str, "", "start values of the FMU's parameters in its own units: NAME=VALUE; NAME=VALUE")
+    set = option(str, "", "start values of the FMU's parameters and inputs in its own units: NAME=VALUE; NAME=VALUE")
 
     unit = option(str, "", "units of connectors to which the FMU gives none: UNIT, or NAME=UNIT; NAME=UNIT")
 
@@ -58,6 +65,17 @@ class FMU(Block):
     def __init__(self, **values: Any) -> None:
         self._description = _read(str(values.get("file", "")))
         super().__init__(**values)
+
+    @classmethod
+    def further_parameters(cls, values: Mapping[str, Any]) -> Iterable[Parameter]:
+        """The FMU's own parameters that are numbers, but for those with the name of one of the block's."""
+        file = str(values.get("file", ""))
+        if not Path(file).is_file():
+            return
+        for v in _read(file).modelVariables:
+            if v.causality == "parameter" and v.type in NUMBERS and not v.dimensions and v.name not in _OWN:
+                doc = v.description or "parameter of the FMU"
+                yield Parameter(v.name, _own_unit(v.unit), None, doc, structural=True)
 
     def check(self) -> None:
         """Parameters and connectors that are named must be the FMU's own."""
@@ -70,17 +88,18 @@ class FMU(Block):
         Raises:
             ParameterError: the FMU has no such parameter, or the value is not a number.
         """
-        known = [v.name for v in self._description.modelVariables if v.causality in ("parameter", "input")]
-        found = {}
+        known = {v.name: v for v in self._description.modelVariables if v.causality in ("parameter", "input")}
+        found: dict[str, float] = {}
         for text in filter(None, (part.strip() for part in self.set.split(";"))):
-            name, _, value = (part.strip() for part in text.partition("="))
+            name, equals, value = (part.strip() for part in text.partition("="))
+            if not equals:
+                raise ParameterError(f"set: '{text}' sets nothing", remedy="write NAME=VALUE; NAME=VALUE")
             if name not in known:
-                raise ParameterError(f"the FMU has no parameter '{name}'", remedy=nearest(name, known))
-            try:
-                found[name] = float(value)
-            except ValueError:
-                raise ParameterError(f"'{text}' gives no number", remedy="write NAME=VALUE") from None
-        return found
+                raise ParameterError(f"set: the FMU has no parameter '{name}'", remedy=nearest(name, known))
+            if name in found:
+                raise ParameterError(f"set: '{name}' is given twice", remedy="keep one of them")
+            found[name] = _start_value(name, value, _own_unit(known[name].unit))
+        return found | {name: value for name, value in self.values.items() if name in known and name not in _OWN}
 
     def variables(self, causality: str) -> list[Any]:
         """The FMU's inputs or outputs that are numbers."""
@@ -138,10 +157,19 @@ class FMU(Block):
     def stamp(self, net: Net) -> None:
         """Call the FMU at the instants of its clock."""
         path = Path(self.file)
+        scales = self.scales()
+        untold = [name for name, (_, unit) in scales.items() if unit == "*"]
+        if untold:
+            named = ", ".join(untold[:8]) + (", ..." if len(untold) > 8 else "")
+            warnings.warn(
+                f"'{path}' gives no units to {named}: their numbers pass unchecked; "
+                f"tell them by 'unit: {untold[0]}=...', 1 for a plain number",
+                RuntimeWarning,
+                stacklevel=2,
+            )
         warnings.warn(f"'{path}' is run: an FMU block of the scenario names it", RuntimeWarning, stacklevel=2)
         inputs, outputs = self.variables("input"), self.variables("output")
         start = self.start_values()
-        scales = self.scales()
         units = [(f"held{k + 1}", scales[v.name][1]) for k, v in enumerate(outputs)]
         identity = f"{path} {hashlib.sha256(path.read_bytes()).hexdigest()[:16]} {sorted(start.items())} {self.unit}"
         clock = net.clock(self.period, self.sample_offset)
@@ -149,6 +177,10 @@ class FMU(Block):
         held = net.external("fmu", clock, given, units, lambda: Stepped(path, inputs, outputs, start, scales), identity)
         for v, value in zip(outputs, held, strict=True):
             net.output(self.ports[v.name], value)
+
+
+_OWN = frozenset((*FMU.parameters, *FMU.options))
+"""What the block itself is given; parameters of an FMU that are called so are set by ``set``."""
 
 
 class Stepped:
@@ -195,6 +227,12 @@ class Stepped:
 def _read(file: str) -> Any:
     if not file or not Path(file).is_file():
         raise ParameterError(f"there is no FMU '{file}'", remedy="give file: the path of an .fmu from the scenario")
+    state = Path(file).stat()
+    return _described(file, state.st_mtime_ns, state.st_size)
+
+
+@functools.lru_cache(32)
+def _described(file: str, changed: int, size: int) -> Any:
     try:
         description = archive.description(file)
     except FlexarmError as error:
@@ -213,6 +251,30 @@ def _scale(given: str | None) -> tuple[float, str]:
     except FlexarmError:
         return 1.0, "*"
     return float(factor), str(unit)
+
+
+def _own_unit(given: str | None) -> str:
+    """A variable's own unit; 1 where it has none that is known."""
+    return given if given and _scale(given)[1] != "*" else "1"
+
+
+def _start_value(name: str, text: str, unit: str) -> float:
+    """What is written for a start value, in the FMU's own unit.
+
+    Raises:
+        ParameterError: no number, or a unit that does not fit.
+    """
+    if text in ("true", "false"):
+        return float(text == "true")
+    try:
+        return convert(text, unit)
+    except ParameterError as error:
+        # The number alone is what was meant, where a unit was written that the FMU knows nothing of.
+        number = re.match(r"[-+.\deE]*\d[-+.\deE]*", text)
+        remedy = f"the FMU gives '{name}' no unit; write its number alone: {name}={number[0] if number else 'NUMBER'}"
+        raise ParameterError(
+            f"set: '{name}={text}': {error.message}", remedy=error.remedy if unit != "1" else remedy
+        ) from None
 
 
 def _is_number(text: Any) -> bool:

@@ -22,7 +22,7 @@ from fmu.build import DEFAULT, PLATFORMS, check, library
 from fmu.package import check_target, write_archive
 from fmu.plan import Plan
 from fmu.plan import plan as make_plan
-from fmu.python_slave import RECIPE, names_of
+from fmu.python_core import RECIPE, names_of
 from fmu.source import headers
 
 _HEADS = Path(__file__).parent / "heads"

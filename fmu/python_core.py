@@ -7,6 +7,7 @@ the next step begins; a value set after one was read takes the instant back and 
 from __future__ import annotations
 
 import copy
+import hashlib
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,6 +21,14 @@ from engine.simulate import explain, prepare
 from fmu.plan import Plan
 from fmu.python_state import FIELDS, STEP, Standing, check, fill
 from fmu.variables import DERIVATIVE, INDICATOR, INPUT, MEMORY, MODE, OUTPUT, PARAMETER, STATE, TIME_KIND
+
+RECIPE = "recipe.json"
+"""The file in the resources of an FMU that tells what model it is."""
+
+
+def names_of(made: Plan) -> str:
+    """A hash of the variables' names by reference, which binary, description and model must share."""
+    return hashlib.sha256("\n".join(variable.name for variable in made.variables).encode()).hexdigest()[:32]
 
 
 class Core:

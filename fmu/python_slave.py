@@ -6,7 +6,6 @@ here: the whole state is kept, values that are not finite are refused, and a cal
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import json
 import math
@@ -19,8 +18,8 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from engine.errors import FlexarmError, ParameterError
-from fmu.plan import Plan, plan
-from fmu.python_core import Core
+from fmu.plan import plan
+from fmu.python_core import RECIPE, Core, names_of
 from fmu.python_state import (
     ERROR,
     INITIALIZATION,
@@ -33,8 +32,6 @@ from fmu.python_state import (
     to_bytes,
 )
 from fmu.variables import INPUT, PARAMETER, TIME_KIND
-
-RECIPE = "recipe.json"
 
 _WORDS = {
     INSTANTIATED: "instantiated",
@@ -60,11 +57,6 @@ class Refused(Exception):
 
 def _error(text: str) -> Refused:
     return Refused(Fmi2Status.error, text)
-
-
-def names_of(made: Plan) -> str:
-    """A hash of the variables' names by reference, which binary, description and model must share."""
-    return hashlib.sha256("\n".join(variable.name for variable in made.variables).encode()).hexdigest()[:32]
 
 
 class Slave(Fmi2Slave):  # type: ignore[misc]

@@ -202,6 +202,22 @@ def _give(document: Any, name: str, value: str | float) -> None:
     given[number] = value
 
 
+def with_clocks(text: str, clocks: Mapping[str, str]) -> str:
+    """The scenario's text with what the time columns of recordings are believed, where that is said.
+
+    Args:
+        text: a scenario.
+        clocks: by the recording's name; those that the scenario does not describe are passed over.
+    """
+
+    def change(document: Any) -> None:
+        described = document.get("recordings") or {}
+        for name in described.keys() & clocks.keys():
+            described[name]["time"]["clock"] = clocks[name]
+
+    return _changed(text, change) if clocks else text
+
+
 def without(text: str, *sections: str) -> str:
     """The scenario's text without some of its top-level sections, such as ``recordings``."""
 

@@ -152,11 +152,37 @@ def read(path: Path, shown: str = "") -> Node:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        kind = _binary(data)
+        if kind:
+            what = f"this is {kind}, not a scenario"
+            raise DocumentError(what, Where(shown), "give the scenario's .yaml file") from None
         line = data.count(b"\n", 0, error.start) + 1
         raise DocumentError(
             f"byte 0x{data[error.start]:02x} is not UTF-8 text", Where(shown, line), "save the file as UTF-8"
         ) from error
     return parse(text, shown)
+
+
+_STARTS = (
+    (b"PAR1", "a Parquet file"),
+    (b"PK\x03\x04", "a zip archive, as an FMU or an Excel file is"),
+    (b"\x89HDF", "an HDF5 file"),
+    (b"MATLAB", "a MATLAB file"),
+    (b"\x89PNG", "a picture"),
+    (b"\xff\xd8", "a picture"),
+    (b"%PDF", "a PDF file"),
+    (b"\x1f\x8b", "a compressed file"),
+    (b"MDF", "an MDF recording"),
+    (b"TDSm", "a TDMS recording"),
+)
+
+
+def _binary(data: bytes) -> str:
+    """What a file is that is no text, empty if it may be one."""
+    found = next((kind for start, kind in _STARTS if data.startswith(start)), "")
+    if found or data[:2] in (b"\xff\xfe", b"\xfe\xff"):  # a byte order mark of UTF-16 begins a text
+        return found
+    return "a binary file" if b"\0" in data[:4096] else ""
 
 
 def parse(text: str, shown: str = "") -> Node:

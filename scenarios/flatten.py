@@ -149,11 +149,21 @@ class _Flattener:
         values: dict[str, Any] = {}
         common: dict[str, tuple[str, Where]] = {}
         formulas: dict[str, Formula] = {}
-        known = [*cls.parameters, *cls.options]
+        files = {
+            key: str(path.parent / str(node.value)) for key, node in entry.items() if key in getattr(cls, "files", ())
+        }
+        further = {declared.name: declared for declared in cls.further_parameters(files)}
+        known = [*cls.parameters, *cls.options, *further]
         for key, node in entry.items():
             if key != "type" and key not in known:
                 # '{resistance: 2,6 ohm}' is a resistance of 2 and a key '6 ohm' without a value.
                 comma = node.value is None and key[:1].isdigit()
+                if "." in key and not further:
+                    raise ScenarioError(
+                        f"'{name}.{key}' leads nowhere: '{name}' is a single block",
+                        document.where("blocks", name, key),
+                        f"write {name}.parameter=value",
+                    )
                 raise ScenarioError(
                     f"{cls.__name__} has no parameter '{key}'",
                     document.where("blocks", name, key),
@@ -163,7 +173,7 @@ class _Flattener:
             if key == "type":
                 continue
             where = document.where("blocks", name, key)
-            declared = cls.parameters.get(key) or cls.options[key]
+            declared = cls.parameters.get(key) or cls.options.get(key) or further[key]
             inner = node.scope if node.scope is not None else scope
             made = None if getattr(declared, "kind", None) is str else term(node.value, inner, where)
             if made is not None:
@@ -192,9 +202,7 @@ class _Flattener:
                     used = lookup(node.value, node.scope if node.scope is not None else scope, where)
                     error.message += f" (the value of {node.value}: {used.node.where()})"
                 raise error.at(where) from None
-            if key in getattr(cls, "files", ()):
-                value = str(path.parent / str(value))
-            values[key] = value
+            values[key] = files.get(key, value)
             text = node.value
             if made is not None and made.leaves and key in cls.parameters:
                 if not size and not cls.parameters[key].structural:

@@ -61,12 +61,15 @@ def _block(name: str, cls: type[Block]) -> dict[str, Any]:
     properties: dict[str, Any] = {"type": {"const": name, "description": cls.summary()}}
     for key, made in declared.items():
         properties[key] = _parameter(made) if isinstance(made, Parameter) else _option(made)
+    # Of an FMU in a file the schema does not know the parameters.
+    own = "further_parameters" in {key for base in cls.__mro__[:-1] for key in vars(base) if base is not Block}
+    further = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}
     return {
         "type": "object",
         "description": cls.summary(),
         "properties": properties,
         "required": required,
-        "additionalProperties": False,
+        "additionalProperties": further if own else False,
     }
 
 

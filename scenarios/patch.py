@@ -102,8 +102,4 @@ def _in_block(blocks: dict[str, Node], parts: list[str], given: Node) -> list[st
         if rest[0] == "parameters" and len(rest) == 2:
             return [name, *rest]
         return [name, ".".join(rest)]
-    if len(rest) > 1:
-        raise ScenarioError(
-            f"'{'.'.join(parts)}' leads nowhere: '{name}' is a single block", where, f"write {name}.parameter=value"
-        )
-    return [name, *rest]
+    return [name, ".".join(rest)]

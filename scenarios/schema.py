@@ -217,6 +217,10 @@ class TimeColumn(Section):
     column: Text | None = Field(default=None, description="name of the column that holds the time")
     unit: Text = Field(default="s", description="unit of the numbers in the column")
     interval: Quantity | None = Field(default=None, description="time between samples, s, in place of a column")
+    clock: Literal["as_logged", "even", "either"] = Field(
+        default="either",
+        description="even: samples were taken evenly, and the column strays about it; either: whichever a fit follows",
+    )
 
 
 class Drive(Section):

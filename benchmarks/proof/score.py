@@ -133,7 +133,7 @@ def _score(folder: Path, result: Path) -> Score:
     if run["failure"]:
         return base
     found = json.loads((result / "diagnosis.json").read_text(encoding="utf-8"))
-    targets = [(c["effect"], {c["place"], *c["same_place"]}) for c in concealed]
+    targets = [(_name(c), {c["place"], *c["same_place"]}) for c in concealed]
     targets += [("wrong_parameter", {name}) for name in wrong]
     outcome, placed = _outcome(found, targets, folder, result, answer)
     if spec["withheld"] and outcome in ("wrong", "wrong tie", "half") and _stands_in(found, folder, result, answer):
@@ -158,6 +158,12 @@ def _score(folder: Path, result: Path) -> Score:
         claims=tuple(any(_meets(row, t) for t in targets) for row in reported if _is_claim(*row)),
         recognised=outcome == "unknown" and _recognised(found, targets),
     )
+
+
+def _name(concealed: dict[str, Any]) -> str:
+    """Name of a concealed effect; a ripple of one wave per revolution is gravity."""
+    once = concealed["effect"] == "torque_ripple" and concealed["parameters"]["order"] == 1
+    return "gravity" if once else str(concealed["effect"])
 
 
 def _recognised(found: dict[str, Any], targets: list[tuple[str, set[str]]]) -> bool:

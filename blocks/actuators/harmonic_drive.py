@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blocks.symbolic import choose
+from blocks.actuators import kinematic_error
+from blocks.actuators.directed_loss import directed_loss
 from engine.block import Block, flange, option, parameter, signal_out
 
 if TYPE_CHECKING:
@@ -26,6 +27,11 @@ class HarmonicDrive(Block):
     drives and eta tau / n while the load does: the difference from tau / n is a dry friction at the input whose level
     follows |tau|, and so it holds the input still, exactly, below that level. With efficiency = 1 neither is in the
     equations. [One-link n.d., eqs. 1, 2], with the reaction divided by n (docs/errata.md).
+
+    Transmission error: with ``error_waves`` above 0, e = angle of the input / n + sum a sin(k angle of the input + phi)
+    - angle of the output, a = error_amplitude, k = error_order, phi = error_phase, one value each per wave. Harmonic
+    drives have k = 2 and 4, the meshing of both sides of the wave generator, of some 0.1 mrad. The torque on the input
+    follows from the power, -tau (1 / n + sum a k cos(...)): the error is lossless, and shakes a fast motor.
     """
 
     cut_after = ("output",)
@@ -35,6 +41,10 @@ class HarmonicDrive(Block):
     stiffness = parameter("N.m/rad", ..., "torque at the output per twist K", gt=0, tolerance=0.2)
     damping = parameter("N.m.s/rad", 0.0, "torque at the output per rate of twist D", ge=0, tolerance=0.5)
     efficiency = parameter("1", 1.0, "share eta of the driving power that arrives", gt=0, le=1, tolerance=0.1)
+    error_waves = kinematic_error.waves()
+    error_amplitude = kinematic_error.amplitude()
+    error_order = kinematic_error.order()
+    error_phase = kinematic_error.phase()
 
     input = flange("the wave generator, the fast shaft")
     output = flange("the slow shaft")
@@ -44,7 +54,8 @@ class HarmonicDrive(Block):
     def stamp(self, net: Net) -> None:
         a, b, n, eta = self.input, self.output, self.ratio, self.efficiency
         lossy = self.values["efficiency"] != 1
-        twist, rate = a.angle / n - b.angle, a.speed / n - b.speed
+        angle, share = kinematic_error.meshed(self, a)
+        twist, rate = angle - b.angle, share * a.speed - b.speed
         torque = self.stiffness * twist + self.damping * rate
         net.force(b, torque)
         net.twist({a: 1 / n, b: -1})
@@ -53,20 +64,10 @@ class HarmonicDrive(Block):
         net.output(self.twist, twist)
         net.output(self.torque, torque)
         if not lossy:
-            net.force(a, -torque / n)
+            net.force(a, -torque * share)
         elif self.loss == "constant":
-            net.force(a, -torque / (n * eta))
-            net.dissipate(torque / n * a.speed * (1 / eta - 1))
+            net.force(a, -torque * share / eta)
+            net.dissipate(torque * share * a.speed * (1 / eta - 1))
         else:
-            net.force(a, -torque / n)
-            driving, driven = 1 / eta - 1, 1 - eta
-            # The load holds the input back in its forward sense where tau / n > 0.
-            forward = choose(torque / n > 0, torque * driving, -torque * driven) / n
-            backward = choose(torque / n > 0, torque * driven, -torque * driving) / n
-            net.friction(
-                {a: 1},
-                forward=lambda velocity: forward,
-                backward=lambda velocity: backward,
-                static_forward=forward,
-                static_backward=backward,
-            )
+            net.force(a, -torque * share)
+            directed_loss(net, a, torque * share, eta, eta)

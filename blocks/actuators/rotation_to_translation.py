@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from blocks.symbolic import choose
+from blocks.actuators.directed_loss import directed_loss
 from engine.block import Block, flange, parameter, signal_out
 from engine.errors import ParameterError
 from engine.ports import TRANSLATIONAL, Expression
@@ -78,15 +78,5 @@ class _RotationToTranslation(Block):
         net.output(self.force, force)
         if not lossy:
             return
-        driving, driven = 1 / eta - 1, 1 - eta_b
         # The slide holds the shaft back in its forward sense where h F > 0.
-        load = h * force
-        forward = choose(load > 0, load * driving, -load * driven)
-        backward = choose(load > 0, load * driven, -load * driving)
-        net.friction(
-            {a: 1},
-            forward=lambda velocity: forward,
-            backward=lambda velocity: backward,
-            static_forward=forward,
-            static_backward=backward,
-        )
+        directed_loss(net, a, h * force, eta, eta_b)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from blocks.controllers.state_space import DiscreteStateSpace, StateSpace
 from engine.errors import ParameterError
@@ -23,7 +24,8 @@ class Plant:
     Attributes:
         A, B, C, D: its matrices.
         period: sample period (s); 0 for a continuous one.
-        states: names, where they are known.
+        states, inputs, outputs: names, where they are known.
+        units: of the names.
     """
 
     A: Matrix
@@ -32,6 +34,9 @@ class Plant:
     D: Matrix
     period: float = 0.0
     states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def plant(model: Any, period: float = 0.0) -> Plant:
@@ -41,17 +46,22 @@ def plant(model: Any, period: float = 0.0) -> Plant:
         ParameterError: the model is sampled with another period.
     """
     A, B, C, D = (np.atleast_2d(np.asarray(getattr(model, name), dtype=float)) for name in "ABCD")
-    names = tuple(model.state_labels if hasattr(model, "state_labels") else model.states)
+    named: dict[str, Any] = {
+        "states": tuple(model.state_labels if hasattr(model, "state_labels") else model.states),
+        "inputs": tuple(model.input_labels if hasattr(model, "input_labels") else model.inputs),
+        "outputs": tuple(model.output_labels if hasattr(model, "output_labels") else model.outputs),
+        "units": dict(getattr(model, "units", {})),
+    }
     own = float(getattr(model, "period", None) or getattr(model, "dt", None) or 0.0)
     if own:
         if period and not math.isclose(own, period, rel_tol=1e-9):
             raise ParameterError(f"the model is sampled with {own:g} s, not {period:g} s")
-        return Plant(A, B, C, D, own, names)
+        return Plant(A, B, C, D, own, **named)
     if period:
         n, m = B.shape
         both = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, n + m))]]) * period)
         A, B = both[:n, :n], both[:n, n:]
-    return Plant(A, B, C, D, period, names)
+    return Plant(A, B, C, D, period, **named)
 
 
 def from_control(system: Any, *, period: float = 0.0, **settings: Any) -> StateSpace | DiscreteStateSpace:
@@ -81,3 +91,26 @@ def from_control(system: Any, *, period: float = 0.0, **settings: Any) -> StateS
     if found.period:
         return DiscreteStateSpace(**matrices, period=found.period, **settings)
     return StateSpace(**matrices, **settings)
+
+
+def in_words(period: float) -> str:
+    """A sample period in words."""
+    return f"sampled every {period:g} s" if period else "continuous"
+
+
+def check_observer(made: Plant, gain: ArrayLike) -> None:
+    """Refuse an observer that is not stable.
+
+    Raises:
+        ParameterError: that, or a gain of another shape.
+    """
+    L = np.asarray(gain, dtype=float)
+    wanted = (made.A.shape[0], made.C.shape[0])
+    if L.shape != wanted:
+        raise ParameterError(f"the observer's gain is {L.shape}, not {wanted}", remedy="states by outputs")
+    poles = np.linalg.eigvals(made.A - L @ made.C)
+    if (np.abs(poles) > 1 + 1e-9).any() if made.period else (poles.real > 1e-9 * np.abs(poles).max(initial=0)).any():
+        raise ParameterError(
+            f"the observer, {in_words(made.period)}, is not stable with this gain",
+            remedy="give the same period to kalman as here, 0 for a continuous observer",
+        )

@@ -13,10 +13,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from blocks.controllers.control_systems import Matrix, Plant, plant
+from blocks.controllers.control_systems import Matrix, Plant, check_observer, in_words, plant
 from blocks.controllers.observer import Observer
 from blocks.controllers.state_feedback import StateFeedback
 from engine.errors import ParameterError
+from engine.quantity import convert
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,12 @@ class Feedback:
     period: float = 0.0
 
     def block(self, **settings: Any) -> StateFeedback:
-        """A `StateFeedback` with this gain; ``settings`` are its further parameters."""
+        """A `StateFeedback` with this gain; ``settings`` are its further parameters.
+
+        Raises:
+            ParameterError: another period.
+        """
+        _same_period("the feedback", self.period, settings)
         return StateFeedback(gain=self.gain, period=self.period, **settings)
 
 
@@ -94,10 +100,26 @@ def kalman(model: Any, process: ArrayLike, noise: ArrayLike, *, period: float = 
 
 
 def observer(model: Any, gain: ArrayLike, *, period: float = 0.0, **settings: Any) -> Observer:
-    """An `Observer` of a linear model with a gain L, shape (states, outputs); ``settings`` are further parameters."""
+    """An `Observer` of a linear model with a gain L, shape (states, outputs); ``settings`` are further parameters.
+
+    Raises:
+        ParameterError: an observer that is not stable, as with the gain of another period.
+    """
     made = plant(model, period)
+    check_observer(made, gain)
     direct = {"D": made.D} if made.D.any() else {}
     return Observer(A=made.A, B=made.B, C=made.C, **direct, L=np.asarray(gain), period=made.period, **settings)
+
+
+def _same_period(what: str, own: float, settings: dict[str, Any]) -> None:
+    """Take a period out of the settings that is the design's own.
+
+    Raises:
+        ParameterError: it is another.
+    """
+    given = settings.pop("period", own)
+    if convert(given, "s") != own:
+        raise ParameterError(f"{what} is {in_words(own)}, not {in_words(convert(given, 's'))}", remedy="design it anew")
 
 
 def _weight(name: str, given: ArrayLike, n: int, states: Sequence[str]) -> Matrix:

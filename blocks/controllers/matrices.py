@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,15 +28,19 @@ def read(file: str) -> dict[str, Matrix]:
     Raises:
         ParameterError: no such file, another kind of file, or not what its name says.
     """
+    return {name: made for name, value in content(file).items() if (made := _numeric(value)) is not None}
+
+
+def content(file: str) -> dict[str, Any]:
+    """Everything in a file, by name; errors as of `read`."""
     path = Path(file)
     kind = path.suffix.lower()
     if kind not in (".json", ".mat"):
         raise ParameterError(f"'{file}' is not a .json or .mat file", remedy="save the matrices as one of these")
     try:
-        found = (read_json if kind == ".json" else read_mat)(path, LARGEST_FILE)
+        return (read_json if kind == ".json" else read_mat)(path, LARGEST_FILE)
     except FileProblem as error:
         raise ParameterError(f"'{file}': {error.message}", remedy=error.remedy) from None
-    return {name: made for name, value in found.items() if (made := _numeric(value)) is not None}
 
 
 def _numeric(value: Any) -> Matrix | None:
@@ -65,9 +68,11 @@ def collect(given: Mapping[str, Rows], file: str, wanted: Iterable[str]) -> dict
             made[name] = np.array(given[name], dtype=float, ndmin=2) if here else read_in[name]
             if not np.isfinite(made[name]).all():
                 raise ParameterError(f"'{name}' holds a number that is not finite", remedy="give finite numbers alone")
-    if file and not made:
+    if file and not made.keys() - {"dt"}:
         found = nearest("", map(shown, read_in)) if read_in else "it holds no matrices"
-        raise ParameterError(f"'{file}' holds none of {', '.join(wanted)}", remedy=found)
+        raise ParameterError(
+            f"'{file}' holds none of {', '.join(name for name in wanted if name != 'dt')}", remedy=found
+        )
     return made
 
 
@@ -92,26 +97,12 @@ def times(matrix: Matrix, vector: Sequence[Expression]) -> list[Expression]:
     return [sum((float(c) * x for c, x in zip(row, vector, strict=True) if c), 0.0) for row in matrix]
 
 
-def numbered(role: str, name: str, count: int, doc: str, default: float | None = None, unit: str = "*") -> list[Port]:
-    """Ports ``name1``, ``name2``, ... , or ``name`` alone where there is one."""
+def numbered(role: str, name: str, count: int, doc: str, carried: Sequence[tuple[str, str]] = ()) -> list[Port]:
+    """Ports ``name1``, ``name2``, ... , or ``name`` alone where there is one; ``carried``: name and unit of each."""
     names = [name] if count == 1 else [f"{name}{k + 1}" for k in range(count)]
-    return [Port(n, role, doc if count == 1 else f"{doc}, element {k + 1}", "", unit, default)
-            for k, n in enumerate(names)]  # fmt: skip
-
-
-def period_of(given: float, matrices: Mapping[str, Matrix]) -> float:
-    """The sample period (s): the one given, or ``dt`` of the file.
-
-    Raises:
-        ParameterError: neither, or both and different.
-    """
-    stated = matrices.get("dt")
-    if stated is not None and not (stated.size == 1 and 0 <= stated.item() < math.inf):
-        what = f"{stated.item():g}" if stated.size == 1 else f"{stated.shape[0]} by {stated.shape[1]} numbers"
-        raise ParameterError(f"'dt' of the file is {what}", remedy="it is the sample period, one number of seconds")
-    found = stated.item() if stated is not None else 0.0
-    if given and found and not math.isclose(given, found, rel_tol=1e-9):
-        raise ParameterError(f"period = {given:g} s, but the file says dt = {found:g} s", remedy="leave the period out")
-    if not (given or found > 0):
-        raise ParameterError("no sample period is given", remedy="give period, or dt in the file")
-    return given or found
+    made = []
+    for k, n in enumerate(names):
+        what, unit = carried[k] if carried else ("", "*")
+        text = doc if count == 1 else f"{doc}, element {k + 1}"
+        made.append(Port(n, role, f"{text}: {what}" if what else text, "", unit, None, carries=what))
+    return made

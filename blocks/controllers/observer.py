@@ -6,7 +6,9 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, ClassVar
 
 from blocks.controllers.base import SignalBlock, clock, period, sample_offset
+from blocks.controllers.labels import labels
 from blocks.controllers.matrices import collect, numbered, shaped, times
+from blocks.controllers.periods import same_period
 from engine.block import option
 from engine.errors import ParameterError
 from engine.ports import Port
@@ -23,8 +25,9 @@ class Observer(SignalBlock):
 
     Inputs are the commands ``u``, or ``u1``, ..., and the measurements ``y``, or ``y1``, ...; outputs are the estimates
     ``x1``, ``x2``, ..., given out as plain numbers in SI units. The matrices are in SI units and cannot be tuned
-    afterwards; ``file`` (.json or .mat) may hold any of A, B, C, D, L. See `observer` in `blocks.controllers.design`
-    for a design. [Luenberger 1966]
+    afterwards; ``file`` (.json or .mat) may hold any of A, B, C, D, L. Where it says ``dt``, that is the period; where
+    it names states, inputs and outputs with their units, as that of `flexarm.design.save` does, wires that say
+    otherwise are refused. See `observer` in `blocks.controllers.design` for a design. [Luenberger 1966]
     """
 
     files: ClassVar[tuple[str, ...]] = ("file",)
@@ -44,7 +47,9 @@ class Observer(SignalBlock):
         """The matrices must fit each other."""
         super().check()
         names = ("A", "B", "C", "D", "L", "start")
-        found = collect({name: self.values[name] for name in names}, self.values["file"], names)
+        file = self.values["file"]
+        found = collect({name: self.values[name] for name in names}, file, (*names, "dt"))
+        self.values["period"] = same_period(self.values["period"] if "period" in self.given else None, found, file)
         for name in "ABCL":
             if name not in found:
                 raise ParameterError(f"'{name}' is missing", remedy="give A, B, C and L, or a file that holds them")
@@ -56,13 +61,17 @@ class Observer(SignalBlock):
         self._d = shaped("D", found.get("D"), p, m, why)
         self._l = shaped("L", found["L"], n, p, why)
         self._x0 = shaped("start", found.get("start"), n, 1, f"give {n} numbers").ravel()
+        named = labels(file)
+        self._states = named.fitting("states", n, file)
+        self._inputs, self._outputs = named.fitting("inputs", m, file), named.fitting("outputs", p, file)
 
     def further_ports(self) -> Iterable[Port]:
         """Inputs for commands and measurements, an output for each state."""
-        yield from numbered("input", "u", self._b.shape[1], "command")
-        yield from numbered("input", "y", self._c.shape[0], "measurement")
-        for k in range(len(self._a)):
-            yield Port(f"x{k + 1}", "output", f"estimate of state {k + 1}", "", "1")
+        yield from numbered("input", "u", self._b.shape[1], "command", self._inputs)
+        yield from numbered("input", "y", self._c.shape[0], "measurement", self._outputs)
+        for k, (name, unit) in enumerate(self._states):
+            doc = f"estimate of state {k + 1}{f': {name}' if name else ''}"
+            yield Port(f"x{k + 1}", "output", doc, "", unit if name and unit != "*" else "1", carries=name)
 
     def stamp(self, net: Net) -> None:
         inputs = [port.name for port in self.ports.values() if port.role == "input"]
@@ -84,4 +93,4 @@ class Observer(SignalBlock):
             if self.period > 0:
                 value = net.memory(f"held{k + 1}", "*", ticks, start=starts[k], held=True)
                 net.update(value, x[k])
-            net.output(name, value, "1", self.ports[name].doc)
+            net.output(name, value, self.ports[name].unit, self.ports[name].doc)

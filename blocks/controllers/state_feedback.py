@@ -6,7 +6,9 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, ClassVar
 
 from blocks.controllers.base import SignalBlock, clock, period, sample_offset
+from blocks.controllers.labels import labels
 from blocks.controllers.matrices import collect, numbered, shaped, times
+from blocks.controllers.periods import same_period
 from engine.block import option, signal_in
 from engine.errors import ParameterError
 from engine.ports import Port
@@ -20,8 +22,9 @@ class StateFeedback(SignalBlock):
 
     The states x are the inputs ``x1``, ``x2``, ...: sensors, motions of flanges, or the outputs of an `Observer`. u is
     ``out``, or ``out1``, ... where K has several rows. A ``period`` above 0 reads x and r at sample instants and holds
-    u. The gains are numbers in SI units and cannot be tuned afterwards; ``file`` (.json or .mat) may hold K and N. See
-    `lqr` for a design.
+    u. The gains are numbers in SI units and cannot be tuned afterwards; ``file`` (.json or .mat) may hold K and N.
+    Where it says ``dt``, that is the period; where it names the states with their units, as that of
+    `flexarm.design.save` does, wires that say otherwise are refused. See `lqr` for a design.
     """
 
     files: ClassVar[tuple[str, ...]] = ("file",)
@@ -40,16 +43,19 @@ class StateFeedback(SignalBlock):
         """There must be gains, and they must fit."""
         super().check()
         given = {"K": self.values["gain"], "N": self.values["reference_gain"]}
-        found = collect(given, self.values["file"], ("K", "N"))
+        file = self.values["file"]
+        found = collect(given, file, ("K", "N", "dt"))
         if "K" not in found:
             raise ParameterError("no gain is given", remedy="give gain: [k1, k2, ...], or a file that holds K")
         self._k = found["K"]
+        self.values["period"] = same_period(self.values["period"] if "period" in self.given else None, found, file)
+        self._states = labels(file).fitting("states", self._k.shape[1], file)
         self._n = shaped("reference_gain", found.get("N"), len(self._k), 1, "give one number for each row of the gain")
 
     def further_ports(self) -> Iterable[Port]:
         """An input for each state, an output for each row of the gain."""
-        for k in range(self._k.shape[1]):
-            yield Port(f"x{k + 1}", "input", f"state {k + 1}", "", "*")
+        for k, (name, unit) in enumerate(self._states):
+            yield Port(f"x{k + 1}", "input", f"state {k + 1}{f': {name}' if name else ''}", "", unit, carries=name)
         yield from numbered("output", "out", len(self._k), "command u")
 
     def stamp(self, net: Net) -> None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from blocks.controllers.base import OUTPUT_UNIT, SignalBlock, clock, sample_offset
-from blocks.controllers.matrices import collect, numbered, period_of, shaped, times
+from blocks.controllers.matrices import collect, numbered, shaped, times
+from blocks.controllers.periods import period_of, stated_period
 from engine.block import option, parameter
 from engine.errors import ParameterError
 from engine.ports import Expression, Port
@@ -85,6 +86,16 @@ class StateSpace(_StateSpace):
     cannot be tuned afterwards. A ``file`` is JSON, ``{"A": [[...]], ...}``, or MATLAB up to version 7, and holds what
     is not given here; what `flexarm linearise` writes fits. See `from_control` for python-control systems.
     """
+
+    def check(self) -> None:
+        """The matrices must not be those of a sampled system."""
+        super().check()
+        stated = stated_period(self._found)
+        if stated:
+            raise ParameterError(
+                f"the matrices of '{self.values['file']}' are sampled every {stated:g} s (dt)",
+                remedy="use DiscreteStateSpace",
+            )
 
     def stamp(self, net: Net) -> None:
         x = [net.state(f"x{k + 1}", "*", start=float(x0)) for k, x0 in enumerate(self._x0)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from blocks.sources.base import Source
@@ -48,9 +49,8 @@ class Noise(Source):
         after = states
         draws = []
         for _ in range(2):
-            after = [_next(s, a, m) for s, a, m in zip(after, MULTIPLIERS, MODULI, strict=True)]
-            difference = after[0] - after[1]
-            draws.append(choose(difference < 1, difference + MODULI[0] - 1, difference) / MODULI[0])
+            after, share = draw(after)
+            draws.append(share)
         for memory, value in zip(states, after, strict=True):
             net.update(memory, value)
         if self.distribution == "normal":
@@ -60,6 +60,13 @@ class Noise(Source):
         value = net.memory("value", "1", ticks, held=True)
         net.update(value, drawn)
         self.publish(net, self.deviation * value)
+
+
+def draw(states: Sequence[Expression]) -> tuple[list[Expression], Expression]:
+    """The states of both generators after the next number, and that number, even in 0 ... 1 and never 0."""
+    after = [_next(s, a, m) for s, a, m in zip(states, MULTIPLIERS, MODULI, strict=True)]
+    difference = after[0] - after[1]
+    return after, choose(difference < 1, difference + MODULI[0] - 1, difference) / MODULI[0]
 
 
 def _next(state: Expression, multiplier: int, modulus: int) -> Expression:

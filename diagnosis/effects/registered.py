@@ -11,6 +11,7 @@ none where the effect cannot act.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
@@ -68,6 +69,9 @@ class RegisteredEffect:
                 for candidate in made:
                     self._check(candidate, place, where)
                 rows += made
+        for key, count in Counter(candidate.key for candidate in rows).items():
+            if count > 1:
+                raise self._unusable(f"{count} of its candidates have the key '{key}'; the key tells them apart")
         return rows
 
     def _check(self, candidate: Any, place: Place, where: str) -> None:

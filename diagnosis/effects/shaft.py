@@ -123,8 +123,11 @@ def _friction(place: Place) -> Iterator[Candidate]:
 
 
 def _angular(place: Place, averaged: bool) -> Iterator[Candidate]:
-    """What depends on the angle itself; gravity averages out where a shaft turns over by whole turns."""
-    torque = place.torque
+    """What depends on the angle itself; gravity averages out where a shaft turns over by whole turns.
+
+    One wave per revolution is gravity, and has that name alone.
+    """
+    torque, orders = place.torque, ORDERS if averaged else ORDERS[1:]
     if not averaged:
         yield from at_flange(
             place,
@@ -140,9 +143,9 @@ def _angular(place: Place, averaged: bool) -> Iterator[Candidate]:
         place,
         "torque_ripple",
         "TorqueRipple",
-        combinations(order=ORDERS, amplitude=shares(torque, 2e-4, 2e-3, 0.05), phase=PHASES),
+        combinations(order=orders, amplitude=shares(torque, 2e-4, 2e-3, 0.05), phase=PHASES),
         EffectParameter("order", 1.0, fixed=True),
         EffectParameter("amplitude", torque),
         EffectParameter("phase", 1.0, signed=True),
-        wave=Wave("amplitude", "phase", combinations(order=ORDERS, amplitude=[HARDLY * torque], phase=[0.0])),
+        wave=Wave("amplitude", "phase", combinations(order=orders, amplitude=[HARDLY * torque], phase=[0.0])),
     )

@@ -61,9 +61,9 @@ def _delay(place: Place, sample: float) -> Candidate:
     def finer(best: Sizes, share: float) -> list[Sizes]:
         step = share * max(sample, SPACING * best["delay"])
         near = (best["delay"] - step, best["delay"] + step)
-        return [{"delay": w} for w in near if w > sample / 50 and step > sample / 50]
+        return [{"delay": w} for w in near if w > 0]
 
-    waits = combinations(delay=shares(sample, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64))
+    waits = combinations(delay=shares(sample, 0.05, 0.2, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64))
     return Candidate(
         "delay",
         place.name,

@@ -67,6 +67,12 @@ class Problem:
         return self.held_out or self.training
 
     @property
+    def clocks(self) -> dict[str, str]:
+        """What the time columns of recordings were found to be, by the recording's name; none that was left open."""
+        clocks = {e.name: getattr(e, "clock", "either") for e in self.experiments}
+        return {name: clock for name, clock in clocks.items() if clock != "either"}
+
+    @property
     def sparse(self) -> bool:
         """Whether few readings were recorded rather than thousands of samples."""
         return any(e.sparse for e in self.experiments)

@@ -59,7 +59,7 @@ def checked(
     if time[0] != 0:
         reader.notes.append(f"time begins at {time[0]:g} s in the file and is counted from there")
     stamps = time - time[0]
-    time, time_notes = even_time(stamps)
+    time, time_notes = even_time(stamps, evenly=recording.clock == "even")
     return replace(
         recording,
         time=time,

@@ -84,6 +84,7 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
         described.loop,
         described.role,
         resample=resample,
+        clock=described.time.clock,
     )
     within = window(reader, described, time)
     if not shared.all():

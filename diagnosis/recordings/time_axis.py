@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 JITTER = 1e-3
 """Deviation of a sampling instant from an even axis, as a fraction of the interval, up to which the axis is even."""
 
+STRAYS = 0.5
+"""The same, from which stamps are not taken for those of an even clock: one could be its neighbour's."""
+
 ROUNDING = 1e-6
 """The same, up to which the recorded instants are kept as they are."""
 
@@ -74,12 +77,35 @@ def window(reader: Reader, described: TimeRecording, time: Vector) -> NDArray[np
     return keep
 
 
-def even_time(time: Vector) -> tuple[Vector, tuple[str, ...]]:
+def even_instants(time: Vector) -> Vector | None:
+    """Instants of the even clock about which stamps stray, shape (samples,), or None if they follow none.
+
+    A sample that is missing leaves a gap. Stamps that stray by half an interval or more could be those of neighbours.
+
+    Args:
+        time: stamps in seconds from the first, strictly increasing, shape (samples,).
+    """
+    usual = float(np.median(np.diff(time)))
+    ticks = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(np.diff(time) / usual), 1.0))])
+    interval, first = np.polyfit(ticks, time, 1)
+    strays = float(np.abs(time - first - interval * ticks).max())
+    if not JITTER * interval < strays < STRAYS * interval:
+        return None
+    close = 12 * strays / len(time) ** 1.5  # three standard deviations of the slope, or more
+    round_ones = (round(interval, digits) for digits in range(12) if abs(round(interval, digits) - interval) < close)
+    return np.asarray(next(round_ones, interval) * ticks)
+
+
+def even_time(time: Vector, *, evenly: bool = False) -> tuple[Vector, tuple[str, ...]]:
     """The time axis, made even if only jitter disturbs it, and a note on jitter, gaps or an uneven axis.
 
     Args:
         time: seconds from the first sample, strictly increasing, shape (samples,).
+        evenly: take stamps that stray about an even clock for late readings of it.
     """
+    instants = even_instants(time) if evenly else None
+    if instants is not None:
+        return instants, (f"samples are taken to be {instants[1]:g} s apart; the stamps stray about that",)
     intervals = len(time) - 1
     mean = float(time[-1]) / intervals
     jitter = float(np.abs(time - mean * np.arange(intervals + 1)).max())

@@ -56,6 +56,7 @@ class Recording:
         settings: values of parameters that hold for this recording alone, as the scenario states them.
         loop, role: as the scenario states them.
         stamps: instants as they were logged (s), before they were made even, shape (samples,); None for ``time``.
+        clock: what the time column is believed: ``as_logged``, ``even``, or ``either`` while that is open.
         resample: interval (s) at which measurements are compared; None compares every sample.
         notes: sentences that say how the data were changed.
     """
@@ -74,6 +75,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     resample: float | None = None
     stamps: Vector | None = None
+    clock: str = "either"
 
     @property
     def noise_stated(self) -> bool:

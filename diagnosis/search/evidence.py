@@ -38,12 +38,15 @@ class Leftover:
         count: independent values in it, shape (bands,).
         noise: mean square that the sensors alone leave, 1 where their noise is as stated, shape (bands,).
         names: signal and number of each band.
+        energies, counts: the first two of each experiment, shape (experiments, bands).
     """
 
     energy: Array
     count: Array
     noise: Array
-    names: tuple[tuple[int, int], ...] = ()
+    names: tuple[tuple[int, int], ...]
+    energies: Array
+    counts: Array
 
     @property
     def by_band(self) -> dict[tuple[int, int], float]:
@@ -64,9 +67,28 @@ class Leftover:
     def unexplained(self) -> float:
         """By how much the logarithm of the likelihood could still rise if only the sensors' noise were left."""
         ratio = np.maximum(self.energy / self.count / self.noise, 1.0)
-        # The cube root of a chi-square is nearly normal, however few its freedoms [Wilson 1931].
-        chance = (1 - 2 / (9 * self.count) + EVIDENCE.chance * np.sqrt(2 / (9 * self.count))) ** 3
-        return float(0.5 * np.sum(np.where(ratio > chance, self.count * np.log(ratio), 0.0)))
+        return float(0.5 * np.sum(np.where(ratio > _chance(self.count), self.count * np.log(ratio), 0.0)))
+
+    @property
+    def varying(self) -> float:
+        """The same if each band were as strong in every experiment as in the one in which it is weakest.
+
+        A sensor's noise, whatever its colour, is as strong in all; what physics leaves over depends on the motion.
+        """
+        there = self.counts > 0
+        strength = np.divide(self.energies, self.counts, out=np.full_like(self.energies, np.inf), where=there)
+        weakest = np.argmin(strength, axis=0)[None, :]
+        least = np.take_along_axis(self.counts, weakest, axis=0)
+        quiet = np.maximum(np.take_along_axis(strength, weakest, axis=0) * _chance(least), self.noise)
+        ratio = np.where(there, np.maximum(strength / quiet, 1.0), 1.0)
+        counts = np.maximum(self.counts, 1.0)
+        return float(0.5 * np.sum(np.where(ratio > _chance(counts), counts * np.log(ratio), 0.0)))
+
+
+def _chance(count: Array) -> Array:
+    """By which factor chance makes the strength of a band of so many values larger, at most."""
+    # The cube root of a chi-square is nearly normal, however few its freedoms [Wilson 1931].
+    return np.asarray((1 - 2 / (9 * count) + EVIDENCE.chance * np.sqrt(2 / (9 * count))) ** 3)
 
 
 def leftover(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> Leftover:
@@ -77,24 +99,25 @@ def leftover(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> L
         x: its search vector, shape (n,).
         experiments: of any role.
     """
-    signals = len(problem.model.outputs)
-    total: list[dict[int, tuple[float, float]]] = [{} for _ in range(signals)]
+    rows: list[dict[tuple[int, int], tuple[float, float]]] = []
     for e in experiments:
         squares = e.components(problem.residual(x, e)) ** 2
         recorded = np.isfinite(e.measured).mean(axis=0)
-        for band, rows in e.bands(EVIDENCE.fewest):
-            power = squares[rows].sum(axis=0)
-            for k in np.flatnonzero(recorded):
-                energy, count = total[k].get(band, (0.0, 0.0))
-                total[k][band] = (energy + float(power[k]), count + float(recorded[k]) * len(squares[rows]))
-    energies, counts, noises = [], [], []
-    for there in total:
-        sums, sizes = np.array([there[band] for band in sorted(there)]).reshape(-1, 2).T
-        energies.append(sums)
-        counts.append(sizes)
-        noises.append(np.full(len(sums), _noise(sums, sizes)))
-    names = tuple((k, band) for k in range(signals) for band in sorted(total[k]))
-    return Leftover(np.concatenate(energies), np.concatenate(counts), np.concatenate(noises), names)
+        there: dict[tuple[int, int], tuple[float, float]] = {}
+        for band, part in e.bands(EVIDENCE.fewest):
+            power = squares[part].sum(axis=0)
+            for k in np.flatnonzero(recorded).tolist():
+                there[k, band] = float(power[k]), float(recorded[k]) * len(squares[part])
+        rows.append(there)
+    names = tuple(sorted({name for there in rows for name in there}))
+    table = np.array([[there.get(name, (0.0, 0.0)) for name in names] for there in rows])
+    energies, counts = table[:, :, 0], table[:, :, 1]
+    energy, count = energies.sum(axis=0), counts.sum(axis=0)
+    noise = np.ones(len(names))
+    for signal in range(len(problem.model.outputs)):
+        own = [i for i, (k, _) in enumerate(names) if k == signal]
+        noise[own] = _noise(energy[own], count[own])
+    return Leftover(energy, count, noise, names, energies, counts)
 
 
 def _noise(energy: Array, count: Array) -> float:

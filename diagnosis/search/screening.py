@@ -23,6 +23,9 @@ from diagnosis.search.partial_fit import Builder, StartingPoint, place_of
 from diagnosis.thresholds import EVIDENCE, FITTING, SEARCH
 from engine.errors import FlexarmError
 
+ALIKE = 2.0
+"""Ratio of the powers of two courses up to which neither is the smaller: those of a size and its negative."""
+
 
 @dataclass(frozen=True)
 class Course:
@@ -31,9 +34,10 @@ class Course:
     Attributes:
         effect, sizes: which.
         values: change of the residual, training recordings and prior stacked, less what the parameters can make good.
-        gain: how much of the cost it takes away, its size multiplied by the best factor up to `SEARCH.factor`.
+        gain: how much of the cost it takes away, its size multiplied by the best factor in reach of `SEARCH.factor`.
         likelihood: logarithm of the likelihood that it would reach, with coloured noise as of the evidence.
         change: of the search vector that goes with the first.
+        least: whether no size of the effect does less: smaller ones are taken to answer in proportion.
     """
 
     effect: Candidate
@@ -42,6 +46,21 @@ class Course:
     gain: float
     likelihood: float
     change: Array
+    least: bool = False
+
+
+@dataclass(frozen=True)
+class _Added:
+    """What a size adds to the residual: as it is and whitened, the prior's rows at the end, which stay."""
+
+    sizes: Sizes
+    plain: Array
+    white: Array
+
+    @property
+    def power(self) -> float:
+        """Sum of its squares."""
+        return float(self.plain @ self.plain)
 
 
 class Origin:
@@ -67,7 +86,7 @@ class Origin:
         """Effects that could not be put in here, and why."""
         self.every = max(1, sum(len(e.time) for e in problem.training) // SEARCH.samples)
         strengths = leftover(problem, x, problem.training).by_band
-        self._whitening = [_Whitening(e, strengths, self.every) for e in problem.training]
+        self._whitening = [Whitening(e, strengths, self.every) for e in problem.training]
         plain, white = [], []
         for e, whitening in zip(problem.training, self._whitening, strict=True):
             r, J = problem.linearised(x, e)
@@ -101,24 +120,35 @@ class Origin:
         nothing = np.zeros(len(self.plain.r))
         return Course(effect, effect.starts[0], nothing, gain, self.likelihood + 0.5 * gained, change)
 
-    def course(self, made: Problem, x: Array, effect: Candidate, sizes: Sizes) -> Course | None:
+    def added(self, made: Problem, x: Array, sizes: Sizes) -> _Added | None:
         """What a size adds; None where it cannot be simulated, or adds nothing.
 
         Args:
             made: the model with the effect.
             x: the origin's parameters and the effect's sizes there.
-            effect: which.
             sizes: its own.
         """
         rows = [made.residual(x, e) for e in made.training]
         plain = self.plain.added([self._thinned(r).ravel() for r in rows])
         white = self.white.added([whitening(r) for whitening, r in zip(self._whitening, rows, strict=True)])
-        if np.abs(plain).max() > FITTING.huge / 10 * np.sqrt(self.every) or not float(plain @ plain) > 0:
+        found = _Added(sizes, plain, white)
+        if np.abs(plain).max() > FITTING.huge / 10 * np.sqrt(self.every) or not found.power > 0:
             return None
-        gain, factor, values = self.plain.gain(plain)
-        change = self.plain.change(factor * plain)
-        _, share, course = self.white.gain(white)
-        return Course(effect, sizes, values, gain, self._bands.likelihood(self.white.rest + share * course), change)
+        return found
+
+    def course(self, effect: Candidate, added: _Added, least: bool) -> Course:
+        """The course of an effect of some size.
+
+        Args:
+            effect: which.
+            added: what it adds.
+            least: whether no other size adds less.
+        """
+        gain, factor, values = self.plain.gain(added.plain, least)
+        change = self.plain.change(factor * added.plain)
+        _, share, course = self.white.gain(added.white, least)
+        likelihood = self._bands.likelihood(self.white.rest + share * course)
+        return Course(effect, added.sizes, values, gain, likelihood, change, least)
 
 
 class _Linear:
@@ -141,11 +171,15 @@ class _Linear:
         there = np.concatenate(rows)
         return np.concatenate([there - self.r[: len(there)], np.zeros(len(self.r) - len(there))])
 
-    def gain(self, added: Array) -> tuple[float, float, Array]:
-        """What a course takes away of the cost, its factor, and its part that the parameters cannot make good."""
+    def gain(self, added: Array, least: bool) -> tuple[float, float, Array]:
+        """What a course takes away of the cost, its factor, and its part that the parameters cannot make good.
+
+        Effects are in proportion to their size where they are small, so that the factor of the ``least`` may be any.
+        """
         values = added - self.basis @ (self.basis.T @ added)
         power, pull = float(values @ values), -float(values @ self.rest)
-        factor = min(max(pull / power if power > 0 else 1.0, 0.1 / SEARCH.factor), SEARCH.factor)
+        low = 0.0 if least else 0.1 / SEARCH.factor
+        factor = min(max(pull / power if power > 0 else 1.0, low), SEARCH.factor)
         return factor * (2 * pull - factor * power), factor, values
 
     def change(self, added: Array) -> Array:
@@ -162,7 +196,7 @@ class _Linear:
         return self.cost - float(np.sum((r + J @ change) ** 2)), change
 
 
-class _Whitening:
+class Whitening:
     """Residuals of an experiment as components of equal noise, several in one.
 
     Neighbours in a band are added with random signs: that keeps squares and products on average, and a line of the
@@ -205,7 +239,7 @@ class _Bands:
         strengths: mean square of the noise that they were whitened with, by signal and band.
     """
 
-    def __init__(self, whitening: Sequence[_Whitening], strengths: Mapping[tuple[int, int], float]) -> None:
+    def __init__(self, whitening: Sequence[Whitening], strengths: Mapping[tuple[int, int], float]) -> None:
         names = [name for each in whitening for name in each.names]
         self._kinds = sorted(set(names))
         number = {name: k for k, name in enumerate(self._kinds)}
@@ -235,15 +269,18 @@ def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]
     if key in origin.kept:
         return origin.kept[key]
     found = [origin.freed(effect)] if effect.freed else []
+    added: list[_Added] = []
     for group in effect.structures():
         try:
             made = builder.placed((*origin.effects, effect), [(*origin.built, sizes) for sizes in group], origin.values)
             for model, x, sizes in made:
-                course = origin.course(model, x, effect, sizes[-1])
-                if course is not None:
-                    found.append(course)
+                one = origin.added(model, x, sizes[-1])
+                if one is not None:
+                    added.append(one)
         except FlexarmError as error:
             origin.refused[effect.key] = error.message
+    least = min((one.power for one in added), default=0.0)
+    found += [origin.course(effect, one, one.power <= ALIKE * least) for one in added]
     if found:
         origin.refused.pop(effect.key, None)
     origin.kept[key] = sorted(found, key=lambda course: -course.gain)
@@ -296,13 +333,19 @@ def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[
         return []
     table = np.column_stack([course.values for course in found])
     gram, pull = table.T @ table, -table.T @ origin.plain.rest
-    return list(itertools.islice(_ranked(found, *_gains(gram, pull)), count))
+    low = np.array([0.0 if course.least else 1 / SEARCH.factor_of_two for course in found])
+    return list(itertools.islice(_ranked(found, *_gains(gram, pull, low)), count))
 
 
-def _gains(gram: Array, pull: Array) -> tuple[Array, Array]:
+def _gains(gram: Array, pull: Array, low: Array) -> tuple[Array, Array]:
     """For each pair of courses, how much of the cost they take away, and how far their factors are from 1.
 
     Nothing where a factor is out of reach; the distance is the sum of the logarithms' magnitudes.
+
+    Args:
+        gram: products of the courses, shape (n, n).
+        pull: what each has in common with the residual, shape (n,).
+        low: least factor of each, shape (n,).
     """
     own = np.diag(gram)
     whole = np.outer(own, own)
@@ -310,8 +353,8 @@ def _gains(gram: Array, pull: Array) -> tuple[Array, Array]:
     determinant = np.where(determinant > 1e-9 * whole, determinant, np.inf)
     first = (own[None, :] * pull[:, None] - gram * pull[None, :]) / determinant
     second = first.T
-    low, high = 1 / SEARCH.factor_of_two, SEARCH.factor_of_two
-    able = (first > low) & (first < high) & (second > low) & (second < high)
+    high = SEARCH.factor_of_two
+    able = (first > low[:, None]) & (first < high) & (second > low[None, :]) & (second < high)
     gains = np.where(able, first * pull[:, None] + second * pull[None, :], 0.0)
     far = np.abs(np.log(np.where(able, first, 1.0))) + np.abs(np.log(np.where(able, second, 1.0)))
     return gains, far

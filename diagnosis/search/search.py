@@ -122,10 +122,16 @@ class _Search:
                 return
             if count > 1 and not before.effects and not misses(self.refit):
                 return
-            if count == 1:
+            if count > 1 and before.effects and before.left.varying < self.price + SEARCH.effort:
+                # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is.
+                kept = tuple(ended(before, c) for c in before.effects)
+                self._beside(kept, before, SEARCH.fitted_beside, self._order[: SEARCH.beside])
+                if self.best.keys == before.keys:
+                    return
+            elif count == 1:
                 # A right model's parameters are a tolerance off each, on average; beyond that they are bent.
                 given: list[Values] = [{}] if self.refit.strain > self._declared else []
-                self.add((), [standing(self.refit.fit), *given], SEARCH.fitted, SEARCH.finished)
+                self._first([standing(self.refit.fit), *given])
             else:
                 self._deepen(count)
             self._vary(self.best)
@@ -185,7 +191,7 @@ class _Search:
             self._pairs()
         for parent in self._parents(count - 1):
             kept = tuple(ended(parent, c) for c in parent.effects)
-            self.add(kept, [standing(parent.fit)], SEARCH.fitted_beside, SEARCH.finished_beside)
+            self._beside(kept, parent, SEARCH.fitted_beside, self._order[: SEARCH.beside])
 
     def _parents(self, count: int) -> list[ScoredModel]:
         """The models of a number of effects that are worth most and those that leave least, each with its own effects.
@@ -213,34 +219,39 @@ class _Search:
             self._fit([(kept, [standing(model.fit)])], 1)
             alike = [c for c in self.listed if c.place == effect.place or c.effect == effect.effect]
             among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
-            self.add(kept, [standing(model.fit)], SEARCH.exchanged, 1, among)
+            self._beside(kept, model, SEARCH.exchanged, among)
 
-    def add(
-        self,
-        kept: tuple[Candidate, ...],
-        parents: Sequence[Values],
-        begin: int,
-        finish: int,
-        among: Sequence[Candidate] = (),
-    ) -> None:
-        """Put every other effect in beside some, and fit those that promise most.
+    def _first(self, parents: Sequence[Values]) -> None:
+        """Put every effect into the user's model, and fit those that promise most.
+
+        Args:
+            parents: parameters to begin from.
+        """
+        origins = [o for values in parents if (o := self.fitter.origin((), values)) is not None]
+        self._order = self._screened(origins, self.listed)
+        able = [c for c in self._order if self._pays(origins, c)]
+        self._fit([((c,), parents) for c in able[: SEARCH.fitted]], SEARCH.finished)
+
+    def _beside(self, kept: tuple[Candidate, ...], than: ScoredModel, most: int, among: Sequence[Candidate]) -> None:
+        """Put effects in beside others, and fit those that promise most, a few at a time.
+
+        Where those few gain nothing, what promises less is left: little is left over that an effect could explain. None
+        is left for its promise alone, since what is still missing has bent the sizes of those that are in.
 
         Args:
             kept: effects that stay, each at the one size that it starts from.
-            parents: parameters to begin from.
-            begin: number of models that are fitted.
-            finish: number of those that are fitted to the end.
-            among: the effects; those that promised most alone if none are given.
+            than: the model that is to be bettered, whose parameters are begun from.
+            most: number of models that are fitted.
+            among: effects to put in.
         """
-        origins = [o for values in parents if (o := self.fitter.origin(kept, values)) is not None]
-        names = {c.key for c in kept}
-        blocks = {c.name for c in kept}
-        among = among or (self._order[: SEARCH.beside] if kept else self.listed)
-        promised = self._screened(origins, [c for c in among if c.key not in names and c.name not in blocks])
-        self._order = self._order or promised
-        # What is still missing beside an effect has bent that effect's sizes: others promise less than they gain.
-        able = promised if kept else [c for c in promised if self._pays(origins, c)]
-        self._fit([((*kept, c), parents) for c in able[:begin]], finish)
+        values = standing(than.fit)
+        origins = [o for o in [self.fitter.origin(kept, values)] if o is not None]
+        names, blocks = {c.key for c in kept}, {c.name for c in kept}
+        able = self._screened(origins, [c for c in among if c.key not in names and c.name not in blocks])[:most]
+        for few in range(0, len(able), SEARCH.few):
+            found = self._fit([((*kept, c), [values]) for c in able[few : few + SEARCH.few]], 1)
+            if found and all(self.worth(m) < self.worth(than) for m in found):
+                break
         self.fitter.forget(kept)
 
     def _pays(self, origins: Sequence[Origin], effect: Candidate) -> bool:
@@ -288,10 +299,10 @@ class _Search:
             course for c in self._seen if not c.freed for course in courses(self.fitter, origin, c)[: SEARCH.sizes]
         ]
         pairs = together(found, origin, SEARCH.fitted)
-        self._fit([(pair, [standing(self.refit.fit), {}]) for pair in pairs], SEARCH.finished_beside)
+        self._fit([(pair, [standing(self.refit.fit), {}]) for pair in pairs], SEARCH.few)
 
-    def _fit(self, wanted: Iterable[tuple[tuple[Candidate, ...], Sequence[Values]]], finish: int) -> None:
-        """Fit models a few steps, and those of the lowest cost to the end."""
+    def _fit(self, wanted: Iterable[tuple[tuple[Candidate, ...], Sequence[Values]]], finish: int) -> list[ScoredModel]:
+        """Fit models a few steps, and those of the lowest cost to the end, which are given."""
         tasks = []
         for effects, parents in wanted:
             mark = tuple(sorted(f"{c.key} {c.option} {c.starts}" for c in effects))
@@ -314,8 +325,10 @@ class _Search:
                     self.failures.append(found)
                 if self.progress:
                     self.progress("trying effects", done, len(tasks))
-            for made in pool.map(self.fitter.finish, self._able(partials, finish)):
-                self._keep(made)
+            ended = list(pool.map(self.fitter.finish, self._able(partials, finish)))
+        for made in ended:
+            self._keep(made)
+        return ended
 
     def _able(self, partials: Sequence[PartialFit], finish: int) -> list[PartialFit]:
         """The partial fits of the lowest cost, and of the greatest likelihood of coloured noise, by turns."""

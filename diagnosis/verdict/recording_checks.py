@@ -70,6 +70,9 @@ def screen(problem: Problem, x: Array | None = None) -> list[Remark]:
         there = np.isfinite(one.measured)
         if int(there.sum()) >= 4 * RECORDING_CHECKS.farthest:
             found += _scale(one) + _clipped(one.where, one.measured[there], one.simulated[there])
+    if even := [f"'{name}'" for name, clock in problem.clocks.items() if clock == "even"]:
+        text = "stray about an even clock, and samples are taken to be evenly spaced: the model follows them better"
+        found.append(Remark(f"the stamps of {' and '.join(even)} {text}", grave=False))
     found += _shifts(beside) + _common_gain(beside, problem)
     # What a late column or a wrong unit leaves over, another clock would explain in part.
     found += clocks(problem) if not any(remark.grave for remark in found) else []

@@ -12,7 +12,7 @@ from diagnosis.verdict.experiment_design import Proposal
 from diagnosis.verdict.verdict import Diagnosis
 from engine.errors import FlexarmError
 from engine.files import json_text, writing
-from scenarios.amend import Edit, Feed, Set, amended, relocated, without
+from scenarios.amend import Edit, Feed, Set, amended, relocated, with_clocks, without
 
 EXPERIMENT = "next_experiment"
 """Name of the block that plays the proposed input."""
@@ -26,7 +26,7 @@ def amended_text(found: Diagnosis) -> str:
     study = found.study
     original = study.scenario.path.read_text(encoding="utf-8")
     if not study.chosen.effects:
-        return original
+        return with_clocks(original, study.refit.fit.problem.clocks)
     values = study.chosen.fit.parameters()
     intervals = {i.name: i for i in found.fit.intervals()}
     edits: list[Edit] = []
@@ -47,7 +47,7 @@ def amended_text(found: Diagnosis) -> str:
         if name in given and block in study.scenario.file.blocks and "[" not in key:
             unit = given[name].unit
             edits.append(Set(block, key, f"{value:.8g} {unit}" if unit not in ("1", "*") else float(f"{value:.8g}")))
-    return amended(original, edits, notes, study.scenario.resolve)
+    return with_clocks(amended(original, edits, notes, study.scenario.resolve), study.refit.fit.problem.clocks)
 
 
 def write(found: Diagnosis, folder: Path) -> list[Path]:

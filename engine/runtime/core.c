@@ -38,6 +38,9 @@ typedef struct {
   int status, culprit;                                           /* culprit: index of a state or mode */
   double *log; int64_t log_length, log_capacity;                 /* (time, mode, new value) rows, or NULL */
   void *listener;                                                /* whose the hooks are */
+#ifdef FA_STAGED
+  const int64_t *stage;                                          /* how many instants ago what is read entered its line */
+#endif
 #ifdef FA_CANCELLABLE
   const volatile int32_t *cancel;                                /* not 0 once the run is to end; or NULL */
 #endif
@@ -184,6 +187,11 @@ static double fa_next_knot(const fa_sim *s, int *event) {
 /* -- delay lines ----------------------------------------------------------------------------------------------- */
 
 #if FA_NL
+#ifdef FA_STAGED
+#define FA_STAGE(s, i) ((int)(s)->stage[i])
+#else
+#define FA_STAGE(s, i) fa_read_stage[i]
+#endif
 /* Where the value is that entered line l at the last instant (k = 1), the one before it (k = 2), ...; in the ring
  * whatever s->newest holds, which may come from a file. */
 static int fa_line_place(const fa_sim *s, int l, int k) {
@@ -478,7 +486,7 @@ static int fa_tick(fa_sim *s, const double *flags) {
   double fire[FA_NC + FA_NEO + FA_NLR], value[FA_NL];
   memcpy(fire, flags, sizeof(double) * (FA_NC + FA_NEO));
   for (int i = 0; i < FA_NLR; i++)
-    fire[FA_NC + FA_NEO + i] = s->line[fa_line_place(s, fa_read_line[i], fa_read_stage[i])];
+    fire[FA_NC + FA_NEO + i] = s->line[fa_line_place(s, fa_read_line[i], FA_STAGE(s, i))];
 #else
   const double *fire = flags;
 #endif

@@ -5,6 +5,7 @@ typedef struct {
   double t0, resolution, hmax;             /* seconds; instants are t0 + tick * resolution */
   int64_t outputs, output_ticks;           /* rows after the first, ticks between rows */
   const int64_t *period, *offset;          /* clocks, in ticks */
+  const int64_t *stage;                    /* what is read of delay lines, in instants of their clocks */
   int64_t knots;                           /* rows of the driven inputs */
   const int64_t *knot; const double *value; const int32_t *linear;
   double *y, *states, *modes;              /* rows of outputs; states and modes may be NULL */
@@ -110,6 +111,7 @@ FA_EXPORT int fa_simulate(fa_job *job, void *listener) {
   s->log = job->log;
   s->log_capacity = job->log_capacity;
   s->listener = listener;
+  s->stage = job->stage;
   s->cancel = job->cancel;
   fa_run(s, job);
   memcpy(job->x1, s->x, sizeof(double) * FA_NX);

@@ -119,7 +119,7 @@ static void fa_tangent_tick(void *sim, const double *fire) {
   fa_entering_tangent(s, v, T->S, T->D, 0, entering);
   for (int i = 0; i < FA_NLR; i++)
     if (fire[fa_line_clock[fa_read_line[i]]] != 0)
-      memcpy(next[fa_read_memory[i]], T->line[fa_line_place(s, fa_read_line[i], fa_read_stage[i])], sizeof next[0]);
+      memcpy(next[fa_read_memory[i]], T->line[fa_line_place(s, fa_read_line[i], FA_STAGE(s, i))], sizeof next[0]);
   for (int l = 0; l < FA_NL; l++)
     if (fire[fa_line_clock[l]] != 0)
       memcpy(T->line[fa_line_place(s, l, fa_line_size[l])], entering[l], sizeof entering[l]);

@@ -17,6 +17,7 @@ from flexarm.console.options import (
     SeedOption,
     SetOption,
     WorkersOption,
+    names,
 )
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def diagnose(
     ] = None,
     without: Annotated[
         list[str] | None,
-        typer.Option("--without", metavar="EFFECT", help="An effect that is not to be tried; repeatable."),
+        typer.Option("--without", metavar="EFFECT", help="Effects that are not to be tried: A,B; repeatable."),
     ] = None,
     overrides: SetOption = None,
     workers: WorkersOption = None,
@@ -77,7 +78,7 @@ def diagnose(
                 overrides=overrides or (),
                 workers=workers,
                 seed=seed,
-                without=without or (),
+                without=names(without) or (),
                 progress=progress,
                 warn=warn,
                 keep=keep,

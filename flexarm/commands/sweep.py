@@ -81,10 +81,15 @@ def sweep(
 
             def progress(done: int, total: int) -> None:
                 nonlocal at
-                at = (done, total)
+                first, at = at[1] == 0, (done, total)
                 check()
-                bar.update(done / total)
+                # Processes start and models are compiled before the first run is over.
+                bar.update(None if first else done / total, f"starting, {done} of {total} are done" if first else "")
 
+            def warn(text: str) -> None:
+                bar.note(f"warning: such runs have no numbers, the others go on: {text}")
+
+            bar.update(None, "trying the values of --vary")
             options = SweepOptions(
                 runs=runs,
                 seed=seed,
@@ -96,6 +101,7 @@ def sweep(
                 scheduler=scheduler,
                 restart=restart,
                 progress=progress,
+                warn=warn,
                 metrics=metric or (),
                 from_fit=from_fit,
             )

@@ -65,14 +65,15 @@ class Progress:
             self._teller.start()
         return self
 
-    def update(self, share: float, what: str = "") -> None:
-        """Show the share done, from 0 to 1, of the whole or, with ``what``, of one part of it."""
+    def update(self, share: float | None, what: str = "") -> None:
+        """Show the share done, from 0 to 1, of the whole or, with ``what``, of one part of it; None if nobody knows."""
         if what != self.what:
             self.what, self._phase = what, self._clock()
         self._share = share
         if self.bar is not None:
             description = f"{self.title}: {what}" if what else self.title
-            self.bar.update(self.task, description=description, completed=share, total=1.0)
+            total = None if share is None else 1.0
+            self.bar.update(self.task, description=description, completed=share or 0.0, total=total)
 
     def note(self, text: str) -> None:
         """Say something beside."""
@@ -88,7 +89,7 @@ class Progress:
         parts = [f"{span(now - self._begun)} so far"]
         share = self._share
         if share is not None:
-            parts.insert(0, f"{100 * share:.0f} %")
+            parts.insert(0, f"{100 * share:.{1 if 0 < share < 0.1 else 0}f} %")
             if FIRST_SHARE <= share < 1:
                 left = (now - self._phase) * (1 - share) / share
                 parts.append(f"about {span(left)} left{' of this part' if self.what else ''}")

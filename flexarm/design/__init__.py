@@ -12,5 +12,6 @@ A linear model is what `flexarm.linearise` returns, a python-control state-space
 
 from blocks.controllers.control_systems import Plant, from_control, plant
 from blocks.controllers.design import Feedback, kalman, lqr, observer
+from blocks.controllers.design_file import save
 
-__all__ = ["Feedback", "Plant", "from_control", "kalman", "lqr", "observer", "plant"]
+__all__ = ["Feedback", "Plant", "from_control", "kalman", "lqr", "observer", "plant", "save"]

@@ -314,7 +314,10 @@ def _samples(model: Model, key: str, text: str, stated: Mapping[str, float]) -> 
     wild = "*" in key or "?" in key
     chosen = [n for n in names if fnmatch.fnmatchcase(n, key)] if wild else list(parameters_of(model, key))
     if not chosen:
-        raise ParameterError(f"the model has no parameter '{key}' that can be drawn", remedy=nearest(key, names))
+        raise ParameterError(
+            f"the model has no parameter '{key}' that can be drawn",
+            remedy=f"{nearest(key, names)}; what shapes a model, or is an FMU's, goes on an axis: {key}=A,B,C",
+        )
     made = []
     for name in chosen:
         parameter = model.parameters[model.parameter_index(name)]

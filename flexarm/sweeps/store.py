@@ -46,6 +46,24 @@ def _described(text: bytes) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
+_WORDS = {
+    "digest": "the scenario or a file that its blocks read",
+    "overrides": "--set",
+    "axes": "--vary",
+    "samples": "--vary",
+    "draws": "--runs",
+    "seed": "--seed",
+    "outputs": "--outputs",
+    "stop": "--stop",
+    "step": "--step",
+    "keep": "--keep",
+    "version": "the version of flexarm",
+    "metrics": "--metric or the file of its function",
+    "correlation": "--from-fit",
+}
+"""What a user would call the parts of a plan."""
+
+
 class SweepStore:
     """The table of a sweep, and beside it the folder ``TABLE.parts`` for as long as it is not finished.
 
@@ -174,7 +192,8 @@ class SweepStore:
     def _refuse(self, other: Any, what: str) -> NoReturn:
         mine = self.plan.numbers()
         changed = [key for key in mine if isinstance(other, dict) and other.get(key) != mine[key]]
-        said = f"is of another sweep: it differs in {', '.join(changed)}" if changed else "is no table of this sweep"
+        words = ", ".join(dict.fromkeys(_WORDS.get(key, key) for key in changed))
+        said = f"is of another sweep: since then {words} changed" if changed else "is no table of this sweep"
         raise FlexarmError(f"{what} {said}", remedy="write to another file, or begin again with --restart")
 
     def _part(self, span: tuple[int, int], kind: str = "runs") -> Path:

@@ -16,7 +16,7 @@ from flexarm.sweeps.metrics import read_metrics
 from flexarm.sweeps.plan import MOST_RUNS, SweepPlan, inside, make_axes
 from flexarm.sweeps.samples import from_fit
 from flexarm.sweeps.store import SweepStore
-from flexarm.sweeps.work import build, compute, digest
+from flexarm.sweeps.work import Span, build, compute, digest
 from scenarios.files import packed
 from scenarios.load import Scenario, load
 
@@ -57,6 +57,7 @@ class SweepKeywords(TypedDict, total=False):
     scheduler: str | None
     restart: bool
     progress: Callable[[int, int], None] | None
+    warn: Callable[[str], None] | None
     metrics: Iterable[str]
     from_fit: str | Path | None
 
@@ -76,6 +77,7 @@ class SweepOptions:
         scheduler: address of a dask scheduler whose workers are used instead.
         restart: throw away what an earlier sweep left in the output.
         progress: called with runs done and runs in all.
+        warn: called with the reason of the first run that fails, as soon as it has.
         metrics: further numbers of each run: ``NAME=overshoot(SIGNAL)``, ``NAME=FILE.py:FUNCTION``; see
             `flexarm.sweeps.metrics`.
         from_fit: a file of ``flexarm fit --json``: its parameters are drawn as uncertain and as correlated as it says.
@@ -91,6 +93,7 @@ class SweepOptions:
     scheduler: str | None = None
     restart: bool = False
     progress: Callable[[int, int], None] | None = None
+    warn: Callable[[str], None] | None = None
     metrics: Iterable[str] = ()
     from_fit: str | Path | None = None
 
@@ -124,6 +127,7 @@ def sweep(
     o = replace(options or SweepOptions(), **given)
     table = _table(Path(output), o.keep)
     plan = make_plan(scenario, vary, o)
+    warn = o.warn
     store = SweepStore(table, plan, provenance(scenario), o.restart)
     if store.done():
         return Sweep(table, store.trajectories, plan, 0)
@@ -142,6 +146,9 @@ def sweep(
             answers = workforce.map(functools.partial(compute, shipped), missing)
             for span, found in zip(missing, answers, strict=True):
                 store.write(span, found)
+                if warn is not None and (text := _first_failure(found)):
+                    warn(text)
+                    warn = None
                 done += span[1] - span[0]
                 if o.progress:
                     o.progress(done, plan.total)
@@ -149,6 +156,14 @@ def sweep(
     finally:
         store.close()
     return Sweep(table, store.trajectories, plan, runs_missing)
+
+
+def _first_failure(found: Span) -> str:
+    """The first run of a span that failed, and why; empty if none did."""
+    for number, reason in zip(found.columns["run"], found.columns["failure"], strict=True):
+        if reason is not None:
+            return f"run {number} failed: {reason}"
+    return ""
 
 
 def _table(output: Path, keep: float | None) -> Path:

@@ -18,15 +18,18 @@ from blocks.actuators.spring_damper import SpringDamper
 from blocks.controllers import from_control, kalman, lqr
 from blocks.controllers.control_systems import plant
 from blocks.controllers.design import observer
+from blocks.controllers.design_file import save
+from blocks.controllers.low_pass import LowPass
 from blocks.controllers.observer import Observer
 from blocks.controllers.state_feedback import StateFeedback
 from blocks.controllers.state_space import DiscreteStateSpace, StateSpace, spectral_radius
 from blocks.links.inertia import Inertia
+from blocks.sensors.encoder import Encoder
 from blocks.sources.constant import Constant
 from blocks.sources.sine import Sine
 from blocks.sources.step import Step
 from engine.block import Block
-from engine.errors import ParameterError
+from engine.errors import ConnectionProblem, ParameterError
 from engine.linearise import LinearModel, linearise
 from engine.simulate import Drive
 from scenarios.load import load
@@ -363,3 +366,119 @@ def test_the_json_schema_knows_matrices() -> None:
     for matrix, fits in (([[0, 1], ["$rate", -3]], True), (-2, True), ("high", False), ([[1], "x"], False)):
         document["blocks"]["g"]["A"] = matrix
         assert validator.is_valid(document) == fits
+
+
+def _designed(folder: Path, period: float) -> str:
+    found = arm_model()
+    feedback = lqr(found, [1.0, 1.0, 0.1, 0.1], 0.2, period=period)
+    gain = kalman(found, [1e-3, 1e-3, 1.0, 1.0], [1e-4, 1e-4], period=period)
+    return str(save(folder / f"{period}.json", found, feedback=feedback, observer_gain=gain, reference_gain=2.0))
+
+
+def test_a_design_file_holds_what_was_designed(tmp_path: Path) -> None:
+    found, file = arm_model(), _designed(tmp_path, 0.01)
+    block, law = Observer(file=file), StateFeedback(file=file)
+    sampled = plant(found, 0.01)
+    np.testing.assert_array_equal(block._a, sampled.A)
+    np.testing.assert_array_equal(law._k, lqr(found, [1.0, 1.0, 0.1, 0.1], 0.2, period=0.01).gain)
+    assert (block.values["period"], law.values["period"]) == (0.01, 0.01)
+    assert [law.ports[f"x{k + 1}"].carries for k in range(4)] == list(found.states)
+    assert [law.ports[f"x{k + 1}"].unit for k in range(4)] == [found.units[name] for name in found.states]
+    assert [block.ports[name].carries for name in ("u", "y1", "y2")] == [*found.inputs, *found.outputs]
+    assert Observer(file=_designed(tmp_path, 0.0)).values["period"] == 0.0
+
+
+@pytest.mark.parametrize("kind", [Observer, StateFeedback])
+def test_matrices_of_another_period_are_refused(kind: type[Block], tmp_path: Path) -> None:
+    sampled, continuous = _designed(tmp_path, 0.01), _designed(tmp_path, 0.0)
+    kind(file=sampled, period="10 ms")
+    with pytest.raises(ParameterError, match=r"period = 0.02 s, but .* sampled every 0.01 s"):
+        kind(file=sampled, period=0.02)
+    with pytest.raises(ParameterError, match=r"period = 0 s, but .* sampled every 0.01 s"):
+        kind(file=sampled, period=0)
+    with pytest.raises(ParameterError, match=r"period = 0.02 s, but .* continuous"):
+        kind(file=continuous, period=0.02)
+
+
+def test_a_continuous_system_refuses_sampled_matrices(tmp_path: Path) -> None:
+    file = tmp_path / "k.json"
+    file.write_text('{"A": [[0.5]], "B": [[1]], "C": [[1]], "D": [[0]], "dt": 0.01}')
+    assert DiscreteStateSpace(file=str(file)).values["period"] == 0.01
+    with pytest.raises(ParameterError, match=r"sampled every 0\.01 s") as raised:
+        StateSpace(file=str(file))
+    assert raised.value.remedy == "use DiscreteStateSpace"
+
+
+def test_designs_of_two_periods_do_not_mix(tmp_path: Path) -> None:
+    found = arm_model()
+    feedback = lqr(found, [1.0, 1.0, 0.1, 0.1], 0.2, period=0.01)
+    gain = kalman(found, [1e-3, 1e-3, 1.0, 1.0], [1e-4, 1e-4])
+    with pytest.raises(ParameterError, match=r"sampled every 0.01 s, is not stable"):
+        observer(found, gain, period=0.01)
+    with pytest.raises(ParameterError, match=r"sampled every 0.01 s, is not stable"):
+        save(tmp_path / "d.json", found, feedback=feedback, observer_gain=gain)
+    with pytest.raises(ParameterError, match=r"sampled every 0.01 s, not sampled every 0.02 s"):
+        feedback.block(period="20 ms")
+    with pytest.raises(ParameterError, match=r"sampled every 0.01 s, not sampled every 0.02 s"):
+        save(tmp_path / "d.json", found, feedback=feedback, period=0.02)
+    assert not list(tmp_path.iterdir())
+    assert feedback.block(period="10 ms", unit="N.m").values["period"] == 0.01
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('"states": ["a"]', "names 1 states, and its matrices have 2"),
+        ('"states": ["a", "b"], "units": {"a": "deg"}', "'a' is in deg"),
+        ('"states": ["a", "b"], "units": {"a": "wobble"}', "unit of 'a'"),
+        ('"dt": -1', "'dt' of the file is -1"),
+    ],
+)
+def test_labels_that_do_not_fit(text: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "k.json"
+    file.write_text(f'{{"K": [[1, 2]], {text}}}')
+    with pytest.raises(ParameterError, match=message):
+        StateFeedback(file=str(file))
+
+
+def test_labels_of_a_matlab_file(tmp_path: Path) -> None:
+    cells = {"states": np.array(["a.b.angle", "a.b.speed"], dtype=object)}
+    cells["state_units"] = np.array(["rad", "rad/s"], dtype=object)
+    savemat(tmp_path / "k.mat", {"K": [[1.0, 2.0]], **cells})
+    ports = StateFeedback(file=str(tmp_path / "k.mat")).ports
+    assert [(ports[n].carries, ports[n].unit) for n in ("x1", "x2")] == [("a.b.angle", "rad"), ("a.b.speed", "rad/s")]
+
+
+WIRED = ["law.out torque.torque observer.u", "end.shaft load.shaft", "begin.shaft motor.shaft"]
+
+
+@pytest.mark.parametrize(
+    ("wires", "message"),
+    [
+        ("x1 x1, x2 x2, x3 x3, x4 x4; begin.out observer.y1, smooth.out observer.y2", ""),
+        ("x1 x1, x2 x2, x3 x3, x4 x4; smooth.out observer.y1, begin.out observer.y2",
+         "'observer.y1' takes motor.shaft.angle, but it is fed by smooth.out, which is load.shaft.angle"),
+        ("x1 x2, x2 x1, x3 x3, x4 x4; begin.out observer.y1, smooth.out observer.y2",
+         r"'law.x1' takes torque\.shaft\.angle, but it is fed by observer\.x2, which is spring\.b\.angle"),
+        ("x1 x3, x2 x2, x3 x1, x4 x4; begin.out observer.y1, smooth.out observer.y2",
+         "is in rad/s but 'law.x1' takes rad"),
+    ],
+)  # fmt: skip
+def test_swapped_wires_are_refused(wires: str, message: str, tmp_path: Path) -> None:
+    """Through encoders and a filter, by the flanges that they sit on."""
+    file = _designed(tmp_path, 0.01)
+    parts = arm() | {"observer": Observer(file=file), "law": StateFeedback(file=file, unit="N.m")}
+    parts |= {"begin": Encoder(counts_per_revolution=1000), "end": Encoder(counts_per_revolution=1000)}
+    parts |= {"smooth": LowPass(corner_frequency=1e3)}
+    states, measured = wires.split("; ")
+    made = [f"observer.{a} law.{b}" for a, b in (pair.split() for pair in states.split(", "))]
+    made += measured.split(", ")
+
+    def go() -> None:
+        run(parts, *WIRES, *WIRED, "end.out smooth.in", *made, stop=0.01, step=0.01, energy=False)
+
+    if not message:
+        go()
+        return
+    with pytest.raises(ConnectionProblem, match=message):
+        go()

@@ -9,6 +9,7 @@ import pytest
 
 from blocks.actuators.spring_damper import SpringDamper
 from blocks.registry import registry
+from blocks.sources.constant import Constant
 from engine.block import Block, parameter
 from engine.errors import ParameterError
 from engine.ports import ROTATIONAL, TRANSLATIONAL
@@ -38,6 +39,7 @@ VALUES: dict[str, dict[str, Any]] = {
     "TorqueCurve": {"lower": -1.0, "upper": 1.0, "points": 3, "heights": [0.5, 0.0, -0.2]},
     "Vibration": {"amplitude": 0.7, "frequency": 12.0, "phase": 0.3},
     "QuadraticDrag": {"drag": 0.5},
+    "LoadDependentFriction": {"coefficient": 0.4, "static_ratio": 1.5, "stribeck_velocity": 0.05},
 }  # fmt: skip
 """Parameters in SI units; a lever of a metre makes the twin's the same numbers."""
 
@@ -66,6 +68,9 @@ def test_a_twin_moves_as_its_law_on_a_lever_of_a_metre(name: str) -> None:
         flanges = [p.name for p in made.ports.values() if p.role == "flange"]
         assert {made.ports[f].kind for f in flanges} == {ROTATIONAL if port == "shaft" else TRANSLATIONAL}
         wires = [f"body.{port} law.{flanges[0]}"] + [f"other.{port} law.{f}" for f in flanges[1:]]
+        for k, port_in in enumerate(p.name for p in made.ports.values() if p.role == "input"):
+            parts[f"feed{k}"] = Constant(value=0.7)
+            wires.append(f"feed{k}.out law.{port_in}")
         result = run(parts, *wires, stop=1.0, initial={f"body.{port}.speed": 1.0}, internal_step=5e-5)
         moved.append(result)
     turning, sliding = moved

@@ -32,7 +32,12 @@ analyses:
     ("kind", "line", "path", "piece"),
     [
         ("linearise", "modes: {gide: stuck}", "modes", "did you mean 'guide'?"),
-        ("linearise", "modes: {guide: sliding}", "modes.guide", "did you mean 'sliding forward'?"),
+        (
+            "linearise",
+            "modes: {guide: sliding}",
+            "modes.guide",
+            "forward' or 'sliding backward'?",
+        ),
         ("linearise", "at: {guide.slide.sped: 1 m/s}", "at", "did you mean 'guide.slide.speed'?"),
         ("linearise", "at: {guide.slide.speed: 1 rad}", "at.guide.slide.speed", "'m/s' is expected"),
         ("linearise", "trim: level", "trim", "no analysis 'level' of kind trim"),

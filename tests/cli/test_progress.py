@@ -27,6 +27,10 @@ def test_a_line_tells_share_time_and_what_is_left() -> None:
     assert bar.line() == "arm: runs: 25 %, 30 s so far, about 1 min 30 s left"
     bar.update(1.0)
     assert bar.line() == "arm: runs: 100 %, 30 s so far"
+    bar.update(None, "starting")
+    assert bar.line() == "arm: runs: starting: 30 s so far"
+    bar.update(0.004)
+    assert bar.line() == "arm: runs: 0.4 %, 30 s so far"
 
 
 def test_what_is_left_is_that_of_the_part() -> None:

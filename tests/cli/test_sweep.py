@@ -273,17 +273,39 @@ def test_another_plan_is_refused(spin: Path, command: Any) -> None:
     assert command("sweep", spin, "-v", "push=1,2", "-o", "out", "--workers", 1).code == 0
     answer = command("sweep", spin, "-v", "push=1,3", "-o", "out", "--workers", 1)
     assert answer.code == 1
-    assert "is of another sweep: it differs in axes" in answer.err
+    assert "is of another sweep: since then --vary changed" in answer.err
     assert "--restart" in answer.err
     spin.write_text(SPIN.replace("0.5 kg.m2", "0.6 kg.m2"))
     answer = command("sweep", spin, "-v", "push=1,2", "-o", "out", "--workers", 1)
-    assert "it differs in digest" in answer.err
+    assert "since then the scenario or a file that its blocks read changed" in answer.err
     assert command("sweep", spin, "-v", "push=1,2", "-o", "out", "--workers", 1, "--restart").code == 0
     assert flexarm.read("out/runs.parquet")["wheel.shaft.speed.final"] == pytest.approx([1 / 0.6, 2 / 0.6])
     Path("foreign.parquet").write_bytes(b"not a table")
     answer = command("sweep", spin, "-v", "push=1,2", "-o", "foreign.parquet")
     assert "is no table of this sweep" in answer.err
     assert Path("foreign.parquet").read_bytes() == b"not a table"
+
+
+def test_the_first_failure_is_told_at_once(spin: Path) -> None:
+    """Before the runs after it are done, and only once."""
+    Path("own.py").write_text("def late(result):\n    return result['nothing'][0]\n")
+    said: list[tuple[int, str]] = []
+    done = [0]
+
+    def progress(so_far: int, total: int) -> None:
+        done[0] = so_far
+
+    flexarm.sweep(
+        spin,
+        ["push=1:2:10"],
+        "out.parquet",
+        workers=1,
+        metrics=["own.py:late"],
+        progress=progress,
+        warn=lambda text: said.append((done[0], text)),
+    )
+    assert [at for at, _ in said] == [0]
+    assert said[0][1].startswith("run 0 failed: metric own.py:late: ")
 
 
 def test_two_at_once_are_refused(spin: Path) -> None:

@@ -53,6 +53,12 @@ def test_a_shaper_is_a_sum_of_shifts(backend: Any) -> None:
     assert np.abs(run["b.out"] - expected).max() < 1e-12
 
 
+def test_delays_that_differ_in_length_alone_share_one_library() -> None:
+    sources = {simulation_source(build(_system(Delay(delay=d, period=1e-2)))) for d in ("13 ms", "24 ms", "995 ms")}
+    assert len(sources) == 1
+    assert simulation_source(build(_system(Delay(delay="2 s", period=1e-2)))) not in sources
+
+
 def test_ten_seconds_at_a_millisecond_cost_no_symbols() -> None:
     model = build(_system(Delay(delay=10.0, period=1e-3)), outputs=["b.out"])
     assert len(model.memories) == 2

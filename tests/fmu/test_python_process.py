@@ -287,6 +287,17 @@ def test_another_version_is_refused(made: Path, tmp_path: Path, monkeypatch: pyt
     assert "GUID" in _refusal(_changed(made, tmp_path / "guid.fmu", guid))
 
 
+def test_a_missing_pythonfmu_is_told(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The Python part is a slave of pythonfmu; an export needs nothing of it."""
+    (tmp_path / "pythonfmu.py").write_text("raise ModuleNotFoundError(\"No module named 'pythonfmu'\")\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("FLEXARM_PYTHON", sys.executable)
+    assert "flexarm cannot be imported: ModuleNotFoundError: No module named 'pythonfmu'" in _refusal(made)
+    code = "import sys; sys.path.insert(0, sys.argv[1]); import fmu.python_backend"
+    root = Path(__file__).parent.parent.parent
+    subprocess.run([sys.executable, "-c", code, str(root)], cwd=tmp_path, check=True)
+
+
 def test_an_environment_of_the_importers_own_python_does_not_matter(
     made: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

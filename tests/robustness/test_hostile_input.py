@@ -59,6 +59,9 @@ def test_too_large_a_file_is_not_read(tmp_path: Path, monkeypatch: pytest.Monkey
     ("content", "message"),
     [
         (b"schema: 1\nname: M\xf6bel\n", "odd.yaml:2: byte 0xf6 is not UTF-8"),
+        (b"PAR1\x15\x04\x15\x90", "odd.yaml: this is a Parquet file, not a scenario"),
+        (b"PK\x03\x04\x14\x00\x00\xff", "odd.yaml: this is a zip archive"),
+        (b"\x7fELF\x02\x01\x00\xff", "odd.yaml: this is a binary file, not a scenario"),
         (b"schema: 1\nschema: 1\n", "odd.yaml:2: the key 'schema' was given before, in line 1"),
         (b'schema: 1\nname: "\\ud800"\n', "odd.yaml:2: the text holds half of a character"),
         (b"schema: 1\nname: a\x00b\n", "odd.yaml:2"),

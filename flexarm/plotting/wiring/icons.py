@@ -20,6 +20,9 @@ LETTERS = {
     "RigidFeedForward": "FF1",
     "TwoMassFeedForward": "FF2",
     "ThreeMassFeedForward": "FF3",
+    "FieldOrientedController": "dq",
+    "DutyServo": "d V",
+    "Bridge": "PWM",
     "PythonController": "f(t)",
     "FMU": "FMU",
 }
@@ -35,6 +38,7 @@ CURVES: dict[str, tuple[Curve, ...]] = {
     "Notch": (((2, 5), (8, 6), (11, 19), (14, 6), (20, 5)),),
     "Delay": (((2, 17), (6, 17), (6, 5), (10, 5)), ((11, 17), (15, 17), (15, 5), (20, 5))),
     "SampleHold": (((2, 18), (7, 18), (7, 12), (12, 12), (12, 8), (17, 8), (17, 4), (21, 4)),),
+    "JitteredSample": (((2, 18), (8, 18), (8, 13), (11, 13), (11, 8), (18, 8), (18, 4), (21, 4)), ((8, 20), (8, 22))),
     "InputShaper": (((2, 18), (20, 18)), ((5, 18), (5, 4)), ((12, 18), (12, 9)), ((18, 18), (18, 13))),
     "Chirp": (((1, 11), (4, 4), (8, 18), (11, 4), (13, 18), (15, 4), (16.5, 18), (18, 4), (19, 18), (20, 11)),),
     "Multisine": (((1, 11), (3, 5), (5, 9), (7, 4), (10, 16), (12, 12), (14, 18), (17, 7), (19, 13), (21, 11)),),
@@ -66,6 +70,10 @@ CURVES: dict[str, tuple[Curve, ...]] = {
     "Encoder": (
         ((2, 18), (2, 6), (5, 6), (5, 18), (8, 18), (8, 6), (11, 6), (11, 18), (14, 18), (14, 6), (17, 6), (17, 18)),
     ),
+    "CurrentLimiter": (((2, 18), (7, 18), (15, 4), (20, 4)), ((2, 11), (20, 11)), ((11, 8), (11, 14))),
+    "TorqueEnvelope": (((2, 5), (9, 5), (13, 10), (18, 13), (18, 19)), ((2, 19), (20, 19)), ((2, 3), (2, 19))),
+    "Supply": (((2, 11), (8, 11)), ((8, 3), (8, 19)), ((13, 7), (13, 15)), ((13, 11), (20, 11))),
+    "BrakeChopper": (((2, 11), (6, 11), (11, 5)), ((12, 11), (13, 7), (15, 15), (17, 7), (19, 15), (20, 11))),
     "Curve": (((2, 18), (7, 14), (11, 12), (15, 6), (20, 4)), ((2, 11), (20, 11)), ((11, 2), (11, 20))),
     "QuadraticDrag": (((2, 19), (7, 13), (11, 11), (15, 9), (20, 3)), ((2, 11), (20, 11))),
 }
@@ -100,8 +108,11 @@ def icon(kind: str, folder: str, x: float, y: float) -> list[Shape]:
     if (drawn := CURVES.get(LIKE.get(kind, kind))) is not None:
         return [line(*points) for points in drawn]
     word = kind.lower()
-    if kind == "DCMotor":
-        return [ring(11, 11, 9), Label("icon-text", x + 11, y + 15, "M", 11, "middle")]
+    if kind in ("DCMotor", "ThermalDCMotor", "PMSM"):
+        letters = "3~" if kind == "PMSM" else "M"
+        return [ring(11, 11, 9), Label("icon-text", x + 11, y + 15, letters, 11, "middle")]
+    if kind == "Belt":
+        return [ring(5, 11, 4), ring(17, 11, 4), line((5, 7), (17, 7)), line((5, 15), (17, 15))]
     if kind == "Pulley":
         return [ring(7, 11, 5), line((7, 6), (22, 6)), line((7, 16), (22, 16))]
     if kind == "RackAndPinion":
@@ -152,7 +163,7 @@ def icon(kind: str, folder: str, x: float, y: float) -> list[Shape]:
     if folder == "sources":
         wave = [(2 + k, 11 - 7 * math.sin(k / 18 * 2 * math.pi)) for k in range(19)]
         return [line((1, 17), (7, 17), (7, 5), (21, 5))] if kind == "Step" else [line(*wave)]
-    if "ripple" in word or "vibration" in word:
+    if "ripple" in word or "cogging" in word or "vibration" in word:
         wave = [(2 + k, 11 - 5 * math.sin(k / 18 * 6 * math.pi)) for k in range(19)]
         return [ring(11, 11, 9), line(*wave)] if "ripple" in word else [line(*wave)]
     if folder == "sensors":

@@ -352,6 +352,18 @@ def test_a_registered_effect_is_tried_where_it_can_act_and_can_be_left_out(tmp_p
     assert [c.key for c in possible_effects(path, without=["broken", "sticky"])] == before
 
 
+def test_two_candidates_of_one_key_are_refused(tmp_path: Any, register: Any) -> None:
+    """A search that tells them apart by their keys would try one of them and show the other."""
+
+    def twice(scales: Any, place: Any) -> Iterator[Candidate]:
+        yield from sticky(scales, place)
+        yield from sticky(scales, place)
+
+    register(Entry("sticky", twice))
+    with pytest.raises(FlexarmError, match=r"2 of its candidates have the key 'sticky at torque.shaft'"):
+        possible_effects(spring(tmp_path, WOUND))
+
+
 def test_along_a_slide_the_twin_is_put_in(tmp_path: Any, register: Any) -> None:
     path = mount(tmp_path, "{type: TranslationalSpringDamper, stiffness: 100 N/m}")
     register(Entry("sticky", sticky))

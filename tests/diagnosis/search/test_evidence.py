@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal, norm
 
 from diagnosis.estimation.time_experiment import TimeExperiment
@@ -144,7 +145,8 @@ def test_noise_alone_is_unexplained_as_seldom_as_three_standard_deviations(count
     """The least energy that counts, found by bisection, has the tail of a normal deviate under chi-square."""
 
     def shown(energy: float) -> bool:
-        return Leftover(np.array([energy]), np.array([float(count)]), np.ones(1), ((0, 0),)).unexplained > 0
+        there, values = np.array([energy]), np.array([float(count)])
+        return Leftover(there, values, np.ones(1), ((0, 0),), there[None, :], values[None, :]).unexplained > 0
 
     low, high = float(count), 100.0 * count
     assert shown(high)
@@ -153,6 +155,23 @@ def test_noise_alone_is_unexplained_as_seldom_as_three_standard_deviations(count
         middle = (low + high) / 2
         low, high = (low, middle) if shown(middle) else (middle, high)
     assert chi2.sf(high, count) == pytest.approx(norm.sf(EVIDENCE.chance), rel=0.25)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_coloured_noise_does_not_vary_and_a_mismatch_of_one_recording_does(seed: int) -> None:
+    """Noise of a first-order filter, five times as strong at low frequency, in four recordings; a sine in one more."""
+    random = np.random.default_rng(seed)
+    rows = lfilter([1.0], [1.0, -0.6], random.normal(size=(5, 2000, 1)), axis=1)
+    ring = np.sin(2 * np.pi * 7 * STEP * np.arange(2000))[:, None]
+
+    def left(amplitude: float) -> Leftover:
+        told = [recorded(r + amplitude * (k == 4) * ring, f"run{k}") for k, r in enumerate(rows)]
+        problem: Any = Linear(told, [np.zeros((2000, 1))] * 5, np.ones(1))
+        return leftover(problem, np.zeros(1), problem.experiments)
+
+    assert left(0.0).unexplained > 500
+    assert left(0.0).varying < 5
+    assert left(3.0).varying > 20
 
 
 @pytest.mark.parametrize("seed", range(4))

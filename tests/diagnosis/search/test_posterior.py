@@ -29,7 +29,8 @@ COUNT = 1000.0
 
 
 def left(energy: float) -> Leftover:
-    return Leftover(np.array([COUNT + energy]), np.array([COUNT]), np.ones(1), ((0, 0),))
+    there, count = np.array([COUNT + energy]), np.array([COUNT])
+    return Leftover(there, count, np.ones(1), ((0, 0),), there[None, :], count[None, :])
 
 
 def effect(name: str, place: str = "shaft", parameters: int = 1) -> Candidate:

@@ -33,11 +33,12 @@ def test_the_gain_of_every_pair_is_that_of_least_squares() -> None:
     random = np.random.default_rng(4)
     table, r = random.normal(size=(200, 9)), 3 * random.normal(size=200)
     r += table @ random.uniform(-1.0, 3.0, 9)
-    gains, far = _gains(table.T @ table, -table.T @ r)
+    low = np.where(np.arange(9) < 3, 0.0, 1 / SEARCH.factor_of_two)  # three are the least of their effects
+    gains, far = _gains(table.T @ table, -table.T @ r, low)
     some = 0
     for i, j in itertools.combinations(range(9), 2):
         factors, left, *_ = np.linalg.lstsq(table[:, [i, j]], -r, rcond=None)
-        able = bool(((factors > 1 / SEARCH.factor_of_two) & (factors < SEARCH.factor_of_two)).all())
+        able = bool(((factors > low[[i, j]]) & (factors < SEARCH.factor_of_two)).all())
         assert gains[i, j] == pytest.approx(float(r @ r - left[0]) if able else 0.0)
         assert far[i, j] == pytest.approx(float(np.abs(np.log(factors)).sum()) if able else 0.0)
         some += able
@@ -47,7 +48,7 @@ def test_the_gain_of_every_pair_is_that_of_least_squares() -> None:
 def test_courses_that_are_one_and_the_same_make_no_pair() -> None:
     sensitivity = np.linspace(0.0, 1.0, 50)
     table = np.column_stack([sensitivity, 2 * sensitivity])
-    assert _gains(table.T @ table, -table.T @ (-sensitivity))[0][0, 1] == 0.0
+    assert _gains(table.T @ table, -table.T @ (-sensitivity), np.zeros(2))[0][0, 1] == 0.0
 
 
 def test_a_course_gains_what_least_squares_with_the_prior_gives(tmp_path: Path) -> None:
@@ -77,14 +78,16 @@ def test_a_course_gains_what_least_squares_with_the_prior_gives(tmp_path: Path) 
         added = left(amended, there)[: len(r) - len(x)] - r[: len(r) - len(x)]
         table = np.column_stack([tangents, np.concatenate([added, np.zeros(len(x))])])
         step = np.linalg.lstsq(table, -r, rcond=None)[0]
-        inside = 0.1 / SEARCH.factor < step[-1] < SEARCH.factor
+        low = 0.0 if course.least else 0.1 / SEARCH.factor
+        inside = low < step[-1] < SEARCH.factor
         # Where the factor is out of reach, it stands at the end of what is allowed.
-        factor = min(max(step[-1], 0.1 / SEARCH.factor), SEARCH.factor)
+        factor = min(max(step[-1], low), SEARCH.factor)
         beside = r + factor * table[:, -1]
         rest = beside + tangents @ np.linalg.lstsq(tangents, -beside, rcond=None)[0]
         assert course.gain == pytest.approx(float(without @ without - rest @ rest), rel=2e-3, abs=0.5)
         some += inside
     assert some
+    assert min(found, key=lambda c: float(c.values @ c.values)).least
 
 
 def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Diagnosability before the experiment: what the sensors and inputs at hand could tell apart."""

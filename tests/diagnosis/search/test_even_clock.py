@@ -1,0 +1,110 @@
+"""Stamps that stray about an even clock, against a slide whose motion is known in closed form."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from diagnosis.api import fit as fit_to
+from diagnosis.api import gather
+from diagnosis.recordings.time_axis import even_instants
+from diagnosis.recordings.types import Recording
+from diagnosis.search.even_clock import on_their_clocks
+from scenarios.amend import with_clocks
+from scenarios.load import load
+
+MASS, FRICTION, INTERVAL, NOISE = 0.2, 0.5, 2e-3, 1e-6
+
+SCENARIO = """\
+schema: 1
+name: slide
+blocks:
+  drive: {type: Force}
+  table: {type: Mass, mass: 0.21 kg}
+  guide: {type: TranslationalBearingFriction, viscous_friction: 0.48 N.s/m}
+connect:
+  - [drive.flange, table.flange, guide.slide]
+simulate: {stop: 1 s, step: 2 ms}
+recordings:
+  swing:
+    file: swing.csv
+    time: {column: t, unit: s}
+    drive: {drive.force: {column: u, unit: N}}
+    measurements:
+      table.flange.position: {column: x, unit: m, noise: 1e-6}
+"""
+
+Array = NDArray[np.float64]
+
+
+def driven(instants: Array, force: Array) -> Array:
+    """Position of m v' = u - c v at the instants between which u is held; the exact solution from step to step."""
+    x, v, out = 0.0, 0.0, [0.0]
+    for wait, u in zip(np.diff(instants), force[:-1], strict=True):
+        end, decay = u / FRICTION, math.exp(-FRICTION / MASS * wait)
+        x += end * wait + (v - end) * (1 - decay) * MASS / FRICTION
+        v = end + (v - end) * decay
+        out.append(x)
+    return np.array(out)
+
+
+def logged(folder: Path, *, evenly: bool) -> Path:
+    """A recording whose stamps stray by 20 % of an interval; the samples were taken evenly, or at the stamps."""
+    rng = np.random.default_rng(4)
+    even = INTERVAL * np.arange(3000)
+    stamps = even + np.concatenate([[0.0], 0.2 * INTERVAL * rng.uniform(-1, 1, 2999)])
+    force = np.repeat(rng.choice([-1.0, 1.0], 300), 10)
+    x = driven(np.asarray(even if evenly else stamps), force) + NOISE * rng.standard_normal(3000)
+    rows = np.column_stack([stamps, force, x])
+    np.savetxt(folder / "swing.csv", rows, delimiter=",", header="t,u,x", comments="", fmt="%.9f")
+    path = folder / "slide.yaml"
+    path.write_text(SCENARIO, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("evenly", [True, False])
+def test_the_model_tells_when_samples_were_taken(tmp_path: Path, evenly: bool) -> None:
+    scenario = load(logged(tmp_path, evenly=evenly))
+    (found,) = on_their_clocks(scenario, gather(scenario, (), ()), 1)
+    assert isinstance(found, Recording)
+    assert found.clock == ("even" if evenly else "as_logged")
+    if evenly:
+        np.testing.assert_allclose(found.time, INTERVAL * np.arange(3000), rtol=1e-9)
+
+
+def test_a_fit_follows_the_even_clock_and_writes_it_down(tmp_path: Path) -> None:
+    path = logged(tmp_path, evenly=True)
+    made, scores = fit_to(path, workers=1)
+    values = made.parameters()
+    assert scores["fitted"] == pytest.approx(1.0, abs=0.1)
+    assert values["table.mass"] == pytest.approx(MASS, rel=2e-3)
+    assert values["guide.viscous_friction"] == pytest.approx(FRICTION, rel=2e-3)
+    text = with_clocks(path.read_text(encoding="utf-8"), made.problem.clocks)
+    assert "clock: even" in text
+    path.write_text(text, encoding="utf-8")
+    scenario = load(path)
+    (again,) = gather(scenario, (), ())
+    assert isinstance(again, Recording)
+    np.testing.assert_array_equal(again.time, INTERVAL * np.arange(3000))
+
+
+def test_what_the_user_says_of_the_clock_is_not_tried(tmp_path: Path) -> None:
+    path = logged(tmp_path, evenly=True)
+    said = path.read_text(encoding="utf-8").replace("unit: s}", "unit: s, clock: as_logged}")
+    path.write_text(said, encoding="utf-8")
+    scenario = load(path)
+    given = gather(scenario, (), ())
+    assert on_their_clocks(scenario, given, 1)[0] is given[0]
+
+
+def test_stamps_without_a_clock_stay_as_they_are() -> None:
+    rng = np.random.default_rng(1)
+    assert even_instants(np.cumsum(rng.uniform(0.5, 1.5, 200))) is None  # a walk, which no clock follows
+    gap = np.delete(np.arange(50.0), [20, 21]) + 0.1 * rng.uniform(-1, 1, 48)
+    found = even_instants(gap - gap[0])
+    assert found is not None
+    np.testing.assert_allclose(np.diff(found)[[18, 19, 20]], [1, 3, 1], rtol=0.02)
