@@ -18,7 +18,7 @@ def python_command(statement: str) -> list[str]:
         FlexarmError: no interpreter is found.
     """
     # In the current folder any file could pass itself off as a module.
-    return [_python(), "-P", "-c", statement]
+    return [python_program(), "-P", "-c", statement]
 
 
 def environment() -> dict[str, str]:
@@ -36,8 +36,12 @@ def ending(code: int) -> str:
     return f"by signal {-code}"
 
 
-def _python() -> str:
-    """This interpreter; inside of another program that embeds Python, the one that belongs to its library."""
+def python_program() -> str:
+    """This interpreter; inside of another program that embeds Python, the one that belongs to its library.
+
+    Raises:
+        FlexarmError: there is none.
+    """
     for found in (Path(sys.executable or "."), *(Path(sys.prefix) / name for name in ("bin/python3", "python.exe"))):
         if found.is_file() and found.stem.lower().startswith("python"):
             return str(found)

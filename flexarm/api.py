@@ -428,20 +428,19 @@ def export(
     settings: dict[str, Any] = {}
     if made.simulation is not None:
         settings |= {"step": made.simulation.step, "stop": made.simulation.stop}
+    if o.platforms is not None:
+        settings["platforms"] = tuple(o.platforms)
     if o.backend == "python":
         further = o.variable_step is not None or tuple(o.results) or o.arrays
-        if o.version != 2 or o.linear_twin or o.platforms is not None or further:
+        if o.version != 2 or o.linear_twin or further:
             raise ParameterError(
-                "the python backend writes FMI 2 with outputs alone, a fixed step and no linear twin, for any platform "
-                "that has Python",
-                remedy="leave out --fmi, --linear-twin, --platforms, --variable-step, --results and --arrays",
+                "the python backend writes FMI 2 with outputs alone, a fixed step and no linear twin",
+                remedy="leave out --fmi, --linear-twin, --variable-step, --results and --arrays",
             )
         from flexarm.recipe import LOADER, recipe
         from fmu.python_backend import export_python
 
         return export_python(made.model, path, LOADER, *recipe(made), **settings)
-    if o.platforms is not None:
-        settings["platforms"] = tuple(o.platforms)
     settings["magnitudes"] = magnitudes(made)
     model = made.model
     if o.beside or o.linear_twin:

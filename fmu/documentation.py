@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import math
-import sys
 from collections.abc import Iterable, Sequence
 
 from fmu.plan import Plan
@@ -22,18 +21,15 @@ _DERIVATIVES = (
     "sampled memories held.</p>",
     "<h2>Rebuild</h2>",
 )
-_VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"
 _PYTHON = (
     "<h2>What it needs</h2>",
-    "<p>The model holds Python functions and runs in Python: where it is imported, the importing process must find a "
-    f"Python {_VERSION} with flexarm and pythonfmu. An importer that is no Python program itself must, on Linux, be "
-    f"started with <code>LD_PRELOAD=libpython{_VERSION}.so.1.0</code>, and with PYTHONHOME and PYTHONPATH set for that "
-    "Python; without, loading ends in <code>undefined symbol: _Py_NoneStruct</code>. A step takes some 0.4 ms, a "
-    "hundred times that of compiled C. Co-Simulation only.</p>",
-    "<h2>Refused calls</h2>",
-    "<p>pythonfmu gives back OK for a value that is out of range, not finite or not to be set. It is logged, the old "
-    "value is kept, and the next step is refused until a value that fits is set, a saved state comes back or the "
-    "instance is reset. A value asked for that does not exist reads as not a number.</p>",
+    "<p>The model holds Python functions and runs in Python. Each instance starts a Python process of its own, which "
+    "ends with it; nothing of Python is loaded into the importer. That Python must have the version of flexarm that "
+    "made this FMU. It is the one that the environment variable <code>FLEXARM_PYTHON</code> names; if that is not set, "
+    "the one that exported, or else <code>python3</code> on the PATH (<code>python.exe</code> on Windows). If none "
+    "will do, the log says which were tried. Co-Simulation only; a step costs a hundred times that of compiled C.</p>",
+    "<p>What the Python functions print comes as log messages of the category <code>logPython</code>. If the process "
+    "ends by itself, the call is an error with its last words; resetting the instance starts another process.</p>",
 )
 
 _INDICATORS = (

@@ -1,7 +1,8 @@
-"""An FMU whose model runs in Python, through pythonfmu, for models with Python functions.
+"""An FMU whose model runs in Python, for models with Python functions.
 
-It needs Python with flexarm where it is imported, and says so by ``needsExecutionTool``. Its description is ours,
-without Model Exchange and directional derivatives; its binaries are pythonfmu's.
+Its binary, ``heads/process.c``, starts a Python process for each instance (ADR 22); that process runs a slave of
+pythonfmu. So it needs Python with flexarm where it is imported, and says so by ``needsExecutionTool``. It has no Model
+Exchange and no directional derivatives.
 """
 
 from __future__ import annotations
@@ -9,32 +10,25 @@ from __future__ import annotations
 import hashlib
 import json
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from engine.errors import FlexarmError
+from engine.child_process import python_program
 from engine.model import Model
-from fmu import describe, documentation
+from fmu import describe, documentation, python_start
+from fmu.build import DEFAULT, PLATFORMS, check, library
 from fmu.package import check_target, write_archive
 from fmu.plan import Plan
 from fmu.plan import plan as make_plan
-from fmu.python_slave import RECIPE
+from fmu.python_core import RECIPE, names_of
+from fmu.source import headers
 
-_MODULE = '''"""Made by flexarm; pythonfmu runs it."""
-
-from fmu.python_slave import Slave, owed
-
-
-class {name}(Slave):
-    """The model of recipe.json."""
-
-    identity = "{identity}"
-
-    def __init__(self, **settings):
-        owed.append(globals())
-        super().__init__(**settings)
-'''
+_HEADS = Path(__file__).parent / "heads"
+_SOURCES = ("process.c", "process_posix.c", "process_windows.c")
+OLDEST = (3, 11)
+"""The oldest Python that runs flexarm."""
 
 
 def export_python(
@@ -46,6 +40,7 @@ def export_python(
     *,
     step: float = 1e-3,
     stop: float = 10.0,
+    platforms: Sequence[str] = DEFAULT,
 ) -> Path:
     """Write a model as an FMI 2 Co-Simulation FMU that runs in Python.
 
@@ -58,12 +53,14 @@ def export_python(
         files: what the loader needs to read, by path in ``resources``.
         step: cell of the internal grid (s), and the communication step that is suggested.
         stop: end of the default experiment (s).
+        platforms: for which the binary is compiled; see `fmu.build`.
 
     Returns:
         The path written.
 
     Raises:
-        FlexarmError: pythonfmu has no binaries, or the file cannot be written.
+        FlexarmError: a platform is unknown, or the file cannot be written.
+        CompilerUnavailable: no compiler runs, or it fails.
     """
     target = Path(path)
     check_target(target)
@@ -74,34 +71,34 @@ def export_python(
     digest.update(model.signature.encode())
     identity = digest.hexdigest()
     guid = "{" + "-".join(identity[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))) + "}"
-    module = f"flexarm_{identity[:16]}"
-    whole = {**recipe, "loader": loader, "step": step, "stop": stop}
+    chosen = check(platforms)
+    python = {
+        "executable": python_program(),
+        "folder": str(Path(__file__).resolve().parent.parent),
+        "flexarm": _version(),
+        "oldest": OLDEST,
+    }
+    given = {"loader": loader, "step": step, "stop": stop, "identity": identity, "names": names_of(plan)}
+    lines = (guid, f"flexarm {_version()}".strip(), ".".join(map(str, OLDEST)), python_program())
+    sources = {name: (_HEADS / name).read_text(encoding="utf-8") for name in _SOURCES} | headers(2)
     made = {"modelDescription.xml": _description(plan, guid).encode()}
-    platforms = []
-    for folder, name, content in _binaries():
-        made[f"binaries/{folder}/{plan.identifier}{Path(name).suffix}"] = content
-        platforms.append(folder)
-    made["resources/slavemodule.txt"] = module.encode()
-    made[f"resources/{module}.py"] = _MODULE.format(name=f"Model{identity[:16]}", identity=identity).encode()
-    made[f"resources/{RECIPE}"] = (json.dumps(whole, indent=1) + "\n").encode()
+    for name in chosen:
+        entry = PLATFORMS[name]
+        made[f"binaries/{entry.folder}/{plan.identifier}{entry.suffix}"] = library(sources, name)
+    made["resources/python.txt"] = ("\n".join(lines) + "\n").encode()
+    made["resources/start.py"] = Path(python_start.__file__).read_bytes()
+    made[f"resources/{RECIPE}"] = (json.dumps({**recipe, **given, "python": python}, indent=1) + "\n").encode()
     made |= {f"resources/{name}": files[name] for name in sorted(files)}
-    made["documentation/index.html"] = documentation.page(plan, platforms, python=True).encode()
+    made["documentation/index.html"] = documentation.page(plan, chosen, python=True).encode()
     write_archive(target, made)
     return target
 
 
-def _binaries() -> list[tuple[str, str, bytes]]:
+def _version() -> str:
     try:
-        import pythonfmu
-    except ImportError as error:
-        raise FlexarmError(
-            f"the python backend needs pythonfmu, which cannot be imported: {error}", remedy="pip install pythonfmu"
-        ) from error
-    folder = Path(pythonfmu.__file__).parent / "resources" / "binaries"
-    found = sorted(file for file in folder.rglob("*") if file.suffix in (".so", ".dll", ".dylib"))
-    if not found:
-        raise FlexarmError(f"pythonfmu has no binaries in {folder}", remedy="pip install --force-reinstall pythonfmu")
-    return [(file.parent.name, file.name, file.read_bytes()) for file in found]
+        return metadata.version("flexarm")
+    except metadata.PackageNotFoundError:
+        return ""
 
 
 def _description(plan: Plan, guid: str) -> str:
@@ -121,6 +118,9 @@ def _description(plan: Plan, guid: str) -> str:
     )
     for child in list(slave):
         slave.remove(child)
+    categories = root.find("LogCategories")
+    assert categories is not None
+    ET.SubElement(categories, "Category", {"name": "logPython", "description": "what Python functions print"})
     if plan.model.externals:
         for unknown in root.iter("Unknown"):
             # What a Python function makes of its inputs is unknown, so everything may depend on everything.

@@ -7,6 +7,8 @@ the next step begins; a value set after one was read takes the instant back and 
 from __future__ import annotations
 
 import copy
+import hashlib
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,8 +19,16 @@ from engine.interpret import Simulation, Stop
 from engine.model import TIME, Vector
 from engine.simulate import explain, prepare
 from fmu.plan import Plan
-from fmu.python_state import FIELDS, Standing, check, fill
+from fmu.python_state import FIELDS, STEP, Standing, check, fill
 from fmu.variables import DERIVATIVE, INDICATOR, INPUT, MEMORY, MODE, OUTPUT, PARAMETER, STATE, TIME_KIND
+
+RECIPE = "recipe.json"
+"""The file in the resources of an FMU that tells what model it is."""
+
+
+def names_of(made: Plan) -> str:
+    """A hash of the variables' names by reference, which binary, description and model must share."""
+    return hashlib.sha256("\n".join(variable.name for variable in made.variables).encode()).hexdigest()[:32]
 
 
 class Core:
@@ -35,6 +45,22 @@ class Core:
         self._sim: Simulation | None = None
         self._before: Standing | None = None
         self._failed = False
+
+    @property
+    def phase(self) -> str:
+        """Where the instance stands in its life, of `fmu.python_state.PHASES`."""
+        return self._standing.phase
+
+    @phase.setter
+    def phase(self, phase: str) -> None:
+        self._standing.phase = phase
+        if self._before is not None:
+            self._before.phase = phase
+
+    @property
+    def failed(self) -> bool:
+        """Whether the run has failed, so that only a restored state goes on."""
+        return self._failed
 
     # -- the standing, kept and restored ------------------------------------------------------------------------------
 
@@ -95,9 +121,9 @@ class Core:
         sim.t = s.start
         return sim
 
-    def begin(self, start: float) -> None:
-        """Say when the run starts (s)."""
-        self._standing.start = start
+    def begin(self, start: float, stop: float = math.inf) -> None:
+        """Say when the run starts and where it ends at the latest (s)."""
+        self._standing.start, self._standing.stop = start, stop
 
     @property
     def time(self) -> float:
@@ -148,6 +174,15 @@ class Core:
             outcome = _Outcome(stop.status, stop.culprit, sim.t, cause)
             raise SimulationError(explain(self.plan.model, outcome)) from cause
 
+    def evaluate(self) -> None:
+        """See that the present instant has values.
+
+        Raises:
+            ParameterError: parameters contradict one another.
+            SimulationError: the run fails.
+        """
+        self._evaluated()
+
     def _evaluated(self) -> Simulation:
         if self._standing.pending:
             self._before = self.snapshot()
@@ -163,9 +198,13 @@ class Core:
 
     def get(self, references: list[int]) -> list[float]:
         """Values by reference."""
-        return [float(self._value(reference)) for reference in references]
+        variables, outputs = self.plan.variables, np.zeros(0)
+        if any(variables[reference].kind == OUTPUT for reference in references):
+            sim = self._evaluated()
+            outputs = sim.call("outputs", sim.t, sim.x)
+        return [float(self._value(reference, outputs)) for reference in references]
 
-    def _value(self, reference: int) -> float:
+    def _value(self, reference: int, outputs: Vector) -> float:
         variable = self.plan.variables[reference]
         k, s = reference - self.plan.first(variable.kind), self._standing
         if variable.kind == TIME_KIND:
@@ -174,9 +213,9 @@ class Core:
             return float(s.p[k])
         if variable.kind == INPUT:
             return float(s.u[k])
-        sim = self._evaluated()
         if variable.kind == OUTPUT:
-            return float(sim.call("outputs", sim.t, sim.x)[k])
+            return float(outputs[k])
+        sim = self._evaluated()
         found: dict[str, Vector] = {STATE: sim.x, DERIVATIVE: sim.dx, MEMORY: sim.d, INDICATOR: -sim.g}
         if variable.kind == MODE:
             held = [value for value, mode in zip(sim.m, self.plan.model.modes, strict=True) if mode.kind != TIME]
@@ -187,20 +226,22 @@ class Core:
         """Set inputs and parameters; nothing is changed if one does not fit.
 
         Raises:
-            FlexarmError: a value is not finite or out of bounds, or the variable is neither or can no longer be set.
+            ParameterError: a value is not finite or out of bounds.
+            FlexarmError: the variable is neither or can no longer be set.
         """
-        started = self._sim is not None
         for reference, value in zip(references, values, strict=True):
             variable = self.plan.variables[reference]
             if variable.kind not in (INPUT, PARAMETER):
                 raise FlexarmError(f"'{variable.name}' is calculated and cannot be set")
-            if not np.isfinite(value):
-                raise FlexarmError(f"'{variable.name}' cannot be {value}")
+            if variable.kind == PARAMETER and not variable.tunable and self.phase == STEP:
+                raise FlexarmError(f"'{variable.name}' acts on the start alone and cannot be set any more")
+            if not math.isfinite(value):
+                raise ParameterError(f"'{variable.name}' cannot be {value}: it is not finite")
             if variable.kind == PARAMETER:
-                k = reference - self.plan.first(PARAMETER)
-                self.plan.model.parameters[k].declared.check(value)
-                if started and not variable.tunable:
-                    raise FlexarmError(f"'{variable.name}' acts on the start alone and cannot be set any more")
+                try:
+                    self.plan.model.parameters[reference - self.plan.first(PARAMETER)].declared.check(value)
+                except ParameterError as error:
+                    raise ParameterError(f"'{variable.name}': {error.message}") from error
         self._recall()
         for reference, value in zip(references, values, strict=True):
             kind = self.plan.variables[reference].kind
@@ -218,8 +259,11 @@ class Core:
         """
         if not (length > 0 and begin + length > begin and np.isfinite(begin + length)):
             raise SimulationError(f"a step of {length:g} s from {begin:g} s cannot be done")
-        if abs(begin - self.time) > min(1e-8 * max(1.0, abs(self.time)), 0.01 * self.plan.step):
+        tolerance = min(1e-8 * max(1.0, abs(self.time)), 0.01 * self.plan.step)
+        if abs(begin - self.time) > tolerance:
             raise SimulationError(f"the step starts at {begin!r} s but this instance stands at {self.time!r} s")
+        if begin + length > self._standing.stop + tolerance:
+            raise SimulationError(f"the step to {begin + length:.9g} s passes stopTime {self._standing.stop:.9g} s")
         self._before = None
         self._guarded(lambda: self._advance(begin + length, length))
 

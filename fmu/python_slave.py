@@ -1,8 +1,7 @@
-"""The slave of a pythonfmu FMU: it passes pythonfmu's calls to `fmu.python_core.Core`.
+"""The slave of an FMU that runs in Python: what the importer asks, done by `fmu.python_core.Core` in the right order.
 
-pythonfmu's faults are repaired here: the whole state is kept and restored, values that are not finite are refused, and
-the description is our own, with ModelStructure and initial unknowns. No exception may reach pythonfmu's binary: it
-would free the instance, and the importer's next call would crash.
+It is a slave of pythonfmu, with its names of calls, its statuses and its log. What pythonfmu leaves open is settled
+here: the whole state is kept, values that are not finite are refused, and a call out of order is an error.
 """
 
 from __future__ import annotations
@@ -10,22 +9,54 @@ from __future__ import annotations
 import importlib
 import json
 import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
-from engine.errors import FlexarmError
+from engine.errors import FlexarmError, ParameterError
 from fmu.plan import plan
-from fmu.python_core import Core
-from fmu.python_state import Standing, from_bytes, to_bytes
+from fmu.python_core import RECIPE, Core, names_of
+from fmu.python_state import (
+    ERROR,
+    INITIALIZATION,
+    INSTANTIATED,
+    STEP,
+    TERMINATED,
+    Standing,
+    check,
+    from_bytes,
+    to_bytes,
+)
+from fmu.variables import INPUT, PARAMETER, TIME_KIND
 
-RECIPE = "recipe.json"
+_WORDS = {
+    INSTANTIATED: "instantiated",
+    INITIALIZATION: "in initialization mode",
+    STEP: "in step mode",
+    TERMINATED: "terminated",
+    ERROR: "in error",
+}
 
-owed: list[dict[str, Any]] = []
-"""References to the names of the FMU's module: pythonfmu's binary releases one more than it took whenever it makes an
-instance, and in the end the module would be gone while it is in use."""
+
+class Refused(Exception):
+    """A call that is not obeyed and has changed nothing.
+
+    Attributes:
+        status: of FMI.
+        text: why.
+    """
+
+    def __init__(self, status: Fmi2Status, text: str) -> None:
+        super().__init__(text)
+        self.status, self.text = status, text
+
+
+def _error(text: str) -> Refused:
+    return Refused(Fmi2Status.error, text)
 
 
 class Slave(Fmi2Slave):  # type: ignore[misc]
@@ -33,9 +64,10 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
 
     Attributes:
         identity: changes when the model changes.
-    """
 
-    identity: ClassVar[str] = ""
+    Raises:
+        FlexarmError: the model cannot be loaded, or is not the one that was exported.
+    """
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
@@ -43,85 +75,130 @@ class Slave(Fmi2Slave):  # type: ignore[misc]
         recipe = json.loads((folder / RECIPE).read_text(encoding="utf-8"))
         module, _, name = recipe["loader"].partition(":")
         model = getattr(importlib.import_module(module), name)(folder, recipe)
-        self._refused = ""
-        self._core = Core(plan(model, recipe["step"], recipe["stop"], settable=False))
+        self.identity: str = recipe["identity"]
+        self._plan = plan(model, recipe["step"], recipe["stop"], settable=False)
+        if names_of(self._plan) != recipe["names"]:
+            raise FlexarmError(
+                "the flexarm of this Python makes another model of the scenario", remedy="export it again"
+            )
+        self._core = Core(self._plan)
 
-    def _refuse(self, error: Exception) -> None:
-        """Log an error; the run continues only after a valid value is set."""
-        self._refused = error.message if isinstance(error, FlexarmError) else f"{type(error).__name__}: {error}"
-        self.log(self._refused, Fmi2Status.error)
+    # -- life ---------------------------------------------------------------------------------------------------------
+
+    def _allowed(self, *phases: str) -> None:
+        if self._core.phase not in phases:
+            raise _error(f"not allowed while the instance is {_WORDS[self._core.phase]}")
+
+    @contextmanager
+    def _failing(self) -> Iterator[None]:
+        """A failed run, and whatever nobody foresaw, puts the instance into error."""
+        try:
+            yield
+        except FlexarmError:
+            if self._core.failed:
+                self._core.phase = ERROR
+            raise
+        except BaseException:
+            self._core.phase = ERROR
+            raise
+
+    @property
+    def time(self) -> float:
+        """Where the run stands (s)."""
+        return self._core.time
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
-        """Remember the start."""
-        self._core.begin(start_time)
+        """Remember start and end."""
+        self._allowed(INSTANTIATED)
+        if tolerance is not None and not 0 <= tolerance <= 1:
+            raise _error("the tolerance lies outside 0 to 1")
+        if not (math.isfinite(start_time) and start_time + self._plan.step > start_time):
+            raise _error("startTime is not finite, or so large that a step is lost in rounding")
+        if stop_time is not None and not stop_time >= start_time:
+            raise _error("stopTime lies before startTime")
+        self._core.begin(start_time, math.inf if stop_time is None else stop_time)
 
-    def get_real(self, references: list[int]) -> list[float]:
-        """Values of real variables; not a number where there is none."""
-        try:
-            return self._core.get(references)
-        except Exception as error:
-            self._refuse(error)
-            return [math.nan] * len(references)
+    def enter_initialization_mode(self) -> None:
+        """Begin the initialization."""
+        self._allowed(INSTANTIATED)
+        self._core.phase = INITIALIZATION
 
-    def get_integer(self, references: list[int]) -> list[int]:
-        """Modes; 0 where there is none."""
-        return [0 if math.isnan(value) else int(value) for value in self.get_real(references)]
+    def exit_initialization_mode(self) -> None:
+        """End the initialization: the values at the start are worked out."""
+        self._allowed(INITIALIZATION)
+        with self._failing():
+            self._core.evaluate()
+        self._core.phase = STEP
 
-    def set_real(self, references: list[int], values: list[float]) -> None:
-        """Set inputs and parameters; what does not fit is logged, changes nothing and keeps the run from going on."""
+    def terminate(self) -> None:
+        """End the run."""
+        self._allowed(STEP)
+        with self._failing():
+            self._core.evaluate()
+        self._core.phase = TERMINATED
+
+    # -- values -------------------------------------------------------------------------------------------------------
+
+    def _get(self, references: Sequence[int], real: bool) -> list[float]:
+        variables = self._plan.variables
+        for reference in references:
+            if reference >= len(variables) or variables[reference].is_real != real:
+                raise self._invalid("no variable of this type", reference)
+        given = (TIME_KIND, PARAMETER, INPUT)
+        if self._core.phase in (INSTANTIATED, ERROR) and any(variables[r].kind not in given for r in references):
+            raise _error("outputs and states have no value before initialization or after an error")
+        with self._failing():
+            return self._core.get(list(references))
+
+    def _invalid(self, what: str, reference: int) -> Refused:
+        known = reference < len(self._plan.variables)
+        name = f", {self._plan.variables[reference].name}" if known else ""
+        return _error(f"{what}: value reference {reference}{name}")
+
+    def get_real(self, references: Sequence[int]) -> list[float]:
+        """Values of real variables."""
+        return self._get(references, True)
+
+    def get_integer(self, references: Sequence[int]) -> list[int]:
+        """Modes."""
+        return [int(value) for value in self._get(references, False)]
+
+    def refuse_type(self, references: Sequence[int]) -> None:
+        """Refuse: no variable can be used so."""
+        raise self._invalid("no variable of this type can be used so", references[0])
+
+    def set_real(self, references: Sequence[int], values: Sequence[float]) -> None:
+        """Set inputs and parameters, all of them or none."""
+        self._allowed(INSTANTIATED, INITIALIZATION, STEP)
+        for reference in references:
+            if reference >= len(self._plan.variables):
+                raise self._invalid("neither an input nor a parameter", reference)
         try:
             self._core.set(list(references), list(values))
-        except Exception as error:
-            self._refuse(error)
-        else:
-            self._refused = ""
+        except ParameterError as error:
+            raise Refused(Fmi2Status.discard, error.message) from error
 
-    def set_integer(self, references: list[int], values: list[int]) -> None:
-        """Refuse: no integer variable can be set."""
-        self._refuse(FlexarmError("modes are calculated and cannot be set"))
+    # -- steps and states ---------------------------------------------------------------------------------------------
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Do a step; errors are logged."""
-        if self._refused:
-            self.log(f"no step is done after an error: {self._refused}", Fmi2Status.error)
-            return False
-        try:
+        """Do a step."""
+        self._allowed(STEP)
+        with self._failing():
             self._core.step(current_time, step_size)
-        except FlexarmError as error:
-            self.log(error.message, Fmi2Status.error)
-            return False
-        except Exception as error:
-            self._refuse(error)
-            return False
         return True
 
-    def _get_fmu_state(self) -> Standing | str:
-        try:
-            return self._core.snapshot()
-        except Exception as error:
-            self._refuse(error)
-            return str(error)
+    def _get_fmu_state(self) -> Standing:
+        if self._core.phase == ERROR:
+            raise _error("there is no state to save after an error")
+        return self._core.snapshot()
 
-    def _set_fmu_state(self, state: Standing | str) -> None:
-        try:
-            if isinstance(state, str):
-                raise FlexarmError(state)
-            self._core.restore(state)
-        except Exception as error:
-            self._refuse(error)
-        else:
-            self._refused = ""
+    def _set_fmu_state(self, state: Standing) -> None:
+        self._core.restore(state)
 
-    @classmethod
-    def _fmu_state_to_bytes(cls, state: Standing | str) -> bytes:
-        try:
-            return b"" if isinstance(state, str) else to_bytes(state, cls.identity)
-        except Exception:
-            return b""
+    def _fmu_state_to_bytes(self, state: Standing) -> bytes:
+        return to_bytes(state, self.identity)
 
-    @classmethod
-    def _fmu_state_from_bytes(cls, text: bytes) -> Standing | str:
-        try:
-            return from_bytes(text, cls.identity)
-        except Exception as error:
-            return str(error)
+    def _fmu_state_from_bytes(self, text: bytes) -> Standing:
+        state = from_bytes(text, self.identity)
+        check(state, self._plan.model)
+        return state

@@ -23,6 +23,10 @@ from engine.model import TIME, Model, Vector
 
 PENDING = frozenset({"starting", "tuned", "driven", "clocked"})
 
+INSTANTIATED, INITIALIZATION, STEP, TERMINATED, ERROR = "instantiated", "initialization", "step", "terminated", "error"
+PHASES = frozenset({INSTANTIATED, INITIALIZATION, STEP, TERMINATED})
+"""Of an instance's life, in which its state can be saved."""
+
 ARRAYS = {
     "x": "states",
     "d": "memories",
@@ -48,19 +52,23 @@ class Standing:
 
     Attributes:
         p, u: parameters and inputs as the importer set them.
-        start, tick: start time (s), and the last instant passed, in ticks from it.
+        start, stop, tick: start time (s), time that no step passes (s), and the last instant passed, in ticks from the
+            start.
         pending: what waits at this instant, of `PENDING`.
         simulation: fields of the simulation, or nothing before the start.
         functions: attributes of each Python function that is an object.
+        phase: of the instance's life.
     """
 
     p: Vector
     u: Vector
     start: float = 0.0
+    stop: float = math.inf
     tick: int = 0
     pending: set[str] = field(default_factory=lambda: {"starting"})
     simulation: dict[str, Any] = field(default_factory=dict)
     functions: list[dict[str, Any]] = field(default_factory=list)
+    phase: str = INSTANTIATED
 
 
 @dataclass(frozen=True)
@@ -90,7 +98,9 @@ def to_bytes(kept: Standing, identity: str) -> bytes:
     content = {
         "p": _plain(kept.p),
         "u": _plain(kept.u),
+        "phase": kept.phase,
         "start": kept.start,
+        "stop": kept.stop,
         "tick": kept.tick,
         "pending": sorted(kept.pending),
         "simulation": {name: _plain(value) for name, value in kept.simulation.items()},
@@ -166,7 +176,9 @@ def from_bytes(text: bytes, identity: str) -> Standing:
         return Standing(
             p=_vector(content["p"]),
             u=_vector(content["u"]),
+            phase=str(content["phase"]),
             start=_number(content["start"]),
+            stop=_number(content["stop"]),
             tick=_count(content["tick"]),
             pending={str(what) for what in content["pending"]},
             simulation={str(name): _field(name, value) for name, value in content["simulation"].items()},
@@ -253,8 +265,10 @@ def check(kept: Standing, model: Model) -> None:
     _finite("u", kept.u, inputs)
     for parameter, value in zip(model.parameters, kept.p.tolist(), strict=True):
         parameter.declared.check(value)
-    if not (math.isfinite(kept.start) and 0 <= kept.tick < 2**62 and kept.pending <= PENDING):
-        raise _unfit("start, tick or pending")
+    if not (math.isfinite(kept.start) and kept.stop >= kept.start and 0 <= kept.tick < 2**62):
+        raise _unfit("start, stop or tick")
+    if not (kept.pending <= PENDING and kept.phase in PHASES):
+        raise _unfit("pending or phase")
     if not kept.simulation:
         if "starting" not in kept.pending:
             raise _unfit("pending")

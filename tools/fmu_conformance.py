@@ -45,12 +45,16 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
         (
             "test_archive.test_symbols_are_exactly_the_functions_of_fmi",
             "test_archive.test_windows_binary_exports_the_functions",
+            "test_python_process.test_symbols_are_functions_of_fmi_alone",
             "test_fmi3.test_symbols_are_exactly_the_functions_of_fmi3",
         ),
     ),
     (
         "Runs in a host without Python, with an empty environment",
-        ("test_host.test_runs_with_an_empty_environment_and_agrees_with_the_runner",),
+        (
+            "test_host.test_runs_with_an_empty_environment_and_agrees_with_the_runner",
+            "test_python_process.test_a_host_without_python_agrees_with_the_runner",
+        ),
     ),
     (
         "Same result within 1e-12 in FMPy, libcosimpy and ecospy; win64 under Wine within 1e-9",
@@ -84,6 +88,7 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
             "test_host.test_a_thousand_instances",
             "test_host.test_threads_give_the_serial_result",
             "test_state.test_two_fmus_in_one_process_do_not_meet",
+            "test_python_process.test_instances_and_threads_do_not_disturb_one_another",
         ),
     ),
     (
@@ -91,6 +96,7 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
         (
             "test_host.test_loading_and_freeing_two_thousand_times",
             "test_host.test_loading_and_freeing_leaves_no_handle",
+            "test_python_process.test_loading_and_freeing_leaves_no_handle",
             "test_host.test_memory_does_not_grow_over_a_million_steps",
             "test_host.test_valgrind_finds_nothing",
             "test_sanitized.test_every_function_of_the_standard_is_driven",
@@ -134,8 +140,8 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
             "test_robust.test_calls_out_of_order",
             "test_robust.test_instances_that_cannot_be_made",
             "test_fmi3.test_refusals",
-            "test_python_backend.test_a_refused_value_is_said_by_the_next_step",
             "test_python_backend.test_bad_calls_end_in_a_message_and_no_crash",
+            "test_python_backend.test_calls_before_the_start_and_after_the_end",
         ),
     ),
     ("A state that is not finite makes doStep an error", ("test_robust.test_a_state_that_is_not_finite_is_an_error",)),
@@ -217,6 +223,20 @@ CHECKS: tuple[tuple[str, tuple[str, ...]], ...] = (
             "test_importers.test_importers_agree_on_an_ssp",
             "test_coupling.test_a_master_of_twenty_lines",
             "test_coupling.test_libcosim_and_ecos",
+        ),
+    ),
+    (
+        "Python in a process: which one, its death, its end with the importer, signals, prints, fmusim, Wine",
+        (
+            "test_python_process.test_the_chosen_python_must_do",
+            "test_python_process.test_the_exporting_python_then_the_one_on_the_path",
+            "test_python_process.test_another_version_is_refused",
+            "test_python_process.test_a_process_that_dies_is_an_error_with_its_last_words",
+            "test_python_process.test_the_process_ends_with_its_host",
+            "test_python_process.test_signals",
+            "test_python_process.test_what_python_prints_is_logged",
+            "test_python_process.test_fmusim",
+            "test_wine.test_python_in_a_process_under_wine",
         ),
     ),
 )
@@ -328,8 +348,8 @@ def page(found: dict[str, Outcome], figures: dict[str, float] | None, older: Seq
         "# FMU conformance",
         "",
         "Written by `python -m tools.fmu_conformance`; do not edit. Tests are in `tests/fmu`. Those named",
-        "`test_python_backend` are of an FMU made with `--backend python`, the others of generated C. The binary of",
-        "pythonfmu returns OK for a value that is refused: tested are the message and that the next step is refused.",
+        "`test_python_backend` and `test_python_process` are of FMUs made with `--backend python`, the others of",
+        "generated C.",
         *(
             ["", f"Last run before the latest change of sources: {', '.join(f'`{name}`' for name in older)}."]
             if older

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import shutil
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,8 +25,10 @@ from blocks.sensors.tachometer import Tachometer
 from blocks.sources.sine import Sine
 from engine.assemble import build
 from engine.block import Block
+from engine.compile import compiler
 from engine.model import Model
 from engine.system import Connection, System
+from fmu.source import headers
 
 MOTOR = {
     "resistance": 2.6,
@@ -153,3 +157,14 @@ def timed_model() -> Model:
 @pytest.fixture(scope="session")
 def delayed_model() -> Model:
     return delayed()
+
+
+@pytest.fixture(scope="session")
+def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The program of host.c, which has no Python in it."""
+    folder = tmp_path_factory.mktemp("host")
+    for name, text in headers(2).items():
+        (folder / name).write_text(text)
+    shutil.copy(Path(__file__).parent / "host.c", folder)
+    subprocess.run([*compiler(), "-O2", "-o", "host", "host.c", "-lm", "-ldl", "-lpthread"], cwd=folder, check=True)
+    return folder / "host"

@@ -3,50 +3,17 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from fmpy import extract, read_model_description
 
-from engine.compile import compiler
-from engine.simulate import Drive, simulate
-from fmu.source import headers
-from fmu.verify import references
+from engine.simulate import simulate
+from tests.fmu.makers import Unpacked, wave
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the host loads the linux64 binary")
-
-
-@pytest.fixture(scope="module")
-def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("host")
-    for name, text in headers(2).items():
-        (folder / name).write_text(text)
-    shutil.copy(Path(__file__).parent / "host.c", folder)
-    subprocess.run([*compiler(), "-O2", "-o", "host", "host.c", "-lm", "-ldl", "-lpthread"], cwd=folder, check=True)
-    return folder / "host"
-
-
-class Unpacked:
-    """An FMU in a folder, and how to run the host on it with an empty environment."""
-
-    def __init__(self, host: Path, path: Path, folder: Path) -> None:
-        extract(str(path), str(folder))
-        self.host, self.description = host, read_model_description(str(path))
-        self.library = next((folder / "binaries" / "linux64").glob("*.so"))
-
-    def run(self, *command: object, tool: tuple[str, ...] = (), timeout: float = 3600) -> list[str]:
-        inputs = references(self.description, "input")[:1] or [0]
-        numbers = [*inputs, *references(self.description, "output")]
-        words = [*tool, self.host, self.library, self.description.guid, *command, *numbers]
-        run = subprocess.run(
-            [str(word) for word in words], env={}, capture_output=True, text=True, timeout=timeout, check=False
-        )
-        assert run.returncode == 0, run.stderr
-        return run.stdout.split()
 
 
 @pytest.fixture
@@ -57,19 +24,13 @@ def unpacked(host: Path, exported: Any, request: pytest.FixtureRequest, tmp_path
 each_model = pytest.mark.parametrize("unpacked", ["smooth_model", "switching_model"], indirect=True)
 
 
-def _wave(steps: int) -> Drive:
-    k = np.arange(steps)
-    values = np.sin(0.01 * (k - k % 7).astype(float))
-    return Drive(k * 1e-3, values[:, None])
-
-
 @each_model
 def test_runs_with_an_empty_environment_and_agrees_with_the_runner(
     unpacked: Unpacked, request: pytest.FixtureRequest
 ) -> None:
     model = request.getfixturevalue(request.node.callspec.params["unpacked"])
     given = [float.fromhex(word) for word in unpacked.run("run", 1500, 1e-3)]
-    expected = simulate(model, 1.5, drive=_wave(1500)).values[-1]
+    expected = simulate(model, 1.5, drive=wave(1500)).values[-1]
     assert np.allclose(given, expected, rtol=1e-12, atol=1e-12)
 
 

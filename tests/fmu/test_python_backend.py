@@ -1,11 +1,8 @@
-"""The python backend: a scenario with a Python controller as an FMU, and pythonfmu's faults repaired."""
+"""The python backend: a scenario with a Python controller as an FMU. Its process: `tests.fmu.test_python_process`."""
 
 from __future__ import annotations
 
-import ctypes
-import gc
 import math
-import sys
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator
@@ -22,37 +19,11 @@ from engine.errors import FlexarmError
 from engine.simulate import Drive
 from flexarm.api import export
 from flexarm.cut import cut
-from fmu import python_backend
-from fmu.host import host
 from fmu.verify import reference, references, slave
 from scenarios.load import load
+from tests.fmu.makers import PYTHON_CONTROLLER, PYTHON_SCENARIO
 
-CONTROLLER = """\
-class Integrator:
-    def __init__(self):
-        self.sum = 0.0
-
-    def __call__(self, t, u):
-        self.sum += 0.005 * (u[0] - u[1])
-        return 0.4 * (u[0] - u[1]) + 2.0 * self.sum
-"""
-SCENARIO = """\
-schema: 1
-name: python arm
-blocks:
-  reference: {type: Step, height: 3 rad/s}
-  control: {type: PythonController, function: Integrator, file: code/controller.py, inputs: 2, period: 5 ms}
-  motor: {type: DCMotor, resistance: 2.6 ohm, torque_constant: 0.05 N.m/A, rotor_inertia: 2e-4 kg.m2}
-  friction: {type: BearingFriction, coulomb_friction: 0.002 N.m}
-connect:
-  - [reference.out, control.in1]
-  - [motor.shaft.speed, control.in2]
-  - [control.out, motor.voltage]
-  - [motor.shaft, friction.shaft]
-simulate: {stop: 1 s, step: 1 ms, record: [control.out, motor.shaft.speed]}
-analyses:
-  fmu: {kind: export, inputs: [control.in1], outputs: [control.out, motor.shaft.speed, motor.shaft.angle]}
-"""
+DISCARD, ERROR = 2, 3
 
 
 @pytest.fixture(autouse=True)
@@ -66,8 +37,8 @@ def _quiet() -> Iterator[None]:
 def scenario(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("python")
     (folder / "code").mkdir()
-    (folder / "code" / "controller.py").write_text(CONTROLLER)
-    (folder / "arm.yaml").write_text(SCENARIO)
+    (folder / "code" / "controller.py").write_text(PYTHON_CONTROLLER)
+    (folder / "arm.yaml").write_text(PYTHON_SCENARIO)
     return folder / "arm.yaml"
 
 
@@ -124,9 +95,17 @@ def test_the_whole_state_comes_back(made: Path) -> None:
         other.setFMUstate(other.deSerializeFMUstate(blob))
         _run(other, 63, 200)
         assert other.getReal(y) == expected
-        other.setFMUstate(other.deSerializeFMUstate(blob[:-1] + b"x"))
+        with pytest.raises(FMICallException):
+            other.deSerializeFMUstate(blob[:-1] + b"x")
         assert "damaged" in messages[-1]
+        with pytest.raises(FMICallException):
+            other.setFMUstate(state)
+        assert "another instance" in messages[-1]
         assert other.getReal(y) == expected
+        again = instance.getFMUstate()
+        assert instance.serializeFMUstate(again) == other.serializeFMUstate(other.getFMUstate())
+        for one in (state, again):
+            instance.freeFMUstate(one)
 
 
 def test_reset_equals_a_fresh_instance(made: Path) -> None:
@@ -149,36 +128,20 @@ def test_reset_equals_a_fresh_instance(made: Path) -> None:
         instance.reset()
         assert instance.getReal([tuned, *u]) == [2.6, 0.0]
         assert start() == fresh
-        instance.setReal(u, [math.nan])
+        instance.setReal(u, [1.7e308])
         with pytest.raises(FMICallException):
-            _run(instance, 100, 101)
+            _run(instance, 100, 200)
+        with pytest.raises(FMICallException):
+            instance.getReal(y)
         instance.reset()
         instance.reset()
         assert start() == fresh
 
 
-def test_a_refused_value_is_said_by_the_next_step(made: Path) -> None:
-    """pythonfmu's binary knows no way to refuse but one that frees the instance, so the call itself gives OK."""
-    with slave(made) as (instance, description, messages):
-        u = references(description, "input")
-        instance.setupExperiment(startTime=0.0)
-        instance.enterInitializationMode()
-        instance.exitInitializationMode()
-        vr, value = (ctypes.c_uint * 1)(*u), (ctypes.c_double * 1)(math.nan)
-        assert instance.fmi2SetReal(instance.component, vr, 1, value) == 0
-        assert "cannot be nan" in messages[-1]
-        assert instance.getReal(u) == [0.0]
-        with pytest.raises(FMICallException) as caught:
-            _run(instance, 0, 1)
-        assert caught.value.status == 2
-        instance.setReal(u, [1.0])
-        _run(instance, 0, 1)
-
-
-def test_the_documentation_says_so(made: Path) -> None:
+def test_the_documentation_says_what_it_needs(made: Path) -> None:
     with zipfile.ZipFile(made) as archive:
         page = archive.read("documentation/index.html").decode()
-    assert "the next step is refused" in page
+    assert "FLEXARM_PYTHON" in page
     assert "SetRealInputDerivatives" not in page
     assert "Event indicators" not in page
 
@@ -186,48 +149,94 @@ def test_the_documentation_says_so(made: Path) -> None:
 def test_bad_calls_end_in_a_message_and_no_crash(made: Path) -> None:
     with slave(made) as (instance, description, messages):
         u, y = (references(description, kind) for kind in ("input", "output"))
-        instance.setupExperiment(startTime=0.0)
+        resistance = [reference(description, "motor.resistance")]
+        instance.setupExperiment(startTime=0.0, stopTime=1.0)
         instance.enterInitializationMode()
         instance.setReal(u, [3.0])
         instance.exitInitializationMode()
         _run(instance, 0, 20)
         before = instance.getReal([*u, *y])
-        cases: tuple[tuple[Callable[[], Any], str], ...] = (
-            (lambda: instance.setReal(u, [math.nan]), "nan"),
-            (lambda: instance.setReal(u, [math.inf]), "inf"),
-            (lambda: instance.setReal(y[:1], [0.0]), "cannot be set"),
-            (lambda: instance.getReal([999]), "IndexError"),
+        cases: tuple[tuple[int, Callable[[], Any], str], ...] = (
+            (DISCARD, lambda: instance.setReal(u, [math.nan]), "not finite"),
+            (DISCARD, lambda: instance.setReal(u, [math.inf]), "not finite"),
+            (DISCARD, lambda: instance.setReal(resistance, [-1.0]), "motor.resistance"),
+            (DISCARD, lambda: instance.setReal([*u, *resistance], [1.0, math.nan]), "not finite"),
+            (DISCARD, lambda: instance.getIntegerStatus(0), "status"),
+            (ERROR, lambda: instance.setReal(y[:1], [0.0]), "cannot be set"),
+            (ERROR, lambda: instance.setReal([999], [0.0]), "value reference 999"),
+            (ERROR, lambda: instance.getReal([999]), "value reference 999"),
+            (ERROR, lambda: instance.getReal([2**32 - 1]), "value reference"),
+            (ERROR, lambda: instance.getInteger(u), "type"),
+            (ERROR, lambda: instance.setInteger(u, [1]), "type"),
+            (ERROR, lambda: instance.getBoolean(u), "type"),
+            (ERROR, lambda: instance.setString(u, ["1"]), "type"),
+            (ERROR, lambda: instance.doStep(0.5, 1e-3), "stands at"),
+            (ERROR, lambda: instance.doStep(0.02, -1e-3), "cannot be done"),
+            (ERROR, lambda: instance.doStep(0.02, 0.0), "cannot be done"),
+            (ERROR, lambda: instance.doStep(0.02, math.nan), "cannot be done"),
+            (ERROR, lambda: instance.doStep(0.02, 2.0), "stopTime"),
+            (ERROR, lambda: instance.fmi2GetReal(instance.component, None, 1, None), "NULL"),
+            (ERROR, lambda: instance.fmi2SetReal(instance.component, None, 1, None), "NULL"),
+            (ERROR, lambda: instance.fmi2GetFMUstate(instance.component, None), "NULL"),
+            (ERROR, lambda: instance.fmi2SetFMUstate(instance.component, None), "NULL"),
+            (ERROR, lambda: instance.getDirectionalDerivative(y, u, [1.0]), "derivatives"),
+            (ERROR, lambda: instance.setRealInputDerivatives(u, [1], [1.0]), "derivatives"),
+            (ERROR, lambda: instance.setDebugLogging(True, ["nonsense"]), "category"),
+            (ERROR, lambda: instance.cancelStep(), "pending"),
+            (ERROR, lambda: instance.setupExperiment(), "step mode"),
+            (ERROR, lambda: instance.enterInitializationMode(), "step mode"),
+            (ERROR, lambda: instance.exitInitializationMode(), "step mode"),
         )
-        for bad, piece in cases:
-            bad()
-            assert piece in messages[-1]
+        for status, bad, piece in cases:
+            messages.clear()
+            with pytest.raises(FMICallException) as caught:
+                bad()
+            assert caught.value.status == status, piece
+            assert len(messages) == 1
+            assert piece in messages[0]
             assert instance.getReal([*u, *y]) == before
-            with pytest.raises(FMICallException):
-                _run(instance, 20, 21)
-            instance.setReal(u, [3.0])
-        for begin, length in ((0.5, 1e-3), (0.02, -1e-3), (0.02, 0.0)):
-            with pytest.raises(FMICallException):
-                instance.doStep(currentCommunicationPoint=begin, communicationStepSize=length)
+        assert instance.getRealStatus(2) == pytest.approx(0.02)
         _run(instance, 20, 40)
         assert instance.getReal(y) != before[1:]
 
 
-def test_loaded_many_times(made: Path) -> None:
-    """pythonfmu's binary releases the module once too often; without repair the second load or the next collection of
-    garbage crashes."""
-    for _ in range(10):
-        with host(made) as instance:
-            with instance.starting():
-                pass
-            instance.step(0.0, 1e-3)
-        gc.collect()
+def test_calls_before_the_start_and_after_the_end(made: Path) -> None:
+    with slave(made) as (instance, description, messages):
+        u, y = (references(description, kind) for kind in ("input", "output"))
+
+        def refused(function: Callable[..., Any], *arguments: Any, words: str, **named: Any) -> None:
+            messages.clear()
+            with pytest.raises(FMICallException) as caught:
+                function(*arguments, **named)
+            assert caught.value.status == ERROR
+            assert words in messages[0]
+
+        refused(instance.doStep, 0.0, 1e-3, words="instantiated")
+        refused(instance.exitInitializationMode, words="instantiated")
+        refused(instance.terminate, words="instantiated")
+        refused(instance.getReal, y, words="before initialization")
+        refused(instance.setupExperiment, startTime=math.nan, words="startTime")
+        refused(instance.setupExperiment, startTime=2.0, stopTime=1.0, words="stopTime")
+        instance.setupExperiment(startTime=0.0)
+        instance.enterInitializationMode()
+        refused(instance.enterInitializationMode, words="initialization mode")
+        refused(instance.doStep, 0.0, 1e-3, words="initialization mode")
+        instance.getReal(y)
+        instance.setReal(u, [1.0])
+        instance.exitInitializationMode()
+        instance.setReal(u, [2.0])  # takes back what was worked out at this instant, and not the mode
+        _run(instance, 0, 3)
+        instance.terminate()
+        instance.getReal(y)
+        refused(instance.setReal, u, [1.0], words="terminated")
+        refused(instance.doStep, 3e-3, 1e-3, words="terminated")
 
 
 def test_a_failing_controller_is_named(scenario: Path, tmp_path: Path) -> None:
     (tmp_path / "code").mkdir()
     text = "def fail(t, u):\n    if t > 0.02:\n        raise ValueError('no more')\n    return 0.0\n"
     (tmp_path / "code" / "controller.py").write_text(text)
-    (tmp_path / "arm.yaml").write_text(SCENARIO.replace("Integrator", "fail"))
+    (tmp_path / "arm.yaml").write_text(PYTHON_SCENARIO.replace("Integrator", "fail"))
     path = export(tmp_path / "arm.yaml", tmp_path / "arm.fmu", backend="python")
     with pytest.raises(FlexarmError, match=r"control.*no more"):
         fmu.cosim(path, 0.1)
@@ -239,10 +248,3 @@ def test_the_c_backend_refuses_and_names_the_way_out(scenario: Path, tmp_path: P
     assert "control" in str(caught.value)
     assert "python backend" in str(caught.value)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_missing_pythonfmu_is_told_with_what_installs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pythonfmu", None)
-    with pytest.raises(FlexarmError, match="needs pythonfmu") as raised:
-        python_backend._binaries()
-    assert raised.value.remedy == "pip install pythonfmu"

@@ -22,7 +22,7 @@ from flexarm.cut import cut
 from fmu.plan import plan
 from fmu.python_core import Core
 from fmu.python_state import Standing, fill, from_bytes, to_bytes
-from tests.fmu.test_python_backend import SCENARIO
+from tests.fmu.makers import PYTHON_SCENARIO
 
 CONTROLLER = """\
 import random
@@ -56,7 +56,7 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Any:
     folder = tmp_path_factory.mktemp("state")
     (folder / "code").mkdir()
     (folder / "code" / "controller.py").write_text(CONTROLLER)
-    (folder / "arm.yaml").write_text(SCENARIO)
+    (folder / "arm.yaml").write_text(PYTHON_SCENARIO)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         made = plan(cut(folder / "arm.yaml", "export").model)
@@ -144,6 +144,8 @@ BAD: dict[str, tuple[Any, ...]] = {
     "start": (math.nan, "0", None, [0]),
     "tick": (-1, 2**70, 0.5, True),
     "pending": (["os.system"], "x", None, 3),
+    "phase": ("error", "x", None, 3),
+    "stop": (-1.0, math.nan, "x", None),
     "simulation": ({"t": 0.0}, {}, [], "x"),
     "functions": ([], [{}, {}], [{"a": {"pickle": "x"}}], {"a": 1}),
 }
