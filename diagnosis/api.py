@@ -23,8 +23,8 @@ from diagnosis.planning.plan import plan as judge_plan
 from diagnosis.problems import problem
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.dask_fitter import DaskFitter
-from diagnosis.search.even_clock import on_their_clocks
 from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.readings import as_they_were_taken, taken_otherwise
 from diagnosis.search.search import Progress, study
 from diagnosis.verdict.recording_checks import screen
 from diagnosis.verdict.verdict import Diagnosis, judge
@@ -94,7 +94,7 @@ def fit(
             progress(next(begun) / (RANDOM_STARTS + 1))
 
     with threadpool_limits(BLAS_THREADS):
-        posed = problem(scenario, on_their_clocks(scenario, gather(scenario, recordings, hold_out), workers))
+        posed = problem(scenario, as_they_were_taken(scenario, gather(scenario, recordings, hold_out), workers))
         made = fit_problem(posed, random_starts=RANDOM_STARTS, seed=seed, workers=workers, progress=said)
     scores = {"fitted": made.chi2}
     if made.problem.held_out:
@@ -195,7 +195,7 @@ def diagnose(
     workers = how.workers or cores()
     store = JsonStore(how.keep) if how.keep is not None else None
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
-        recorded = on_their_clocks(scenario, gather(scenario, recordings, how.hold_out), workers)
+        recorded = as_they_were_taken(scenario, gather(scenario, recordings, how.hold_out), workers)
         if how.scheduler:
             spread = stack.enter_context(Spread(how.workers, how.scheduler))
             fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, how.seed, store)
@@ -203,7 +203,10 @@ def diagnose(
             fitter = CandidateFitter(scenario, recorded, workers, how.seed, store)
         if how.warn is not None:
             how.warn([remark.text for remark in screen(fitter.base)])
-        return judge(study(fitter, without=how.without, progress=how.progress), how.seed)
+        found = study(fitter, without=how.without, progress=how.progress)
+        if (anew := taken_otherwise(fitter, found.chosen)) is not None:
+            found = study(fitter.again(anew), without=how.without, progress=how.progress)
+        return judge(found, how.seed)
 
 
 def plan(

@@ -80,7 +80,7 @@ def experiment(made: Binding, recording: Recording, longest: float, statics: Sta
         outliers=tuple(outliers),
         logged=tuple(c.logged * f for c, f in zip(recording.measurements, made.factors, strict=True)),
         loop=recording.loop,
-        clock=recording.clock,
+        assumed=recording.assumed,
         noise_stated=tuple(channel.noise is not None for channel in recording.measurements),
         stated=made.starts,
         settings=made.settings,

@@ -202,20 +202,24 @@ def _give(document: Any, name: str, value: str | float) -> None:
     given[number] = value
 
 
-def with_clocks(text: str, clocks: Mapping[str, str]) -> str:
-    """The scenario's text with what the time columns of recordings are believed, where that is said.
+def with_readings(text: str, readings: Mapping[str, Mapping[tuple[str, ...], str]]) -> str:
+    """The scenario's text with what its recordings leave open, such as how an input runs between samples.
 
     Args:
         text: a scenario.
-        clocks: by the recording's name; those that the scenario does not describe are passed over.
+        readings: recording -> keys of its description -> value; recordings that are not described are passed over.
     """
 
     def change(document: Any) -> None:
         described = document.get("recordings") or {}
-        for name in described.keys() & clocks.keys():
-            described[name]["time"]["clock"] = clocks[name]
+        for name in described.keys() & readings.keys():
+            for (*keys, last), value in readings[name].items():
+                place = described[name]
+                for key in keys:
+                    place = place[key]
+                place[last] = value
 
-    return _changed(text, change) if clocks else text
+    return _changed(text, change) if readings else text
 
 
 def without(text: str, *sections: str) -> str:

@@ -233,9 +233,10 @@ class Drive(Section):
     tap: Text = Field(
         default="after_limit", description="where the signal was logged: after_limit or before_limit of the amplifier"
     )
-    hold: Literal["zero_order", "linear", "band_limited"] = Field(
-        default="zero_order",
-        description="what happens between samples; band_limited: nothing above half the sampling frequency was sent",
+    hold: Literal["zero_order", "linear", "band_limited"] | None = Field(
+        default=None,
+        description="what happens between samples; band_limited: nothing above half the sampling frequency was sent. "
+        "zero_order if not given, unless a fit follows a straight line better",
     )
     offset: Quantity = Field(default=0.0, description="what the column shows at zero, in its unit; it is taken away")
     enable: Text | None = Field(

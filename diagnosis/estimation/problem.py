@@ -12,6 +12,7 @@ import numpy as np
 from diagnosis.estimation import parameters
 from diagnosis.estimation.experiment import TRAINING, Experiment
 from diagnosis.estimation.parameters import Array, FreeParameter
+from diagnosis.estimation.time_experiment import over_time
 from diagnosis.thresholds import FITTING
 from engine.errors import ParameterError, SimulationError
 from engine.model import Model
@@ -67,10 +68,9 @@ class Problem:
         return self.held_out or self.training
 
     @property
-    def clocks(self) -> dict[str, str]:
-        """What the time columns of recordings were found to be, by the recording's name; none that was left open."""
-        clocks = {e.name: getattr(e, "clock", "either") for e in self.experiments}
-        return {name: clock for name, clock in clocks.items() if clock != "either"}
+    def assumed(self) -> dict[str, dict[tuple[str, ...], str]]:
+        """What was found of files that their descriptions leave open: recording -> keys of the description -> value."""
+        return {e.name: dict(e.assumed) for e in over_time(self.experiments) if e.assumed}
 
     @property
     def sparse(self) -> bool:

@@ -6,7 +6,7 @@ import functools
 import itertools
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -46,7 +46,7 @@ class TimeExperiment(Experiment):
         uneven: whether ``time`` is not a multiple of the rows' interval: outputs are then interpolated between rows.
         outliers: for each signal, how many samples were left out as spikes.
         logged: for each signal, its unit over a number as it was logged.
-        loop, clock: as of the recording.
+        loop, assumed: as of the recording.
         noise_stated: for each signal, whether the user stated its noise; none if that is not known.
         stated: starting values that the user gave (SI).
         first: what was recorded at first, before any resampling; None if the model's own start is meant.
@@ -63,7 +63,7 @@ class TimeExperiment(Experiment):
     outliers: tuple[int, ...] = ()
     logged: tuple[float, ...] = ()
     loop: str = "open"
-    clock: str = "either"
+    assumed: Mapping[tuple[str, ...], str] = field(default_factory=dict)
     noise_stated: tuple[bool, ...] = ()
     stated: dict[str, float] = field(default_factory=dict)
     first: FirstSamples | None = None

@@ -50,7 +50,8 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
     drive = []
     for end, column in described.drive.items():
         keys = ("drive", end)
-        values = required[column.column] = _driven(reader, column.column, column.hold, shared, keys)
+        hold = column.hold or "zero_order"
+        values = required[column.column] = _driven(reader, column.column, hold, shared, keys)
         values = values - reader.convert(column.offset, column.unit, *keys, "offset")
         if column.enable is not None:
             acts = required[column.enable] = _driven(reader, column.enable, "zero_order", shared, keys)
@@ -62,9 +63,10 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
                 unit,
                 values * (scale * column.sign),
                 column.column,
-                column.hold,
+                hold,
                 column.tap,
                 column.zero == "first",
+                hold_stated=column.hold is not None,
             )
         )
     measurements = tuple(_measurement(reader, signal, described, scenario) for signal in described.measurements)

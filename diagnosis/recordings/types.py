@@ -24,6 +24,7 @@ class Channel:
         values: shape (samples,); NaN where a measurement holds no number.
         column: the file's column.
         hold: for a drive, ``zero_order``, ``linear`` or ``band_limited``.
+        hold_stated: whether somebody said so.
         tap: for a drive, where it was logged.
         from_first: subtract the first sample; for a measurement, from the simulated signal too.
         noise: standard deviation in ``unit``; None if it is to be estimated.
@@ -39,6 +40,7 @@ class Channel:
     from_first: bool = False
     noise: float | None = None
     logged: float = 1.0
+    hold_stated: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ class Recording:
         loop, role: as the scenario states them.
         stamps: instants as they were logged (s), before they were made even, shape (samples,); None for ``time``.
         clock: what the time column is believed: ``as_logged``, ``even``, or ``either`` while that is open.
+        assumed: what was found of the file that its description leaves open: keys of the description -> value.
         resample: interval (s) at which measurements are compared; None compares every sample.
         notes: sentences that say how the data were changed.
     """
@@ -77,6 +80,7 @@ class Recording:
     resample: float | None = None
     stamps: Vector | None = None
     clock: str = "either"
+    assumed: Mapping[tuple[str, ...], str] = field(default_factory=dict)
 
     @property
     def noise_stated(self) -> bool:

@@ -99,9 +99,14 @@ def leftover(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> L
         x: its search vector, shape (n,).
         experiments: of any role.
     """
+    return left_by(experiments, [problem.residual(x, e) for e in experiments])
+
+
+def left_by(experiments: Sequence[Experiment], residuals: Sequence[Array]) -> Leftover:
+    """The same of residuals, each of shape (samples, signals), on the instants of experiments."""
     rows: list[dict[tuple[int, int], tuple[float, float]]] = []
-    for e in experiments:
-        squares = e.components(problem.residual(x, e)) ** 2
+    for e, residual in zip(experiments, residuals, strict=True):
+        squares = e.components(residual) ** 2
         recorded = np.isfinite(e.measured).mean(axis=0)
         there: dict[tuple[int, int], tuple[float, float]] = {}
         for band, part in e.bands(EVIDENCE.fewest):
@@ -114,7 +119,7 @@ def leftover(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> L
     energies, counts = table[:, :, 0], table[:, :, 1]
     energy, count = energies.sum(axis=0), counts.sum(axis=0)
     noise = np.ones(len(names))
-    for signal in range(len(problem.model.outputs)):
+    for signal in {k for k, _ in names}:
         own = [i for i, (k, _) in enumerate(names) if k == signal]
         noise[own] = _noise(energy[own], count[own])
     return Leftover(energy, count, noise, names, energies, counts)

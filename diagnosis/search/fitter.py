@@ -80,7 +80,7 @@ class CandidateFitter:
 
     def settled(self, model: ScoredModel) -> ScoredModel:
         """A model whose fit was left where it hardly gained, fitted to the end."""
-        point = _end_of(model)
+        point = end_of(model)
 
         def compute() -> PartialFit:
             made = point.problem
@@ -225,7 +225,8 @@ class CandidateFitter:
                     there, point.x, there.training, pool, iterations=steps, relative_drop=SEARCH.slow
                 )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
-        return min(tried, key=lambda partial: partial.point.cost)
+        # A size that is only chosen takes no steps, and would stand where it began among others that did.
+        return self._refined(min(tried, key=lambda partial: partial.point.cost), only=effects[-1])
 
     def _begun(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> list[StartingPoint]:
         """The starting points to fit, the best first."""
@@ -261,7 +262,7 @@ class CandidateFitter:
         Contacts that bounce make a cost so rough that a fit ends on its way; a little beside, it goes on. So an end
         counts as converged only if a second try ends as low.
         """
-        made = _end_of(model)
+        made = end_of(model)
 
         def compute() -> PartialFit:
             best, ends = made, [made.cost]
@@ -298,9 +299,11 @@ class CandidateFitter:
                 partial = PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
         return partial
 
-    def _refined(self, partial: PartialFit) -> PartialFit:
+    def _refined(self, partial: PartialFit, only: Candidate | None = None) -> PartialFit:
         """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""
         for k, effect in enumerate(partial.effects):
+            if only not in (None, effect):
+                continue
             for share in SEARCH.finer if effect.finer else ():
                 best = partial.point
                 for sizes in effect.finer(best.sizes[k], share) if effect.finer else ():
@@ -319,7 +322,7 @@ def _mark(x: Array) -> str:
     return hashlib.sha256(np.ascontiguousarray(x).tobytes()).hexdigest()[:16]
 
 
-def _end_of(model: ScoredModel) -> StartingPoint:
+def end_of(model: ScoredModel) -> StartingPoint:
     """Where the fit of a model ended, to go on from."""
     began = {f.name: f.start for f in model.fit.problem.free}
     built = tuple(

@@ -70,13 +70,24 @@ def screen(problem: Problem, x: Array | None = None) -> list[Remark]:
         there = np.isfinite(one.measured)
         if int(there.sum()) >= 4 * RECORDING_CHECKS.farthest:
             found += _scale(one) + _clipped(one.where, one.measured[there], one.simulated[there])
-    if even := [f"'{name}'" for name, clock in problem.clocks.items() if clock == "even"]:
-        text = "stray about an even clock, and samples are taken to be evenly spaced: the model follows them better"
-        found.append(Remark(f"the stamps of {' and '.join(even)} {text}", grave=False))
+    found += _assumed(problem)
     found += _shifts(beside) + _common_gain(beside, problem)
     # What a late column or a wrong unit leaves over, another clock would explain in part.
     found += clocks(problem) if not any(remark.grave for remark in found) else []
     return list(dict.fromkeys([*_upside_down(beside), *found]))
+
+
+def _assumed(problem: Problem) -> list[Remark]:
+    """What was found of files that their descriptions leave open."""
+    told: dict[str, list[str]] = {}
+    for name, readings in problem.assumed.items():
+        for (*_, place, key), value in readings.items():
+            if value == "even":
+                text = "stamps stray about an even clock, and samples are taken to be evenly spaced"
+            else:
+                text = f"'{place}' is taken for a straight line between samples"
+            told.setdefault(f"{text}: the model follows them better ('{key}: {value}')", []).append(f"'{name}'")
+    return [Remark(f"in {' and '.join(names)}, {text}", grave=False) for text, names in told.items()]
 
 
 def compared(problem: Problem, x: Array | None = None) -> list[Compared]:

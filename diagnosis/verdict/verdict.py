@@ -195,7 +195,7 @@ def _finding(
 def _chosen_size(study: Study, parameter: EffectParameter, value: float) -> dict[str, Any]:
     """A size that is not fitted but chosen, as a parameter; one in time is known as well as the input's timing is."""
     half = 1.96 * INTERVALS.input_timing * study.scales.sample if parameter.unit == "s" else 0.0
-    return {"value": value, "low": value - half, "high": value + half, "unit": parameter.unit}
+    return {"value": value, "low": max(value - half, 0.0), "high": value + half, "unit": parameter.unit}
 
 
 def _conditional(made: Fit, name: str) -> list[str]:

@@ -12,7 +12,7 @@ from diagnosis.verdict.experiment_design import Proposal
 from diagnosis.verdict.verdict import Diagnosis
 from engine.errors import FlexarmError
 from engine.files import json_text, writing
-from scenarios.amend import Edit, Feed, Set, amended, relocated, with_clocks, without
+from scenarios.amend import Edit, Feed, Set, amended, relocated, with_readings, without
 
 EXPERIMENT = "next_experiment"
 """Name of the block that plays the proposed input."""
@@ -24,9 +24,9 @@ THINNED = 5
 def amended_text(found: Diagnosis) -> str:
     """The user's scenario with what was missing put in and every parameter fitted; unchanged if nothing was found."""
     study = found.study
-    original = study.scenario.path.read_text(encoding="utf-8")
+    original = with_readings(study.scenario.path.read_text(encoding="utf-8"), study.refit.fit.problem.assumed)
     if not study.chosen.effects:
-        return with_clocks(original, study.refit.fit.problem.clocks)
+        return original
     values = study.chosen.fit.parameters()
     intervals = {i.name: i for i in found.fit.intervals()}
     edits: list[Edit] = []
@@ -47,7 +47,7 @@ def amended_text(found: Diagnosis) -> str:
         if name in given and block in study.scenario.file.blocks and "[" not in key:
             unit = given[name].unit
             edits.append(Set(block, key, f"{value:.8g} {unit}" if unit not in ("1", "*") else float(f"{value:.8g}")))
-    return with_clocks(amended(original, edits, notes, study.scenario.resolve), study.refit.fit.problem.clocks)
+    return amended(original, edits, notes, study.scenario.resolve)
 
 
 def write(found: Diagnosis, folder: Path) -> list[Path]:

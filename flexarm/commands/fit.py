@@ -84,7 +84,7 @@ def _write(path: Path, made: Fit, source: Path, overrides: Sequence[str]) -> Non
     """The scenario with the fitted values in their places, and what is known of them as a comment on top."""
     from diagnosis.estimation.least_squares import interval_in_words
     from engine.files import writing
-    from scenarios.amend import relocated, with_clocks, with_values
+    from scenarios.amend import relocated, with_readings, with_values
 
     known = {p.name: p.unit for p in made.problem.model.parameters}
     rows = [i for i in made.intervals() if i.name in known]
@@ -99,7 +99,7 @@ def _write(path: Path, made: Fit, source: Path, overrides: Sequence[str]) -> Non
         key, _, value = override.partition("=")
         said[re.sub(r"^(parameters|blocks)\.", "", key.strip())] = value.strip()
     text = with_values(source.read_text(encoding="utf-8"), said | values, "\n".join(head))
-    text = with_clocks(text, made.problem.clocks)
+    text = with_readings(text, made.problem.assumed)
     with writing(path, (".yaml", ".yml")) as temporary:
         temporary.write_text(relocated(text, source.parent, path.parent), encoding="utf-8")
 

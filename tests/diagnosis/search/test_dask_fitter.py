@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -39,8 +40,9 @@ def test_a_cluster_comes_to_the_same_verdict(path: Any, cluster: Any, tmp_path: 
 
 def test_on_this_machine_no_pool_is_opened(path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("diagnosis.api.Spread", None)
-    monkeypatch.setattr("diagnosis.api.study", lambda fitter, **_: fitter.workers)
-    monkeypatch.setattr("diagnosis.api.judge", lambda workers, seed: workers)
+    nothing = SimpleNamespace(effects=())
+    monkeypatch.setattr("diagnosis.api.study", lambda fitter, **_: SimpleNamespace(chosen=nothing, by=fitter.workers))
+    monkeypatch.setattr("diagnosis.api.judge", lambda found, seed: found.by)
     workers: Any = diagnose(path, workers=3)
     assert workers == 3
     with pytest.raises(FlexarmError, match="0 workers"):

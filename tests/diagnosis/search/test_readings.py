@@ -1,4 +1,4 @@
-"""Stamps that stray about an even clock, against a slide whose motion is known in closed form."""
+"""How a file is read where that is open, against a slide whose motion is known in closed form."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from diagnosis.api import fit as fit_to
 from diagnosis.api import gather
 from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Recording
-from diagnosis.search.even_clock import on_their_clocks
-from scenarios.amend import with_clocks
+from diagnosis.search.readings import as_they_were_taken
+from scenarios.amend import with_readings
 from scenarios.load import load
 
 MASS, FRICTION, INTERVAL, NOISE = 0.2, 0.5, 2e-3, 1e-6
@@ -69,9 +69,9 @@ def logged(folder: Path, *, evenly: bool) -> Path:
 @pytest.mark.parametrize("evenly", [True, False])
 def test_the_model_tells_when_samples_were_taken(tmp_path: Path, evenly: bool) -> None:
     scenario = load(logged(tmp_path, evenly=evenly))
-    (found,) = on_their_clocks(scenario, gather(scenario, (), ()), 1)
+    (found,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
     assert isinstance(found, Recording)
-    assert found.clock == ("even" if evenly else "as_logged")
+    assert found.assumed == ({("time", "clock"): "even"} if evenly else {})
     if evenly:
         np.testing.assert_allclose(found.time, INTERVAL * np.arange(3000), rtol=1e-9)
 
@@ -83,7 +83,7 @@ def test_a_fit_follows_the_even_clock_and_writes_it_down(tmp_path: Path) -> None
     assert scores["fitted"] == pytest.approx(1.0, abs=0.1)
     assert values["table.mass"] == pytest.approx(MASS, rel=2e-3)
     assert values["guide.viscous_friction"] == pytest.approx(FRICTION, rel=2e-3)
-    text = with_clocks(path.read_text(encoding="utf-8"), made.problem.clocks)
+    text = with_readings(path.read_text(encoding="utf-8"), made.problem.assumed)
     assert "clock: even" in text
     path.write_text(text, encoding="utf-8")
     scenario = load(path)
@@ -92,13 +92,46 @@ def test_a_fit_follows_the_even_clock_and_writes_it_down(tmp_path: Path) -> None
     np.testing.assert_array_equal(again.time, INTERVAL * np.arange(3000))
 
 
+def straight(folder: Path, *, held: bool) -> Path:
+    """A slide under 0.1 sin(40 t), 25 samples to a period, that was held between them, or not."""
+    t = np.asarray(3 * INTERVAL * np.arange(3000))
+    force = 0.1 * np.sin(40 * t)
+    if held:
+        x = driven(t, force)
+    else:  # m x'' + c x' = F sin(w t) from rest, by undetermined coefficients
+        w, m, c, size = 40.0, MASS, FRICTION, 0.1
+        a, b = -size * m / (m**2 * w**2 + c**2), -size * c / (w * (m**2 * w**2 + c**2))
+        x = a * np.sin(w * t) + b * (np.cos(w * t) - 1) - a * w * m / c * (1 - np.exp(-c / m * t))
+    x = x + NOISE * np.random.default_rng(2).standard_normal(len(t))
+    rows = np.column_stack([t, force, x])
+    np.savetxt(folder / "swing.csv", rows, delimiter=",", header="t,u,x", comments="", fmt="%.9g")
+    path = folder / "slide.yaml"
+    path.write_text(SCENARIO, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_the_model_tells_whether_an_input_was_held(tmp_path: Path, held: bool) -> None:
+    path = straight(tmp_path, held=held)
+    scenario = load(path)
+    (found,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
+    assert isinstance(found, Recording)
+    assert found.assumed == ({} if held else {("drive", "drive.force", "hold"): "linear"})
+    said = path.read_text(encoding="utf-8").replace("{column: u, unit: N}", "{column: u, unit: N, hold: zero_order}")
+    path.write_text(said, encoding="utf-8")
+    given = gather(load(path), (), ())
+    assert as_they_were_taken(load(path), given, 1)[0] is given[0]
+
+
 def test_what_the_user_says_of_the_clock_is_not_tried(tmp_path: Path) -> None:
     path = logged(tmp_path, evenly=True)
     said = path.read_text(encoding="utf-8").replace("unit: s}", "unit: s, clock: as_logged}")
     path.write_text(said, encoding="utf-8")
     scenario = load(path)
     given = gather(scenario, (), ())
-    assert on_their_clocks(scenario, given, 1)[0] is given[0]
+    (found,) = as_they_were_taken(scenario, given, 1)
+    assert isinstance(found, Recording)
+    assert ("time", "clock") not in found.assumed
 
 
 def test_stamps_without_a_clock_stay_as_they_are() -> None:
