@@ -236,7 +236,7 @@ def main() -> None:
         "reference models, their constants worked out beforehand and, in A and B, without the payload, zero there;",
         "flexarm's code keeps every parameter tunable. Both are compiled with the same compiler and flags.",
         "",
-        f"{platform.machine()}, {os.cpu_count()} cores, {version().splitlines()[0]}, `{' '.join(FLAGS[1:4])}`,"
+        f"{platform.machine()}, {os.cpu_count()} cores, {version().splitlines()[0]}, `{' '.join(FLAGS[1:5])}`,"
         f" Python {platform.python_version()}",
         "",
         "| what | measured | goal |",
