@@ -87,6 +87,22 @@ def sealed(content: bytes) -> bytes:
     return content + _MARK + len(content).to_bytes(8, "little") + hashlib.sha256(content).digest()
 
 
+def put(path: Path, content: bytes) -> None:
+    """Write an entry, whole or not at all.
+
+    Raises:
+        OSError: the folder cannot be written to.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=".entry-", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(sealed(content))
+        Path(name).replace(path)
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
 def opened(path: Path) -> bytes | None:
     """The content of an entry; None if there is none, or it is damaged."""
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -339,6 +339,16 @@ class Model:
     def jacobian(self) -> Any:
         """Function of ``t, x, u, d, m, p``: the derivative by the states, shape (states, states), 1/s and the like."""
         return self.derived("jacobian", lambda e: [ca.jacobian(e.derivative, e.x)])
+
+    @functools.cached_property
+    def begun(self) -> dict[Hashable, tuple[Vector, Vector, float]]:
+        """States and memories at the start, and internal step, of runs that were prepared: see `engine.simulate`."""
+        return {}
+
+    @functools.cached_property
+    def operations(self) -> int:
+        """Operations of the right-hand side."""
+        return int(self.functions["derivative"].n_instructions())
 
     @functools.cached_property
     def signature(self) -> str:

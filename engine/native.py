@@ -208,7 +208,7 @@ _LONG = 2e7
 def _is_long(model: Model, job: Job) -> bool:
     # A function in Python is interrupted where it stands; and it may not be made for another thread than the main one.
     steps = job.outputs * (job.output_ticks * job.resolution / job.hmax + 1)
-    return not model.externals and steps * (model.functions["derivative"].n_instructions() + 20) > _LONG
+    return not model.externals and steps * (model.operations + 20) > _LONG
 
 
 def _interruptible(work: Callable[[], Any], cancel: Any) -> None:

@@ -1,8 +1,8 @@
 """Physical quantities: Modelica unit spelling, conversion by pint, declared parameters.
 
 Units are spelled as in Modelica (``N.m/rad``, ``kg.m2``). pint does the arithmetic; it is imported on first use
-because it costs a third of a second. Angles count as dimensionless in pint, so hertz against rad/s needs care:
-10 Hz is 62.83 rad/s, which pint would call 10.
+because it costs a third of a second, and what it says is kept (`engine.known_units`). Angles count as dimensionless in
+pint, so hertz against rad/s needs care: 10 Hz is 62.83 rad/s, which pint would call 10.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from engine.errors import ParameterError
+from engine.known_units import known
 from engine.unit_names import likely
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def _unknown(text: str) -> ParameterError:
     return ParameterError(f"unknown unit '{shown}'", remedy=f"did you mean '{meant}'? {manner}" if meant else manner)
 
 
-@functools.cache
+@known
 def factor(source: str, target: str) -> float:
     """Factor that converts a number from ``source`` units to ``target`` units.
 
@@ -113,7 +114,7 @@ def _angle(unit: Any) -> int:
     return int(sum(power for name, power in unit._units.items() if name.endswith(angular)))
 
 
-@functools.cache
+@known
 def coherent(text: str) -> tuple[float, str]:
     """Factor to, and Modelica spelling of, the coherent SI unit of the same quantity: ``mV`` gives (1e-3, ``V``).
 
@@ -155,22 +156,33 @@ def _coherent_parts(unit: Any) -> dict[str, float]:
     return {name: power for name, power in parts.items() if power and name != "count"}
 
 
-@functools.cache
 def base_units(text: str) -> tuple[float, dict[str, float]]:
     """Factor to base units, and the power of each base unit by pint's name; radians count.
 
     Raises:
         ParameterError: the unit is unknown.
     """
+    scale, powers = _base_units(text)
+    return scale, dict(powers)
+
+
+@known
+def _base_units(text: str) -> tuple[float, tuple[tuple[str, float], ...]]:
     one: Any = _registry().Quantity(1.0, _unit(text)).to_base_units()
-    return float(one.magnitude), {str(name): float(power) for name, power in one.units._units.items()}
+    return float(one.magnitude), tuple((str(name), float(power)) for name, power in one.units._units.items())
 
 
 def compatible(a: str, b: str) -> bool:
     """Whether two units measure the same thing; ``*`` fits everything."""
     if "*" in (a, b) or a == b:
         return True
-    return bool(_unit(a).dimensionality == _unit(b).dimensionality)
+    return _dimension(a) == _dimension(b)
+
+
+@known
+def _dimension(text: str) -> tuple[tuple[str, float], ...]:
+    """Powers of what a unit measures; angles and pure numbers have none."""
+    return tuple(sorted((str(name), float(power)) for name, power in _unit(text).dimensionality.items()))
 
 
 def split(text: str) -> tuple[float, str]:

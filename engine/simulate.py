@@ -24,6 +24,8 @@ from engine.start import start_values
 from engine.step import fastest
 from engine.step import internal_step as choose_step
 
+MOST_BEGUN = 64
+"""Starts that a model keeps: state and memories at the start, and the internal step; see `prepare`."""
 MOST_STEPS = 1_000_000_000
 """Internal steps, sample instants or time events of one run; more would take hours."""
 
@@ -330,7 +332,16 @@ def prepare(
                 remedy=f"give a longer sample period (at least {SHORTEST:g} s), or an earlier stop",
             )
     p = model.parameter_vector(parameters)
-    x0 = start_values(model, p, initial)
+    # Runs that differ in their drive alone begin alike: what follows from the rest is worked out once.
+    same = (
+        p.tobytes(),
+        *(tuple((given or {}).items()) for given in (model.initial, initial)),
+        step,
+        stop,
+        internal_step,
+    )
+    before = model.begun.get(same)
+    x0 = start_values(model, p, initial) if before is None else before[0].copy()
     knots, values, linear = _driven(model, drive)
     instants = [step, *[c.period for c in model.clocks], *[c.offset for c in model.clocks]]
     tick = common_tick(instants)
@@ -354,12 +365,19 @@ def prepare(
             f"times up to {farthest * float(tick):g} s do not go with a tick of {float(tick):g} s",
             remedy="give an earlier stop or drive, or sample periods that are multiples of a longer time",
         )
-    hmax = internal_step or choose_step(model, p, x0, step, stop)
-    _check_cost(model, p, x0, stop, min(hmax, step))
+    if before is None:
+        hmax = internal_step or choose_step(model, p, x0, step, stop)
+        _check_cost(model, p, x0, stop, min(hmax, step))
+        d0 = np.array(model.functions["memory_start"](p).full()).ravel()
+        if len(model.begun) >= MOST_BEGUN:
+            model.begun.clear()
+        model.begun[same] = x0.copy(), d0.copy(), hmax
+    else:
+        d0, hmax = before[1].copy(), before[2]
     return Job(
         p=p,
         x0=x0,
-        d0=np.array(model.functions["memory_start"](p).full()).ravel(),
+        d0=d0,
         m0=np.full(len(model.modes), np.nan),
         resolution=float(tick),
         hmax=hmax,

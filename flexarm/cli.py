@@ -10,6 +10,7 @@ import io
 import os
 import sys
 import warnings
+from collections.abc import Callable, Sequence
 from typing import Annotated, NoReturn, TextIO
 
 import typer
@@ -63,13 +64,43 @@ COMMANDS = (
 )
 """In the order in which ``flexarm --help`` lists them."""
 
-app = typer.Typer(
-    name="flexarm",
-    help="Flexible-link robot arms and servo drives: simulate, linearise, export, compare, diagnose.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+
+def application(given: Sequence[str] | None = None) -> typer.Typer:
+    """The command line, of typer.
+
+    Args:
+        given: the words after ``flexarm``, if they are known. typer looks at the parameters of every command that there
+            is before the first one runs, which takes longer than most of them: only the one that is called is put in,
+            and for the list of commands, what each is for.
+    """
+    made = typer.Typer(
+        name="flexarm",
+        help="Flexible-link robot arms and servo drives: simulate, linearise, export, compare, diagnose.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    made.callback()(_all)
+    called = [command for command in COMMANDS if given and command.__name__ == given[0]]
+    listed = given is not None and not any(word[:1] != "-" for word in given) and not completing()
+    for command in COMMANDS if completing() else called or COMMANDS:
+        made.command()(_named(command) if listed else command)
+    return made
+
+
+def completing() -> bool:
+    """Whether the shell asks for words, or for its script."""
+    return "_FLEXARM_COMPLETE" in os.environ or any(word.endswith("-completion") for word in sys.argv)
+
+
+def _named(command: Callable[..., None]) -> Callable[[], None]:
+    """A command with its name and text, and without its parameters."""
+
+    def listed() -> None:
+        pass
+
+    listed.__name__, listed.__doc__ = command.__name__, command.__doc__
+    return listed
 
 
 def _version(wanted: bool) -> None:
@@ -78,7 +109,6 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _all(
     wanted: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
@@ -87,8 +117,11 @@ def _all(
     pass
 
 
-for _command in COMMANDS:
-    app.command()(_command)
+def __getattr__(name: str) -> typer.Typer:
+    """``app``: the whole command line."""
+    if name != "app":
+        raise AttributeError(f"module 'flexarm.cli' has no attribute '{name}'")
+    return application()
 
 
 _FIGURES = (".png", ".pdf", ".svg", ".jpg", ".jpeg", ".gif", ".tif", ".tiff", ".bmp", ".eps", ".ps", ".webp")
@@ -140,7 +173,7 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         try:
             with Progress(f"flexarm {' '.join(given[:2])}", spare=True):
-                app(args=_with_default_plot(given), prog_name="flexarm")
+                application(given)(args=_with_default_plot(given), prog_name="flexarm")
         finally:
             sys.stdout.flush()
     except OSError as error:

@@ -16,7 +16,6 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from blocks.sources.calming import calming
 from blocks.sources.motion_profile import Limits, Phase, Profile, State, Vector, join
@@ -123,7 +122,11 @@ def _roots(f: Callable[[float], float], grid: Vector) -> Iterator[float]:
     signs = [(value > 0) - (value < 0) for value in y]
     for k in range(1, len(x) - 1):
         same = signs[k - 1] == signs[k] == signs[k + 1] != 0
-        if same and abs(y[k]) <= min(abs(y[k - 1]), abs(y[k + 1])):
+        # Close to 0 no change of velocity counts beside the distance, and what is nearest to a zero there is rounding.
+        flat = max(abs(y[k - 1] - y[k]), abs(y[k + 1] - y[k])) <= 1e-9 * abs(y[k])
+        if same and not flat and abs(y[k]) <= min(abs(y[k - 1]), abs(y[k + 1])):
+            from scipy.optimize import minimize_scalar
+
             near = minimize_scalar(lambda t, sign=signs[k]: sign * f(t), bounds=(x[k - 1], x[k + 1]), method="bounded")
             if near.fun < 0:
                 yield from (_root(f, x[k - 1], float(near.x)), _root(f, float(near.x), x[k + 1]))
@@ -135,4 +138,6 @@ def _roots(f: Callable[[float], float], grid: Vector) -> Iterator[float]:
 
 
 def _root(f: Callable[[float], float], a: float, b: float) -> float:
+    from scipy.optimize import brentq  # on first use: importing it takes longer than loading a scenario
+
     return float(brentq(f, a, b, xtol=1e-300, maxiter=5000))

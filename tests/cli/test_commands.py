@@ -246,3 +246,22 @@ def test_an_automatic_picture_never_replaces_that_of_another_file(command: Calla
     assert (folder / "same-2.png").read_bytes() == b"a photograph of the rig"
     # Named, it is written where the user says.
     assert "written: same.png" in command("run", "two.yaml", "--plot", "same.png").out
+
+
+def test_the_commands_are_all_there_whichever_is_called() -> None:
+    """Only the command that is called is put in with its parameters; the list and mistakes know every one."""
+    import typer
+
+    from flexarm.cli import COMMANDS, application
+
+    whole = typer.main.get_command(application())
+    names = list(whole.commands)  # type: ignore[attr-defined]
+    assert names == [command.__name__ for command in COMMANDS]
+    for given in ([], ["--help"], ["nothing"], ["--version"]):
+        some = typer.main.get_command(application(given))
+        assert list(some.commands) == names  # type: ignore[attr-defined]
+        for name, command in some.commands.items():  # type: ignore[attr-defined]
+            assert command.get_short_help_str() == whole.commands[name].get_short_help_str()  # type: ignore[attr-defined]
+    one = typer.main.get_command(application(["run", "x.yaml"]))
+    assert list(one.commands) == ["run"]  # type: ignore[attr-defined]
+    assert [p.name for p in one.commands["run"].params] == [p.name for p in whole.commands["run"].params]  # type: ignore[attr-defined]

@@ -47,13 +47,13 @@ def test_two_processes_share_one_cache(cache: Any) -> None:
     started = [subprocess.Popen(c, stdout=subprocess.PIPE, text=True, cwd=Path.cwd()) for c in commands]
     names = {process.communicate(timeout=1800)[0].strip() for process in started}
     assert len(names) == 1
-    assert [path.name for path in cache.iterdir()] == [Path(names.pop()).name]
+    assert [path.name for path in cache.glob("*.so")] == [Path(names.pop()).name]
 
 
 def test_the_key_holds_source_flags_compiler_and_cpu(cache: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     compiling.library(SOURCE % 1)
     compiling.library(SOURCE % 1)
-    assert len(list(cache.iterdir())) == 1
+    assert len(list(cache.glob("*.so"))) == 1
     compiling.library(SOURCE % 2)
     monkeypatch.setattr(compiling, "FLAGS", (*compiling.FLAGS, "-DOTHER"))
     compiling.library(SOURCE % 1)
@@ -61,7 +61,7 @@ def test_the_key_holds_source_flags_compiler_and_cpu(cache: Any, monkeypatch: py
     compiling.library(SOURCE % 1)
     monkeypatch.setattr(compiling, "version", lambda: "another compiler")
     compiling.library(SOURCE % 1)
-    assert len(list(cache.iterdir())) == 5
+    assert len(list(cache.glob("*.so"))) == 5
 
 
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,12 +81,12 @@ def test_a_full_disk_is_survived(cache: Any, monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(Path, "write_text", full)
     assert _answer(compiling.library(SOURCE % 8)) == 8
-    assert not list(cache.iterdir())
+    assert not list(cache.glob("*.so"))
 
 
 def test_a_corrupted_entry_is_replaced(cache: Any) -> None:
     compiling.library(SOURCE % 9)
-    entry = next(cache.iterdir())
+    entry = next(cache.glob("*.so"))
     entry.unlink()
     entry.write_bytes(b"not a library")
     assert _answer(compiling.library(SOURCE % 9)) == 9
@@ -106,7 +106,7 @@ def test_a_truncated_entry_is_seen_before_it_is_loaded(cache: Any, left: Any) ->
 
 def test_a_changed_byte_is_seen(cache: Any) -> None:
     compiling.library(SOURCE % 13)
-    entry = next(cache.iterdir())
+    entry = next(cache.glob("*.so"))
     damaged = bytearray(entry.read_bytes())
     damaged[len(damaged) // 2] ^= 1
     entry.unlink()
@@ -119,7 +119,7 @@ def test_a_changed_byte_is_seen(cache: Any) -> None:
 def test_a_truncated_export_binary_is_made_again(cache: Any, left: Any) -> None:
     files = {"a.c": SOURCE % 14}
     whole = compiling.binary(files, ["-s"], ".so")
-    entry = next(cache.iterdir())
+    entry = next(cache.glob("*.so"))
     entry.write_bytes(entry.read_bytes()[:left])
     again = compiling.binary(files, ["-s"], ".so")
     assert again[:4] == whole[:4]
@@ -238,3 +238,29 @@ def test_without_a_compiler_the_interpreter_runs_with_one_warning(
         compiling.version.cache_clear()
     assert first.backend == second.backend == "interpreter"
     assert np.abs(first["m.shaft.angle"] - np.cos(4.0 * first.time)).max() < 1e-6
+
+
+def test_the_version_is_asked_once_for_an_installed_zig(cache: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is kept for a program, its size and date; one's own compiler may be a wrapper, and is asked each time."""
+    monkeypatch.delenv("FLEXARM_CC", raising=False)
+    asked: list[list[str]] = []
+    real = compiling._started
+
+    def started(arguments: list[str], folder: Path) -> Any:
+        asked.append(arguments)
+        return real(arguments, folder)
+
+    monkeypatch.setattr(compiling, "_started", started)
+    version = compiling.version.__wrapped__
+    said = version()
+    assert version() == said
+    assert asked == [["--version"]]
+    (kept,) = cache.glob("compiler-*.txt")
+    kept.write_bytes(kept.read_bytes()[:-1])
+    assert version() == said
+    assert len(asked) == 2
+    program = compiling.compiler()
+    monkeypatch.setenv("FLEXARM_CC", " ".join(program))
+    monkeypatch.setattr(compiling, "compiler", lambda: program)
+    assert version() == said == version()
+    assert len(asked) == 4
