@@ -219,7 +219,7 @@ def plan(
         progress: told what is done, how many of how many.
     """
     scales = operating_scales(planned.problem)
-    listed = _first_options(candidates(scales, without))
+    listed = first_options(candidates(scales, without))
     every = [(family, _unexcited(family, scales)) for candidate in listed for family in families(candidate)]
     shapes = [family for family, why in every if not why]
     bench = Bench(planned)
@@ -298,7 +298,7 @@ class _Steps:
             self._progress(self._what, done, count)
 
 
-def _first_options(listed: Sequence[Candidate]) -> list[Candidate]:
+def first_options(listed: Sequence[Candidate]) -> list[Candidate]:
     """Each effect at each place as the scenario draws it: the first way to put it in."""
     found: dict[str, Candidate] = {}
     for candidate in listed:

@@ -292,8 +292,9 @@ class Bench:
         k, n = self.planned_signals, len(x)
         for e, whitening in zip(over_time(made.experiments), self._whitening, strict=True):
             r, J = made.linearised(x, e)
-            r, J = r.reshape(len(e.time), -1), J.reshape(len(e.time), -1, n)
-            if np.abs(r).max(initial=0.0) > FITTING.huge / 10:
+            r = r.reshape(e.measured.shape)
+            J = np.asarray(J).reshape(len(e.time), e.measured.shape[1], n)
+            if np.abs(r[:, :k]).max(initial=0.0) > FITTING.huge / 10:
                 raise SimulationError("what it adds grows without bound")
             values.append(whitening(r[:, :k]))
             columns = [whitening(J[:, :k, i]) for i in range(n)]
@@ -384,6 +385,8 @@ def _cost(course: Course) -> float:
 
 def _solved(H: Array, b: Array) -> Array:
     """H x = b, balanced: parameters may be very unequal in what they do."""
+    if not len(H):
+        return np.zeros_like(b)
     scale = 1 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     return np.asarray(scale[:, None] * np.linalg.lstsq(H * np.outer(scale, scale), scale[:, None] * b, rcond=1e-13)[0])
 

@@ -116,7 +116,9 @@ def page(found: Plan) -> str:
         parts.append(f"  (* nor at {found.multiples[-1]:g} times)")
     hidden = [row for row in found.rows if not row.shows]
     if hidden:
-        parts.append("  would not show, however large: the model's own parameters, within tolerances, do the same")
+        parts.append(
+            "  would not show at any size tried: the model's own parameters do the same, or the input does not reach it"
+        )
         parts += [f"    {row.number} {row.label}" for row in hidden]
     for multiple in found.multiples:
         parts.append(
