@@ -297,9 +297,9 @@ class Bench:
             if np.abs(r[:, :k]).max(initial=0.0) > FITTING.huge / 10:
                 raise SimulationError("what it adds grows without bound")
             values.append(whitening(r[:, :k]))
-            columns = [whitening(J[:, :k, i]) for i in range(n)]
+            columns = [whitening(one) for one in np.moveaxis(J[:, :k], 2, 0)]
             slopes.append(np.column_stack(columns) if columns else np.zeros((len(values[-1]), 0)))
-            if further and r.shape[1] > k:
+            if further and e.measured.shape[1] > k:
                 others.append(_thinned(e, r[:, k:]))
                 other_slopes.append(_thinned(e, J[:, k:]))
         prior, weights = made.prior(x)
