@@ -11,9 +11,9 @@ the plan says what else fits as well; the diagnosis had the recordings, and said
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
-import os
 import sys
 import tempfile
 import time
@@ -24,6 +24,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.concealed.case import draw
@@ -32,12 +33,12 @@ from benchmarks.concealed.scenario import write
 from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.scales import operating_scales
-from diagnosis.planning.distinguish import Truths, evidences, may_tie, turns
+from diagnosis.planning.distinguish import Truths, may_tie, odds, ties, turns
 from diagnosis.planning.experiment import recorded
 from diagnosis.planning.plan import first_options
-from diagnosis.planning.reach import Bench
-from diagnosis.planning.sizes import Family, families
-from diagnosis.planning.smallest import DECISIVE, Smallest, smallest
+from diagnosis.planning.reach import Bench, Course, answer
+from diagnosis.planning.sizes import NEAR_ONE, Family, families
+from diagnosis.planning.smallest import Smallest, margin, smallest
 from engine.errors import FlexarmError
 from engine.files import json_text, writing
 from scenarios.load import load
@@ -47,10 +48,10 @@ PROOF = ROOT / "benchmarks" / "results" / "proof.json"
 DATA = ROOT / "benchmarks" / "results" / "planning.json"
 PAGE = ROOT / "docs" / "plan-scored.md"
 
-SINGLE = 12
+SINGLE = 10
 """Cases of single effects, evenly from the suites of them."""
 
-OWN_NAMES = {"half_gap": "half_gap", "moment": "mass"}
+OWN_NAMES = {"bias": "offset"}
 """Parameters that the truth generator calls otherwise than the catalogue."""
 
 
@@ -62,7 +63,7 @@ class Scored:
         name, suite, plant, truth: of the case.
         outcome: of the proof.
         reported: effects that the diagnosis named or left in a tie, as ``effect at place``.
-        times: size of the concealed effect, in smallest sizes that show.
+        times: how large the concealed effect is: root of the energy that shows, over that of the smallest that shows.
         shows: whether the plan says that it shows at all, and at that size.
         predicted: effects that the plan could not tell from it, as ``effect at place``.
         failure: why the plan says nothing.
@@ -95,7 +96,9 @@ def cases() -> list[dict[str, Any]]:
         key=lambda row: row["name"],
     )
     single = [row for row in single if row["outcome"] not in ("failed", "not run")]
-    return [*ties, *single[:: max(1, len(single) // SINGLE)][:SINGLE]]
+    taken = single[:: max(1, len(single) // SINGLE)][:SINGLE]
+    longer, shorter = sorted((ties, taken), key=len, reverse=True)
+    return [row for pair in itertools.zip_longest(longer, shorter) for row in pair if row is not None]
 
 
 def said(verdict: str) -> tuple[str, ...]:
@@ -137,78 +140,81 @@ def _planned(row: dict[str, Any], known: Scored) -> Scored:
             continue
     places = {answer["place"], *answer["same_place"]}
     mine = [s for s in found if s.family.candidate.effect == answer["effect"] and s.family.candidate.place in places]
-    sized = [(s, size) for s in mine if (size := _size(s.family, answer["parameters"])) is not None]
-    if not sized:
+    forms = [(s, shape) for s in mine if (shape := _exact(s.family, answer["parameters"])) is not None]
+    if not forms:
         raise ValueError(f"{answer['effect']} is not at {answer['place']}")
-    truth, size = sized[0]
-    times = size / truth.size if truth.family.sized else 1.0
-    if not truth.shows:
-        return Scored(**{**asdict(known), "times": times})
+    truth, exact = forms[0]
+    at, course = (0.0 if exact.candidate.effect == "saturation" else 1.0), bench.course(truth.family, truth.size)
+    course = bench.course(exact, at, course) if exact.sized else course
+    shown, least = _shown(bench, course), _shown(bench, bench.course(truth.family, truth.size))
     rivals = [s for s in found if s.shows and s is not truth]
-    told = _at(bench, [truth, *rivals], times)
-    evidence = evidences(bench, told)[0]
+    told = _at(bench, truth, course, shown, rivals)
+    fits = odds(bench, told, only=[0])
     own = truth.family.candidate
     predicted = [
-        f"{s.family.candidate.effect} at {s.family.candidate.place}"
-        for s, e in zip(told.found, evidence, strict=True)
-        if s is not truth and e > evidence[0] - DECISIVE and may_tie(own, s.family.candidate)
+        f"{told.found[j].family.candidate.effect} at {told.found[j].family.candidate.place}"
+        for i, j in ties(told, fits)
+        if i == 0 and may_tie(own, told.found[j].family.candidate)
     ]
-    return Scored(
-        **{
-            **asdict(known),
-            "times": times,
-            "shows": times >= 1,
-            "predicted": tuple(dict.fromkeys(predicted)),
-        }
-    )
+    beyond, _ = margin(bench, course, len(listed))
+    return replace(known, times=math.sqrt(shown / least), shows=beyond >= 0, predicted=tuple(dict.fromkeys(predicted)))
 
 
-def _size(family: Family, parameters: dict[str, float]) -> float | None:
-    """The size at which a family has the parameters of a truth; None if it has none of them."""
+def _shown(bench: Bench, course: Course) -> float:
+    """Energy of an effect that the refitted model leaves, and what its parameters cost."""
+    found = answer(bench.nominal, [course])
+    return float(np.sum(found.rest**2) + 2 * found.cost[0])
+
+
+def _exact(family: Family, parameters: dict[str, float]) -> Family | None:
+    """The effect with the parameters of a truth; None if it is of another shape, or has none of them."""
+    given = {OWN_NAMES.get(key, key): float(value) for key, value in parameters.items()}
+    if "moment" in parameters:
+        given["mass"] = float(parameters["moment"]) / 9.81
+    if "time_constant" in given:
+        given["corner_frequency"] = 1 / given["time_constant"]
     if not family.sized:
-        return 1.0
-    given = {OWN_NAMES.get(key, key): value for key, value in parameters.items()}
+        return family
     if "order" in family.base and given.get("order") != family.base["order"]:
         return None
-    if family.candidate.effect == "saturation":
-        return 1 - abs(given["upper"]) / family.told(0.0)
-    names = [key for key in given if family.powers.get(key) and key in family.base]
-    lead = family.lead if family.lead in names else names[0] if names else ""
-    if family.candidate.effect in ("uneven_gain", "sensor_scale"):
-        value = given.get("backward", given.get("gain"))
-        return abs(value - 1) if value is not None else None
-    if family.candidate.effect in ("lag", "sensor_lag") and "time_constant" in given:
-        return float(given["time_constant"] * family.base["corner_frequency"])
-    if not lead:
-        return None
-    return float(abs(given[lead] / family.base[lead]) ** (1 / family.powers[lead]))
+    known = {key: given[key] for key in family.base if key in given}
+    if NEAR_ONE.get(family.candidate.effect) in known:
+        return replace(family, base=family.base | known, powers={}, lead="")
+    return replace(family, base=family.base | known) if known else None
 
 
-def _at(bench: Bench, found: Sequence[Smallest], times: float) -> Truths:
-    """Effects at a multiple of their smallest size, those that can be simulated there; the first is the truth."""
-    rows = []
-    for each in found:
-        family = each.family
-        size = min(times * each.size, max(family.largest, each.size)) if family.sized else 1.0
+def _at(bench: Bench, truth: Smallest, course: Course, shown: float, rivals: Sequence[Smallest]) -> Truths:
+    """The truth, and rivals of sizes that show as much, where they can be simulated."""
+    rows: list[tuple[Smallest, float, tuple[Course, ...]]] = [(truth, 1.0, (course,))]
+    for each in rivals:
+        family, size = each.family, each.size
         try:
-            near = bench.course(family, each.size) if family.sized and family.candidate.freed is None else None
-            rows.append((each, size, tuple(bench.course(form, size, near) for form in turns(family))))
+            near = bench.course(family, size)
+            if family.sized:
+                size = min(size * math.sqrt(shown / max(_shown(bench, near), 1e-9)), max(family.largest, size))
+            fixed = family.candidate.freed is not None or not family.sized
+            rows.append((each, size, tuple(bench.course(f, size, None if fixed else near) for f in turns(family))))
         except FlexarmError:
-            if each is found[0]:
-                raise
-    return Truths(tuple(r[0] for r in rows), times, tuple(r[1] for r in rows), tuple(r[2] for r in rows))
+            continue
+    return Truths(tuple(r[0] for r in rows), 1.0, tuple(r[1] for r in rows), tuple(r[2] for r in rows))
 
 
-def run(workers: int = 2) -> list[Scored]:
-    """Score every case, telling each."""
-    rows = cases()
-    found = []
+def kept() -> list[dict[str, Any]]:
+    """The cases that are scored already."""
+    return list(json.loads(DATA.read_text(encoding="utf-8"))["rows"]) if DATA.exists() else []
+
+
+def run(workers: int = 2) -> None:
+    """Score every case that is not scored yet, telling and keeping each."""
+    done = kept()
+    rows = [row for row in cases() if row["name"] not in {one["name"] for one in done}]
     with threadpool_limits(1), ThreadPoolExecutor(workers) as pool:
         for number, one in enumerate(pool.map(scored, rows), 1):
-            found.append(one)
+            done.append(asdict(one))
+            with writing(DATA, (".json",)) as temporary:
+                temporary.write_text(json_text({"rows": done}, indent=1) + "\n", encoding="utf-8")
             told = one.failure or f"{one.times:.3g} times; predicted {list(one.predicted)}; reported {one.reported}"
             print(f"{number} of {len(rows)} {one.suite} {one.truth} {one.outcome}: {told}", flush=True)
-    return found
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -217,10 +223,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("what", choices=("run", "page"))
     given = parser.parse_args(arguments)
     if given.what == "run":
-        found = run()
-        told = {"cpu_seconds": sum(os.times()[:4]), "rows": [asdict(one) for one in found]}
-        with writing(DATA, (".json",)) as temporary:
-            temporary.write_text(json_text(told, indent=1) + "\n", encoding="utf-8")
+        run()
     with writing(PAGE, (".md",)) as temporary:
         temporary.write_text(page(json.loads(DATA.read_text(encoding="utf-8"))), encoding="utf-8")
     return 0
@@ -254,7 +257,8 @@ def _lines(told: dict[str, Any], rows: list[dict[str, Any]], failed: list[dict[s
 recordings and what the diagnosis made of them. Here are {len(told["rows"])} of its cases: {len(ties)} designed ties and
 {len(single)} single effects, taken evenly by name from the suites `core`, `power` and `encoder`. The plan sees the
 scenario, the inputs and the noise of each, never a sample. It is asked about the concealed effect at its place and
-size. `python -m benchmarks.planning run` repeats it in {told["cpu_seconds"] / 60:.0f} minutes of processor time."""
+size. `python -m benchmarks.planning run` goes on with those of its cases that are not in the table yet; a case took
+{float(np.median([r["cpu"] for r in rows])):.0f} s of processor time."""
     yield ""
     yield "| cases | tie predicted, tie came out | predicted, but named | not predicted, but tied | neither |"
     yield "|---|---|---|---|---|"
