@@ -207,6 +207,7 @@ def plan(
     planned: Planned,
     *,
     multiples: Sequence[float] = MULTIPLES,
+    only: Sequence[str] = (),
     without: Sequence[str] = (),
     workers: int = 2,
     progress: Progress | None = None,
@@ -217,12 +218,15 @@ def plan(
         scenario: the user's.
         planned: the experiment.
         multiples: sizes at which effects are told apart, in smallest sizes that show.
+        only: effects that are looked at; all if none are named.
         without: effects that are left out.
         workers: threads; the result does not depend on them.
         progress: told what is done, how many of how many.
     """
     scales = operating_scales(planned.problem)
-    listed = first_options(candidates(scales, without))
+    listed = [c for c in first_options(candidates(scales, without)) if not only or c.effect in only]
+    if not listed:
+        raise FlexarmError(f"{', '.join(only) or 'no effect'} can act nowhere in '{scenario.name}'")
     every = [(family, _unexcited(family, scales)) for candidate in listed for family in families(candidate)]
     shapes = [family for family, why in every if not why]
     bench = Bench(planned)

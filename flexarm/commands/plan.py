@@ -40,6 +40,10 @@ def plan(
         Path | None,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for report.html, plan.json and plan.png."),
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="EFFECT", help="An effect that is looked at, in place of all; repeatable."),
+    ] = None,
     without: Annotated[
         list[str] | None,
         typer.Option("--without", metavar="EFFECT", help="An effect that is not looked at; repeatable."),
@@ -72,6 +76,7 @@ def plan(
                 recordings or (),
                 measure=wanted,
                 overrides=overrides or (),
+                only=only or (),
                 without=without or (),
                 multiples=tuple(sorted(multiples)) if multiples else MULTIPLES,
                 workers=workers,

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diagnosis.planning.wording import apart_sentences, cannot_tell, input_sentence, sensor_sentence, size_in_words
-from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report.origin import origin
 from flexarm.report.page import render, write_page
 
@@ -38,7 +37,6 @@ def write_plan(found: Plan, path: Path, *, command: str = "") -> Path:
         [],
         title=f"{found.scenario.name}: plan",
         scenario=found.scenario,
-        picture=diagram(found.scenario, {}),
         sensors=found.planned.sensors,
         assumed=found.planned.assumed,
         first=first,
