@@ -271,8 +271,8 @@ with their places, are among those predicted. {len(hidden)} of the effects were 
     yield ""
     yield """Read "told apart" as optimistic: most designed ties here were not predicted. By the sensors' noise the
 recordings would tell these laws apart, and the diagnosis did not. A likely cause, not checked case by case: the truth
-of the proof has drift, ripple and gain errors besides, up to 3 % of the effect, where the plan allows for a background of
-half a per cent of the power. The cases are few, and chosen by their order, not by their outcome."""
+of the proof has drift, ripple and gain errors besides, up to 3 % of the effect, where the plan allows for a background
+of half a per cent of the power. The cases are few, and chosen by their order, not by their outcome."""
     yield ""
     yield "| case | concealed | times the smallest size | predicted rivals | what the diagnosis said |"
     yield "|---|---|---|---|---|"
