@@ -215,6 +215,7 @@ def plan(
     *,
     measure: Mapping[str, str] | None = None,
     overrides: Sequence[str] = (),
+    only: Sequence[str] = (),
     without: Sequence[str] = (),
     multiples: Sequence[float] = MULTIPLES,
     workers: int | None = None,
@@ -230,6 +231,7 @@ def plan(
             empty text for a usual one. The experiment is then the scenario's own run, as it is where no recordings are
             described.
         overrides: ``key=value`` texts.
+        only: effects that are looked at; all if none are named.
         without: effects that are left out.
         multiples: sizes at which effects are told apart, in smallest sizes that show, ascending.
         workers: threads; as many as cores if None. The result does not depend on them.
@@ -238,7 +240,7 @@ def plan(
     Raises:
         FlexarmError: scenario or recordings that do not fit, an unknown signal or effect, or a size that is none.
     """
-    check_names(without)
+    check_names([*only, *without])
     if workers is not None and workers < 1:
         raise FlexarmError(f"{workers} workers cannot do anything", remedy="give 1 or more")
     if not multiples or min(multiples) < 1:
@@ -257,5 +259,11 @@ def plan(
         else:
             planned = recorded(scenario, gather(scenario, recordings, ()))
         return judge_plan(
-            scenario, planned, multiples=multiples, without=without, workers=workers or cores(), progress=progress
+            scenario,
+            planned,
+            multiples=multiples,
+            only=only,
+            without=without,
+            workers=workers or cores(),
+            progress=progress,
         )

@@ -10,9 +10,9 @@ import numpy as np
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment, over_time
-from diagnosis.planning.distinguish import Truths, turns, unordered
+from diagnosis.planning.distinguish import Odds, Truths, turns, unordered
 from diagnosis.planning.experiment import Planned, Sensor
-from diagnosis.planning.reach import Bands, Bench, Course, answer, fitted
+from diagnosis.planning.reach import Bands, Bench, Course, answer, background, fitted
 from diagnosis.planning.smallest import DECISIVE
 from diagnosis.thresholds import NEXT_EXPERIMENT
 from diagnosis.verdict.experiment_design import menu
@@ -50,46 +50,55 @@ class Input:
     settles: tuple[Pair, ...]
 
 
-def sensors(planned: Planned, bench: Bench, told: Truths, tied: Sequence[Pair]) -> list[Further]:
+def sensors(planned: Planned, bench: Bench, told: Truths, found: Odds, tied: Sequence[Pair]) -> list[Further]:
     """Every sensor that could be added, with the ties that it settles; those that settle most first.
 
     Args:
         planned: the experiment, with the sensors that could be added.
         bench: it.
         told: the effects, with courses of further sensors.
+        found: how well they fit.
         tied: pairs (truth, rival) that tie.
     """
     open_: list[set[Pair]] = [set() for _ in planned.further]
-    by_rival: dict[int, list[int]] = {}
+    own = {i: _with_each(bench, told.forms[i], told.courses[i], found.background[:, [i]]) for i, _ in tied}
     for i, j in tied:
-        by_rival.setdefault(j, []).append(i)
-    involved = {k for pair in tied for k in pair}
-    own = {i: _with_each(bench, told.forms[i], [told.courses[i]])[:, 0] for i in involved}
-    for j, mine in by_rival.items():
-        found = _with_each(bench, told.forms[j], [told.courses[i] for i in mine])
-        for column, i in enumerate(mine):
-            for k in np.flatnonzero(found[:, column] > own[i] - DECISIVE):
-                open_[k].add((min(i, j), max(i, j)))
+        forms = _forms(told, found, i, j)
+        fits = _with_each(bench, forms, told.courses[i], found.background[:, [i]])
+        for k in np.flatnonzero(fits > own[i] - DECISIVE):
+            open_[k].add((min(i, j), max(i, j)))
     before = unordered(tied)
     rows = [Further(s, tuple(sorted(before - left))) for s, left in zip(planned.further, open_, strict=True)]
     return sorted(rows, key=lambda row: -len(row.settles))
 
 
-def _with_each(bench: Bench, forms: Sequence[Course], mine: Sequence[Course]) -> Array:
-    """How well a rival fits each truth, with each of the further sensors, shape (sensors, truths)."""
-    found = []
+def _forms(told: Truths, found: Odds, i: int, j: int) -> tuple[Course, ...]:
+    """The courses of a rival around which it is fitted to a truth."""
+    close = found.close.get((i, j))
+    return told.forms[j] if close is None else (close,)
+
+
+def _with_each(bench: Bench, forms: Sequence[Course], truth: Course, background: Array) -> Array:
+    """How well a rival fits a truth, with each of the further sensors, shape (sensors,)."""
+    made = []
     for rival in forms:
-        away = np.stack([t.further for t in mine], axis=2) - rival.further[:, :, None]
         rows = []
-        for y, J in zip(away, rival.further_slopes, strict=True):
-            made = answer(rival, mine, J.T @ J, J.T @ y)
-            rows.append(fitted(bench.bands, made) - 0.5 * np.sum((y - J @ made.change) ** 2, axis=0))
-        found.append(np.array(rows).reshape(len(rival.further), len(mine)))
-    return np.asarray(np.max(found, axis=0))
+        for y, J in zip(truth.further - rival.further, rival.further_slopes, strict=True):
+            fits = answer(rival, [truth], J.T @ J, (J.T @ y)[:, None])
+            left = float(np.sum((y - J @ fits.change[:, 0]) ** 2))
+            rows.append(float(fitted(bench.bands, fits, background)[0]) - 0.5 * left)
+        made.append(rows)
+    return np.asarray(np.max(made, axis=0))
 
 
 def inputs(
-    planned: Planned, bench: Bench, told: Truths, tied: Sequence[Pair], workers: int, done: Callable[[int, int], None]
+    planned: Planned,
+    bench: Bench,
+    told: Truths,
+    found: Odds,
+    tied: Sequence[Pair],
+    workers: int,
+    done: Callable[[int, int], None],
 ) -> list[Input]:
     """Every input of the menu, with the ties that it settles when it is run besides; those that settle most first.
 
@@ -99,6 +108,7 @@ def inputs(
         planned: the experiment.
         bench: it.
         told: the effects.
+        found: how well they fit.
         tied: pairs (truth, rival) that tie.
         workers: threads.
         done: told how many inputs of how many were looked at.
@@ -111,7 +121,6 @@ def inputs(
         for e in over_time(planned.problem.experiments)
         if e.drive is not None
     )
-    involved = sorted({k for pair in tied for k in pair})
     rows = []
     listed = menu(size, first.shortest)
     before = unordered(tied)
@@ -122,29 +131,38 @@ def inputs(
         except FlexarmError:
             continue
 
-        def one(k: int, there: Bench = there) -> list[Course]:
-            size, forms = told.sizes[k], zip(turns(told.found[k].family), told.forms[k], strict=True)
+        def joined(pair: Pair, there: Bench = there) -> list[Course]:
+            """A rival in both experiments; as its own rival, the truth."""
+            i, j = pair
+            family, size = told.found[j].family, told.sizes[j]
+            forms = _forms(told, found, i, j) if i != j else told.forms[j]
+            families = turns(family) if len(forms) > 1 else [family]
             try:
-                return [_joined(course, there.at(family, size, course)) for family, course in forms]
+                pairs = zip(families, forms, strict=True)
+                return [_joined(course, there.at(one, size, course)) for one, course in pairs]
             except FlexarmError:
                 return []
 
+        wanted = [*dict.fromkeys((i, i) for i, _ in tied), *tied]
         with Spread(workers, threads=True) as pool:
-            joined = dict(zip(involved, pool.map(one, involved), strict=True))
+            courses = dict(zip(wanted, pool.map(joined, wanted), strict=True))
         bands = bench.bands + there.bands
-        own = {k: _best(bands, forms, forms[0]) for k, forms in joined.items() if forms}
-        left = {
-            (min(i, j), max(i, j))
-            for i, j in tied
-            if i not in own or j not in own or _best(bands, joined[j], joined[i][0]) > own[i] - DECISIVE
-        }
+        left = set()
+        for i, j in tied:
+            truth, rival = courses[i, i], courses[i, j]
+            if truth and rival:
+                behind = background(bands, _joined(bench.nominal, there.nominal), truth[:1])
+                own = _best(bands, truth[:1], truth[0], behind)
+                if _best(bands, rival, truth[0], behind) <= own - DECISIVE:
+                    continue
+            left.add((min(i, j), max(i, j)))
         rows.append(Input(kind, sentence, tuple(sorted(before - left))))
     return sorted(rows, key=lambda row: -len(row.settles))
 
 
-def _best(bands: Bands, forms: Sequence[Course], truth: Course) -> float:
+def _best(bands: Bands, forms: Sequence[Course], truth: Course, background: Array) -> float:
     """How well a rival fits a truth."""
-    return max(float(fitted(bands, answer(form, [truth]))[0]) for form in forms)
+    return max(float(fitted(bands, answer(form, [truth]), background)[0]) for form in forms)
 
 
 def _driven(problem: Problem, like: TimeExperiment, time: Array, drive: Array) -> Problem:

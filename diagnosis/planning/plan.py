@@ -7,12 +7,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.planning.distinguish import (
+    Odds,
     Truths,
-    evidences,
+    odds,
     pairs_of_effects,
     rivals,
     ties,
@@ -204,6 +207,7 @@ def plan(
     planned: Planned,
     *,
     multiples: Sequence[float] = MULTIPLES,
+    only: Sequence[str] = (),
     without: Sequence[str] = (),
     workers: int = 2,
     progress: Progress | None = None,
@@ -214,12 +218,15 @@ def plan(
         scenario: the user's.
         planned: the experiment.
         multiples: sizes at which effects are told apart, in smallest sizes that show.
+        only: effects that are looked at; all if none are named.
         without: effects that are left out.
         workers: threads; the result does not depend on them.
         progress: told what is done, how many of how many.
     """
     scales = operating_scales(planned.problem)
-    listed = _first_options(candidates(scales, without))
+    listed = [c for c in first_options(candidates(scales, without)) if not only or c.effect in only]
+    if not listed:
+        raise FlexarmError(f"{', '.join(only) or 'no effect'} can act nowhere in '{scenario.name}'")
     every = [(family, _unexcited(family, scales)) for candidate in listed for family in families(candidate)]
     shapes = [family for family, why in every if not why]
     bench = Bench(planned)
@@ -229,14 +236,16 @@ def plan(
     shown = [each for each in found if each.shows]
     steps.begin("telling effects apart", len(multiples) * len(shown))
     by_multiple: dict[float, tuple[Truths, list[tuple[int, int]], list[tuple[int, int, int]]]] = {}
+    first_fits = Odds(np.zeros((0, 0)), np.zeros((0, 0)), {})
     for k, multiple in enumerate(multiples):
         told = truths(bench, shown, multiple, workers, steps.done, further=k == 0)
-        evidence = evidences(bench, told)
-        by_multiple[multiple] = (told, ties(told, evidence), list(pairs_of_effects(bench, told, evidence)))
+        fits = odds(bench, told, workers)
+        by_multiple[multiple] = (told, ties(told, fits), list(pairs_of_effects(bench, told, fits)))
+        first_fits = fits if k == 0 else first_fits
     told, tied, _ = by_multiple[multiples[0]]
-    added = sensors(planned, bench, told, tied)
+    added = sensors(planned, bench, told, first_fits, tied)
     steps.begin("trying other inputs", 1)
-    tried = inputs(planned, bench, told, tied, workers, steps.at)
+    tried = inputs(planned, bench, told, first_fits, tied, workers, steps.at)
     number = {id(each): k for k, each in enumerate(found, 1)}
 
     def numbered(told: Truths) -> dict[int, int]:
@@ -250,7 +259,9 @@ def plan(
         for multiple, (there, open_, doubles) in by_multiple.items():
             names = numbered(there)
             mine = [k for k, one in enumerate(there.found) if one is each]
-            against[multiple] = tuple(sorted({names[j] for i, j in open_ if i in mine}))
+            against[multiple] = tuple(
+                sorted({names[j if i in mine else i] for i, j in unordered(open_) if i in mine or j in mine})
+            )
             beside[multiple] = tuple((names[a], names[b]) for i, a, b in doubles if i in mine)
         rows.append(_row(bench, each, number[id(each)], against, beside))
     counted = {m: rivals(there) for m, (there, _, _) in by_multiple.items()}
@@ -298,7 +309,7 @@ class _Steps:
             self._progress(self._what, done, count)
 
 
-def _first_options(listed: Sequence[Candidate]) -> list[Candidate]:
+def first_options(listed: Sequence[Candidate]) -> list[Candidate]:
     """Each effect at each place as the scenario draws it: the first way to put it in."""
     found: dict[str, Candidate] = {}
     for candidate in listed:

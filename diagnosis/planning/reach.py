@@ -52,6 +52,7 @@ class Course:
         prior, weights: residual and Jacobian of the prior.
         x: search vector about which it is linear, shape (n,): the model's own parameters make good what they can, so
             that the measurements are nearly those of the model as given.
+        problem: the model.
         given: where the values given for the parameters lie while this is the truth, by name and recording: at those
             of the truth, unless one of them is wrong.
     """
@@ -65,6 +66,7 @@ class Course:
     prior: Array
     weights: Array
     x: Array
+    problem: Problem
     given: dict[tuple[str, str], float] = field(default_factory=dict)
 
     @functools.cached_property
@@ -127,24 +129,28 @@ class Bands:
         place = np.array([number[name] for name in self.names])
         return place, np.asarray(np.bincount(place, self.counts, len(number)), dtype=float)
 
-    def likelihood(self, rest: Array) -> Array:
+    def likelihood(self, rest: Array, background: Array | None = None) -> Array:
         """Logarithm of the likelihood that is expected where a model leaves some of the truth, shape as of columns.
 
-        Zero where it leaves nothing: the sensors' noise is the same for all.
+        Zero where it leaves nothing: the noise is the same for all.
 
         Args:
             rest: shape (m, columns).
+            background: what no model has, over the sensors' noise, shape (bands, columns).
         """
-        return np.asarray(-0.5 * self.strengths[1] @ np.log1p(self._ratio(rest)))
+        ratio = self.ratio(rest)
+        return np.asarray(
+            -0.5 * self.strengths[1] @ np.log1p(ratio if background is None else ratio / (1 + background))
+        )
 
     def unexplained(self, rest: Array) -> Array:
         """What of that a search sees: bands that show more than chance; see `diagnosis.search.evidence.Leftover`."""
-        ratio = 1 + self._ratio(rest)
+        ratio = 1 + self.ratio(rest)
         n = self.strengths[1][:, None]
         chance = (1 - 2 / (9 * n) + EVIDENCE.chance * np.sqrt(2 / (9 * n))) ** 3
         return np.asarray(0.5 * np.sum(np.where(ratio > chance, n * np.log(ratio), 0.0), axis=0))
 
-    def _ratio(self, rest: Array) -> Array:
+    def ratio(self, rest: Array) -> Array:
         """Energy of each band over that of the noise, shape (bands, columns)."""
         energy = np.zeros((len(self.strengths[1]), rest.shape[1]))
         np.add.at(energy, self.strengths[0], rest**2)
@@ -242,18 +248,44 @@ class Bench:
         return self._with_difference(found, family, size, further) if family.sized and not found.own.any() else found
 
     def at(self, family: Family, size: float, where: Course) -> Course:
-        """What an effect adds where the model's own parameters are those of its course in another experiment.
+        """What an effect adds where all parameters are those of its course in another experiment.
 
         Raises:
             FlexarmError: it cannot be simulated.
         """
+        made, x = self.model(family, size) if family.candidate.freed is None else (self.problem, where.x)
+        known = {(f.name, f.recording): f.value(v) for f, v in zip(where.free, where.x, strict=True)}
+        pairs = zip(made.free, x, strict=True)
+        x = np.array([f.position(known[key]) if (key := (f.name, f.recording)) in known else v for f, v in pairs])
         if family.candidate.freed is not None:
-            return self._freed(family.candidate.freed, size)
-        made, x = self.model(family, size)
-        known = where.places
-        x = np.array([known.get((f.name, f.recording), v) for f, v in zip(made.free, x, strict=True)])
+            found = self._course(made, x, family.candidate.freed.name, further=False)
+            return replace(found, free=where.free)
         found = self._course(made, x, f"{family.candidate.name}.", further=False)
         return self._with_difference(found, family, size, False) if family.sized and not found.own.any() else found
+
+    def again(self, course: Course, change: Array) -> Course | None:
+        """A course about parameters that were changed; None where it cannot be simulated, or has no derivative.
+
+        Args:
+            course: it.
+            change: of its parameters, shape (n,).
+        """
+        made, x = course.problem, course.x + change
+        if len(made.free) != len(x):
+            return None
+        try:
+            found = self._course(resolved(made, x) or made, x, "", bool(course.further.size))
+        except SimulationError:
+            return None
+        return replace(
+            course,
+            values=found.values,
+            slopes=found.slopes,
+            further=found.further,
+            further_slopes=found.further_slopes,
+            prior=course.prior + course.weights @ change,
+            x=x,
+        )
 
     def _freed(self, freed: FreeParameter, size: float) -> Course:
         """The model as given while the value that is given for one of its parameters is wrong."""
@@ -292,13 +324,14 @@ class Bench:
         k, n = self.planned_signals, len(x)
         for e, whitening in zip(over_time(made.experiments), self._whitening, strict=True):
             r, J = made.linearised(x, e)
-            r, J = r.reshape(len(e.time), -1), J.reshape(len(e.time), -1, n)
-            if np.abs(r).max(initial=0.0) > FITTING.huge / 10:
+            r = r.reshape(e.measured.shape)
+            J = np.asarray(J).reshape(len(e.time), e.measured.shape[1], n)
+            if np.abs(r[:, :k]).max(initial=0.0) > FITTING.huge / 10:
                 raise SimulationError("what it adds grows without bound")
             values.append(whitening(r[:, :k]))
-            columns = [whitening(J[:, :k, i]) for i in range(n)]
+            columns = [whitening(one) for one in np.moveaxis(J[:, :k], 2, 0)]
             slopes.append(np.column_stack(columns) if columns else np.zeros((len(values[-1]), 0)))
-            if further and r.shape[1] > k:
+            if further and e.measured.shape[1] > k:
                 others.append(_thinned(e, r[:, k:]))
                 other_slopes.append(_thinned(e, J[:, k:]))
         prior, weights = made.prior(x)
@@ -313,6 +346,7 @@ class Bench:
             prior,
             weights,
             x,
+            made,
         )
 
 
@@ -384,6 +418,8 @@ def _cost(course: Course) -> float:
 
 def _solved(H: Array, b: Array) -> Array:
     """H x = b, balanced: parameters may be very unequal in what they do."""
+    if not len(H):
+        return np.zeros_like(b)
     scale = 1 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     return np.asarray(scale[:, None] * np.linalg.lstsq(H * np.outer(scale, scale), scale[:, None] * b, rcond=1e-13)[0])
 
@@ -402,9 +438,17 @@ def _within(H: Array, b: Array, x: Array, low: Array, high: Array) -> Array:
     return x
 
 
-def fitted(bands: Bands, found: Answer) -> Array:
+def fitted(bands: Bands, found: Answer, background: Array | None = None) -> Array:
     """Logarithm of the likelihood of a rival's best fit less what its parameters cost, for each truth."""
-    return np.asarray(bands.likelihood(found.rest) - found.cost)
+    return np.asarray(bands.likelihood(found.rest, background) - found.cost)
+
+
+def background(bands: Bands, nominal: Course, truths: Sequence[Course]) -> Array:
+    """What no model has of some truths, over the sensors' noise in each band, shape (bands, truths).
+
+    A machine has more that nobody models, and all that is taken for it is as coloured as what shows.
+    """
+    return EVIDENCE.share * bands.ratio(answer(nominal, truths).rest)
 
 
 def likely(bands: Bands, rival: Course, found: Answer) -> Array:

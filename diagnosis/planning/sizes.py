@@ -63,7 +63,7 @@ FIXED_LAWS = frozenset({"structural_damping", "rectified_sensor", "one_sided_con
 JOINT_LAWS = frozenset({"joint_flexibility", "backlash", "hardening_spring", "hysteresis"})
 
 LARGEST = 3.0
-"""Multiple of a size that matters (`EffectParameter.reference`) beyond which an effect is no longer looked for."""
+"""Multiple of a size that matters, or of the largest start, beyond which an effect is no longer looked for."""
 
 FIRST = 0.02
 """The share of a size that matters from which the search for the smallest size begins."""
@@ -173,7 +173,8 @@ def families(candidate: Candidate) -> Iterator[Family]:
             matters = abs(known[lead].reference / base[lead]) ** (1 / powers[lead])
         else:
             matters = abs(known[lead].reference / base[lead]) ** (1 / powers[lead])
-            first, largest = FIRST * matters, LARGEST * matters
+            first = FIRST * matters
+            largest = LARGEST * max(matters, *((s[lead] / base[lead]) ** (1 / powers[lead]) for s in able))
         yield Family(candidate, dict(base), powers, lead, ", ".join(words), first, largest, matters)
 
 

@@ -103,8 +103,9 @@ def smallest(bench: Bench, family: Family, tried: int) -> Smallest:
             return Smallest(family, family.largest, False, beyond)
         wanted = shown - beyond
         if shown > 0 and math.isfinite(beyond) and wanted > 0:
-            factor = min(max(math.sqrt(wanted / shown), 1 / STRIDE), STRIDE)
-            following = size * factor
+            # A little too far, so that the sizes on both sides are known.
+            over = 1 + CLOSE if beyond < 0 else 1 - CLOSE / 2
+            following = size * min(max(over * math.sqrt(wanted / shown), 1 / STRIDE), STRIDE)
         else:
             following = size * (STRIDE if beyond < 0 else 1 / STRIDE)
         following = min(following, family.largest)
@@ -113,7 +114,7 @@ def smallest(bench: Bench, family: Family, tried: int) -> Smallest:
                 break
             if not low * (1 + CLOSE / 3) < following < high * (1 - CLOSE / 3):
                 following = math.sqrt(low * high)
-        if math.isfinite(best) and beyond >= 0 and abs(math.log(following / size)) < CLOSE:
+        if math.isfinite(best) and 0 <= beyond < math.inf and math.log(size / following) < CLOSE:
             high = size
             break
         size = following

@@ -55,6 +55,14 @@ def cannot_tell(row: Row, found: Plan) -> str:
     return ", ".join([*singles, *doubles])
 
 
+def apart_sentences(found: Plan) -> list[str]:
+    """How many pairs of effects are told apart, at each of the sizes."""
+    return [
+        f"told apart at {multiple:g} times the smallest size: {found.apart(multiple)} of {found.pairs[multiple]} pairs"
+        for multiple in found.multiples
+    ]
+
+
 def input_sentence(found: Plan) -> str:
     """Which input of the menu to run besides."""
     first = found.multiples[0]

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 
-LISTED = 3
-"""Inputs and sensors that are printed."""
-
 
 def plan(
     scenario: ScenarioArgument,
@@ -42,6 +39,10 @@ def plan(
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="DIR", help="Folder for report.html, plan.json and plan.png."),
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="EFFECT", help="An effect that is looked at, in place of all; repeatable."),
     ] = None,
     without: Annotated[
         list[str] | None,
@@ -75,6 +76,7 @@ def plan(
                 recordings or (),
                 measure=wanted,
                 overrides=overrides or (),
+                only=only or (),
                 without=without or (),
                 multiples=tuple(sorted(multiples)) if multiples else MULTIPLES,
                 workers=workers,
@@ -82,8 +84,11 @@ def plan(
             )
         if output is not None:
             from diagnosis.planning.write import write
+            from flexarm.report import write_plan
+            from flexarm.report.origin import command_line
 
             write(found, output)
+            write_plan(found, output / "report.html", command=command_line())
     except KeyboardInterrupt:
         typer.echo("interrupted; nothing was written", err=True)
         raise typer.Exit(INTERRUPTED) from None
@@ -97,8 +102,8 @@ def plan(
 
 def page(found: Plan) -> str:
     """The plan in a table and sentences."""
-    from diagnosis.planning.wording import cannot_tell, input_sentence, sensor_sentence, size_in_words
-    from flexarm.console.text import columns, number, plural
+    from diagnosis.planning.wording import apart_sentences, cannot_tell, input_sentence, sensor_sentence, size_in_words
+    from flexarm.console.text import columns, number
 
     first = found.multiples[0]
     shown = found.shown
@@ -116,14 +121,11 @@ def page(found: Plan) -> str:
         parts.append(f"  (* nor at {found.multiples[-1]:g} times)")
     hidden = [row for row in found.rows if not row.shows]
     if hidden:
-        parts.append("  would not show, however large: the model's own parameters, within tolerances, do the same")
-        parts += [f"    {row.number} {row.label}" for row in hidden]
-    for multiple in found.multiples:
         parts.append(
-            f"  told apart at {multiple:g} times the smallest size: {found.apart(multiple)} of "
-            f"{plural(found.pairs[multiple], 'pair')}"
+            "  would not show at any size tried: the model's own parameters do the same, or the input does not reach it"
         )
-    parts += [f"  {input_sentence(found)}", f"  {sensor_sentence(found)}"]
+        parts += [f"    {row.number} {row.label}" for row in hidden]
+    parts += [f"  {text}" for text in (*apart_sentences(found), input_sentence(found), sensor_sentence(found))]
     if found.failures:
         kinds = {why: [name for name, other in found.failures if other == why] for _, why in found.failures}
         parts += [f"  not tried: {', '.join(names)}: {why}" for why, names in kinds.items()]

@@ -20,6 +20,7 @@ PAGES = {
     "lqr.md": (),
     "controller-fmu.md": (),
     "monte-carlo.md": ("belt-axis.md",),
+    "plan.md": (),
 }
 """Pages, and those whose files they go on with."""
 
@@ -53,6 +54,7 @@ def test_what_the_page_says_is_so(followed: tuple[str, Path, list[str]]) -> None
         "lqr.md": loops_are_those_of_the_design,
         "controller-fmu.md": the_controller_is_its_recursion,
         "monte-carlo.md": draws_are_as_wide_as_asked,
+        "plan.md": one_direction_hides_friction,
     }[page](folder)
 
 
@@ -168,3 +170,13 @@ def test_every_page_with_commands_is_followed() -> None:
     """No page shows commands that nothing runs; those on effects are run by `test_own_block`."""
     shown = {p.name for p in HOW_TO.glob("*.md") if "```console\n" in p.read_text(encoding="utf-8")}
     assert shown == {*PAGES, "register-an-effect.md"}
+
+
+def one_direction_hides_friction(folder: Path) -> None:
+    """Coulomb friction and an offset are one constant torque while nothing turns back."""
+    told = json.loads((folder / "plan" / "plan.json").read_text(encoding="utf-8"))
+    number = {row["effect"]: row["number"] for row in told["effects"]}
+    pair = sorted([number["coulomb_friction"], number["offset"]])
+    assert pair in told["told_apart"]["3"]["tied"]
+    assert pair in told["told_apart"]["10"]["tied"]
+    assert pair in next(one["settles"] for one in told["inputs"] if one["kind"] == "reversal")
