@@ -85,7 +85,7 @@ class FieldOrientedController(Block):
         )
         share = by_mode(limited, 1.0, 1.0, most / greatest(size, most))
         power = 1.5 * share * (asked[0][2] * self.d_current + asked[1][2] * self.q_current)
-        net.output(self.bus_current, power / self.bus_voltage)
+        net.output(self.bus_current, power / greatest(self.bus_voltage, 1e-9))
         for (x, error, voltage, inductance), port in zip(asked, (self.d_voltage, self.q_voltage), strict=True):
             # Led back by what the limit cuts off, at the rate of the loop: R / L of the surplus.
             surplus = (share - 1) * voltage
