@@ -165,7 +165,9 @@ def bypass(system: System, inputs: list[str], wanted: Iterable[str] = ()) -> tup
                 )
         dropped += gone
         blocks = {name: block for name, block in blocks.items() if name not in gone}
-        connections = [c for c in connections if not any(_owner(system, end) in gone for end in c.ends)]
+        # A signal that a dropped block read may go on to others.
+        left = [tuple(end for end in c.ends if _owner(system, end) not in gone) for c in connections]
+        connections = [replace(c, ends=ends) for c, ends in zip(connections, left, strict=True) if len(ends) > 1]
 
 
 def _owner(system: System, endpoint: str) -> str:

@@ -201,10 +201,45 @@ def wiring() -> bytes:
     return diagram(load("reference-b")).svg().encode()
 
 
+def drives() -> bytes:
+    """Four drives: a belt that goes slack, a bus under braking, an arm that its gear shakes, a servo that lags."""
+    figure, axes = _axes(2, 2, (10, 6))
+    belt, bus, arm, servo = axes.flat
+    for pretension, colour in (("300 N", GREY), ("30 N", RED)):
+        scenario = load("belt-axis", [f"belt.pretension={pretension}"])
+        run = simulate(scenario.build(outputs=["belt.stretch"]), 0.35, 5e-4)
+        belt.plot(run.time, 1e3 * run["belt.stretch"], color=colour, lw=1.0, label=f"pretension {pretension}")
+    belt.set(ylabel="stretch of the belt [mm]", xlim=(0, 0.35))
+    belt.legend(frameon=False, fontsize=8)
+    for resistance, colour, label in (
+        ("1 kohm", GREY, "brake resistor of 1 kohm"),
+        ("3 ohm", BLUE, "brake resistor of 3 ohm"),
+    ):
+        run = simulate(load("ball-screw-axis", [f"chopper.resistance={resistance}"]), stop=0.7)
+        bus.plot(run.time, run["rectifier.voltage"], color=colour, lw=1.0, label=label)
+    bus.set(ylabel="bus voltage [V]", xlim=(0, 0.7))
+    bus.legend(frameon=False, fontsize=8)
+    for error, colour, label in (("0.15 mrad, 0.04 mrad", RED, "with"), ("0 rad, 0 rad", GREY, "without")):
+        run = simulate(load("pmsm-joint", [f"drive.error_amplitude=[{error}]"]), stop=0.8)
+        arm.plot(run.time, run["arm.shaft.acceleration"], color=colour, lw=0.8, label=f"{label} transmission error")
+    arm.set(xlabel="time [s]", ylabel="arm [rad/s²]", xlim=(0, 0.8))
+    arm.legend(frameon=False, fontsize=8)
+    run = simulate("robot-servo")
+    servo.plot(run.time, np.degrees(run["target.out"]), color="black", ls=":", lw=1.0, label="asked")
+    for share, colour in (("0", GREY), ("0.12", GREEN)):
+        run = simulate(load("robot-servo", [f"loaded.coefficient={share}", f"lifted.coefficient={share}"]))
+        angle = np.degrees(run["motor.shaft.angle"])
+        servo.plot(run.time, angle, color=colour, lw=1.2, label=f"friction {share} of the load")
+    servo.set(xlabel="time [s]", ylabel="servo [deg]", xlim=(0, 4))
+    servo.legend(frameon=False, fontsize=8)
+    return _png(figure)
+
+
 FIGURES: dict[str, Callable[[], bytes]] = {
     "step-with-gap.png": step_with_gap,
     "stick-slip.png": stick_slip,
     "harmonic-drive-ripple.png": harmonic_ripple,
+    "drives.png": drives,
     "serial-arm.png": serial_arm,
     "mode-shapes.png": mode_shapes,
     "bode-with-gap.png": bode_with_gap,

@@ -34,14 +34,13 @@ class DutyServo(SignalBlock):
     reference = signal_in("rad", "angle that is asked for")
     measurement = signal_in("rad", "angle that is measured", like="reference")
     speed = signal_in("rad/s", "speed that is measured", default=0.0)
-    gain_share = signal_in("1", "share of kp and kd, such as a gain that differs between recordings", default=1.0)
     supply_share = signal_in("1", "share of the supply voltage that is there", default=1.0)
     out = signal_out("V", "voltage at the motor d V")
     duty = signal_out("1", "duty d within its limits")
 
     def stamp(self, net: Net) -> None:
         error, most = self.reference - self.measurement, self.duty_limit
-        asked = self.gain_share * (self.proportional_gain * error - self.derivative_gain * self.speed)
+        asked = self.proportional_gain * error - self.derivative_gain * self.speed
         if self.period > 0:
             duty = net.memory("held", "1", clock(net, self), held=True)
             net.update(duty, least(greatest(asked, -most), most))

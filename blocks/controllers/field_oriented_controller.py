@@ -48,6 +48,7 @@ class FieldOrientedController(Block):
     q_voltage = signal_out("V", "voltage across them vq")
     d_target = signal_out("A", "reference id* within the limits")
     q_target = signal_out("A", "reference iq* within the limits")
+    bus_current = signal_out("A", "current that the bridge draws from the bus, 3/2 (vd id + vq iq) / bus voltage")
 
     def _targets(self, we: Expression, most: Expression) -> tuple[Expression, Expression]:
         """References of both axes within current and voltage."""
@@ -83,6 +84,8 @@ class FieldOrientedController(Block):
             lambda mode: (by_mode(mode, -1, size - most, most - size), -1),
         )
         share = by_mode(limited, 1.0, 1.0, most / greatest(size, most))
+        power = 1.5 * share * (asked[0][2] * self.d_current + asked[1][2] * self.q_current)
+        net.output(self.bus_current, power / greatest(self.bus_voltage, 1e-9))
         for (x, error, voltage, inductance), port in zip(asked, (self.d_voltage, self.q_voltage), strict=True):
             # Led back by what the limit cuts off, at the rate of the loop: R / L of the surplus.
             surplus = (share - 1) * voltage

@@ -167,6 +167,21 @@ def test_the_voltage_ends_the_torque_and_weakening_goes_beyond(weakening: bool) 
     assert balance(result) < 1e-6
 
 
+def test_the_bus_gives_what_the_machine_takes() -> None:
+    """A sagging supply behind the bridge: its energy is that of winding, shaft and wires; the books close."""
+    parts = controlled(12.0) | {"bus": Supply(source_voltage=60, resistance=0.3, capacitance=1e-3)}
+    wires = [wire.replace("bus.out", "bus.voltage") for wire in FOC]
+    result = run(parts, *wires, "control.bus_current bus.current", stop=0.1, internal_step=2e-5)
+    drawn = result["bus.voltage"] * result["control.bus_current"]
+    taken = 1.5 * (
+        result["control.d_voltage"] * result["motor.d_current"]
+        + result["control.q_voltage"] * result["motor.q_current"]
+    )
+    np.testing.assert_allclose(drawn, taken, rtol=1e-12, atol=1e-12)
+    assert result["bus.voltage"].min() < 59
+    assert balance(result) < 1e-6
+
+
 def test_weakened_the_machine_stays_on_its_voltage_ellipse() -> None:
     """At a held speed they solve we^2 ((psi + Ld id)^2 + (Lq iq)^2) = (s V - R I)^2 and the circle of the current."""
     for speed in (90.0, 120.0, 200.0):

@@ -17,6 +17,7 @@ PAGES = {
     "belt-axis.md": (),
     "ball-screw.md": (),
     "harmonic-joint.md": (),
+    "data-sheet.md": (),
     "lqr.md": (),
     "controller-fmu.md": (),
     "monte-carlo.md": ("belt-axis.md",),
@@ -51,6 +52,7 @@ def test_what_the_page_says_is_so(followed: tuple[str, Path, list[str]]) -> None
         "belt-axis.md": belt_swings_as_two_masses_do,
         "ball-screw.md": motion_is_lost_by_the_play,
         "harmonic-joint.md": holding_costs_what_statics_says,
+        "data-sheet.md": the_motor_gives_what_its_sheet_says,
         "lqr.md": loops_are_those_of_the_design,
         "controller-fmu.md": the_controller_is_its_recursion,
         "monte-carlo.md": draws_are_as_wide_as_asked,
@@ -93,6 +95,24 @@ def holding_costs_what_statics_says(folder: Path) -> None:
     assert held.outputs["drive.twist"] == pytest.approx(torque / 8e3, rel=1e-9)
     assert held.outputs["motor.current"] == pytest.approx(current, rel=1e-9)
     assert held.inputs["motor.voltage"] == pytest.approx(0.5 * current, rel=1e-9)
+
+
+def the_motor_gives_what_its_sheet_says(folder: Path) -> None:
+    """The torque of 9 A, where the voltage ends it, and the arm against a held rotor, from the sheet's numbers."""
+    run = flexarm.simulate(folder / "drive.yaml")
+    flux = np.hypot(16e-3, 0.75e-3 * 9)
+    weak = int(np.argmax(run["motor.d_current"] < -0.05))
+    constant = (run.time > 0.025) & (run.time < run.time[weak])
+    np.testing.assert_allclose(run["motor.torque"][constant], 101.8e-3 * 9 / np.sqrt(2), rtol=1e-3)
+    bus = run["bus.voltage"][weak]
+    corner = (0.95 * bus / np.sqrt(3) - 0.25 * 9.9 * np.sqrt(2)) / (3 * flux)
+    assert run["motor.shaft.speed"][weak] == pytest.approx(corner, rel=0.02)
+    assert corner == pytest.approx(438, rel=0.04)
+    assert 1.5 < run["motor.shaft.speed"].max() / corner < 2.5
+    found = flexarm.linearise(folder / "drive.yaml", "loop")
+    assert np.sort(np.abs(found.poles() + 4000))[:2] == pytest.approx([0, 0], abs=0.1)
+    held = found.zeros("motor.shaft.speed")
+    assert np.abs(held[np.abs(held.imag) > 1]) == pytest.approx(np.sqrt(16e3 / 0.9), rel=1e-3)
 
 
 def loops_are_those_of_the_design(folder: Path) -> None:

@@ -8,6 +8,7 @@ from engine.assemble import build
 from engine.block import Block, flange, parameter, signal_out
 from engine.net import Net
 from engine.simulate import simulate
+from engine.system import bypass
 from tests.engine.parts import Body, Held, system
 
 
@@ -37,3 +38,15 @@ def test_a_controller_sees_what_a_sensor_took_at_the_same_instant() -> None:
 def test_parameters_that_no_equation_reads_are_not_offered() -> None:
     model = build(system({"m": Body(inertia=1.0), "c": Held(gain=2.0)}, ("m.shaft.angle", "c.in")))
     assert [p.name for p in model.parameters] == ["c.gain"]
+
+
+def test_a_signal_goes_on_to_others_when_one_that_read_it_is_dropped() -> None:
+    """``m.shaft.angle`` feeds the dropped controller ``c`` and the kept one ``d`` by one connection."""
+    plant = system(
+        {"m": Body(inertia=1.0), "c": Held(gain=2.0), "d": Held(gain=3.0), "e": Held(gain=4.0)},
+        ("m.shaft.angle", "c.in", "d.in"),
+        ("c.out", "e.in"),
+    )
+    left, dropped = bypass(plant, ["e.in"], wanted=["d.out", "e.out"])
+    assert dropped == ["c"]
+    assert [c.ends for c in left.connections] == [("m.shaft.angle", "d.in")]

@@ -21,13 +21,17 @@ from engine.system import Connection, System
 from tests.robustness.guard import RESULT, bounded, refused
 
 SOUND: dict[str, dict[str, Any]] = {
+    "BrakeChopper": {"resistance": 1, "switch_on": 2, "switch_off": 1},
+    "Cogging": {"pole_pairs": 2, "slots": 6, "amplitude": [1.0]},
     "Curve": {"lower": 0, "upper": 1},
     "DeadZone": {"lower": -1, "upper": 1},
     "DiscreteStateSpace": {"file": "system.json"},
     "StateSpace": {"A": [[-1]], "B": [[1]], "C": [[1]]},
+    "FieldOrientedController": {"pole_pairs": 2},
     "FeedForward": {"resistance": 1, "torque_constant": 1, "masses": 1},
     "LumpedMassLink": {"length": 1.0, "mass": 1.0, "joint_stiffness": 1.0},
     "Observer": {"A": [[-1]], "B": [[1]], "C": [[1]], "L": [[1]]},
+    "PMSM": {"pole_pairs": 2},
     "Saturation": {"lower": -1, "upper": 1},
     "SerialArm": {"links": 1, "length": [1.0], "mass": [1.0], "modes": [0]},
     "Spline": {"file": "table.csv", "column": "u"},
