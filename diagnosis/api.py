@@ -204,8 +204,8 @@ def diagnose(
         if how.warn is not None:
             how.warn([remark.text for remark in screen(fitter.base)])
         found = study(fitter, without=how.without, progress=how.progress)
-        if (anew := taken_otherwise(fitter, found.chosen)) is not None:
-            found = study(fitter.again(anew), without=how.without, progress=how.progress)
+        if (anew := taken_otherwise(fitter, found)) is not None:
+            found = study(fitter.again(anew), without=how.without, progress=how.progress, told=found.notes)
         return judge(found, how.seed)
 
 

@@ -86,6 +86,12 @@ class Fitting:
         "A parabola through these gives the slope at the start of a recording.",
         "tables and recordings of others (59a88f6)",
     )
+    first_rows: int = number(
+        32,
+        "rows",
+        "A sample that comes later says nothing of the start: the machine has moved on.",
+        "random rig 23, of which one recording was split",
+    )
     usual_start: float = number(
         0.05,
         "SI",
@@ -338,6 +344,12 @@ class Search:
         "1",
         "An effect's course is taken to grow in proportion within this factor of a size that was simulated.",
         "distance between starting sizes",
+    )
+    alike: float = number(
+        2.0,
+        "1",
+        "Ratio of the powers of two courses up to which neither is the smaller: those of a size and its negative.",
+        "random rigs 38 and 39",
     )
     factor_of_two: float = number(
         30.0,

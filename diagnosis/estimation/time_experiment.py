@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 WINDOW = 0.2
 """Length (s) of the pieces of time in which a residual is said to be large."""
 
-LATEST = 2
-"""Rows in which the first samples are looked for, as a multiple of their number."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class TimeExperiment(Experiment):
@@ -98,7 +95,7 @@ class TimeExperiment(Experiment):
         keep = FITTING.first_samples
         whole = np.isfinite(self.measured).all(axis=1).cumsum() >= keep
         # What was measured long after the start does not tell it.
-        end = min(int(np.argmax(whole)) + 1 if whole.any() else len(self.time), LATEST * keep)
+        end = min(int(np.argmax(whole)) + 1 if whole.any() else len(self.time), FITTING.first_rows)
         known = self.noise_stated or (False,) * len(self.sigma)
         return FirstSamples(self.name, self.time[:end], self.measured[:end], self.sigma, known, self.from_first, first)
 

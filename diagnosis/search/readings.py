@@ -18,7 +18,7 @@ from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.evidence import left_by
 from diagnosis.search.fitter import CandidateFitter, end_of
-from diagnosis.search.scored_model import ScoredModel
+from diagnosis.search.study import Study
 from diagnosis.thresholds import SEARCH
 from engine.threads import Threads
 from scenarios.load import Scenario
@@ -78,16 +78,17 @@ def as_they_were_taken(scenario: Scenario, recordings: Sequence[Recorded], worke
     return kept
 
 
-def taken_otherwise(fitter: CandidateFitter, chosen: ScoredModel) -> list[Recorded] | None:
-    """The recordings as the best model follows them better than the user's own did; None if it does not.
+def taken_otherwise(fitter: CandidateFitter, found: Study) -> list[Recorded] | None:
+    """A study's recordings as its best model follows them better than the user's own did; None if it does not.
 
     Args:
-        fitter: of the study.
-        chosen: its best model.
+        fitter: where its models were fitted.
+        found: the study.
     """
+    chosen = found.chosen
     for reading in READINGS:
-        other = [reading(fitter.scenario, r) for r in fitter.recordings]
-        if not chosen.effects or not _differ(other, fitter.recordings):
+        other = [reading(fitter.scenario, r) for r in found.recordings]
+        if not chosen.effects or not _differ(other, found.recordings):
             continue
         began = end_of(chosen).built
         made = _with_noise_of(chosen.fit.problem, fitter.again(other).build(chosen.effects, began, whole=True))

@@ -23,9 +23,6 @@ from diagnosis.search.partial_fit import Builder, StartingPoint, place_of
 from diagnosis.thresholds import EVIDENCE, FITTING, SEARCH
 from engine.errors import FlexarmError
 
-ALIKE = 2.0
-"""Ratio of the powers of two courses up to which neither is the smaller: those of a size and its negative."""
-
 
 @dataclass(frozen=True)
 class Course:
@@ -280,7 +277,7 @@ def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]
         except FlexarmError as error:
             origin.refused[effect.key] = error.message
     least = min((one.power for one in added), default=0.0)
-    found += [origin.course(effect, one, one.power <= ALIKE * least) for one in added]
+    found += [origin.course(effect, one, one.power <= SEARCH.alike * least) for one in added]
     if found:
         origin.refused.pop(effect.key, None)
     origin.kept[key] = sorted(found, key=lambda course: -course.gain)

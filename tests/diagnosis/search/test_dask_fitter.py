@@ -41,7 +41,8 @@ def test_a_cluster_comes_to_the_same_verdict(path: Any, cluster: Any, tmp_path: 
 def test_on_this_machine_no_pool_is_opened(path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("diagnosis.api.Spread", None)
     nothing = SimpleNamespace(effects=())
-    monkeypatch.setattr("diagnosis.api.study", lambda fitter, **_: SimpleNamespace(chosen=nothing, by=fitter.workers))
+    made = lambda fitter, **_: SimpleNamespace(chosen=nothing, recordings=(), by=fitter.workers)  # noqa: E731
+    monkeypatch.setattr("diagnosis.api.study", made)
     monkeypatch.setattr("diagnosis.api.judge", lambda found, seed: found.by)
     workers: Any = diagnose(path, workers=3)
     assert workers == 3
