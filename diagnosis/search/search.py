@@ -24,6 +24,7 @@ from diagnosis.search.study import Study
 from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
 from engine.spread import Spread
+from scenarios.variant import edited
 
 Progress = Callable[[str, int, int], None]
 Values = dict[str, float]
@@ -325,10 +326,21 @@ class _Search:
                     self.failures.append(found)
                 if self.progress:
                     self.progress("trying effects", done, len(tasks))
-            ended = list(pool.map(self.fitter.finish, self._able(partials, finish)))
-        for made in ended:
+            fitted = list(pool.map(self.fitter.finish, self._able(partials, finish)))
+        kept = [made for made in fitted if self._has_meaning(made)]
+        for made in kept:
             self._keep(made)
-        return ended
+        return kept
+
+    def _has_meaning(self, made: ScoredModel) -> bool:
+        """Whether blocks take the sizes at which a fit ended: it moves them without asking again."""
+        there = [ended(made, c) for c in made.effects]
+        try:
+            edited(self.fitter.scenario, [edit for c in there for edit in c.edits(c.starts[0])])
+        except FlexarmError as error:
+            self.failures.append((made.effects[-1].key, error.message))
+            return False
+        return True
 
     def _able(self, partials: Sequence[PartialFit], finish: int) -> list[PartialFit]:
         """The partial fits of the lowest cost, and of the greatest likelihood of coloured noise, by turns."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from diagnosis.estimation.parameters import prior
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import standing
 from diagnosis.search.screening import _gains, courses, together
+from diagnosis.search.search import _Search
 from diagnosis.thresholds import FITTING, SEARCH
 from scenarios.load import load
 from tests.diagnosis import plants
@@ -108,6 +110,25 @@ def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_p
     sizes = made.added()
     assert sizes["coulomb_friction.coulomb_friction"] == pytest.approx(1.5e-5, rel=0.2)
     assert sizes["dead_zone.upper"] == pytest.approx(0.025, rel=0.2)
+
+
+def test_a_fit_that_ends_where_a_block_refuses_is_no_model(tmp_path: Path) -> None:
+    fitter = bench(tmp_path, seed=3, coulomb=1.5e-4)
+    listed = candidates(operating_scales(fitter.base))
+    search = _Search(fitter, fitter.refit, listed, None)
+    zone = next(c for c in listed if c.effect == "dead_zone")
+
+    def ending(lower: float, upper: float) -> Any:
+        sizes = {f"{zone.name}.lower": lower, f"{zone.name}.upper": upper}
+        fit = SimpleNamespace(parameters=lambda: sizes)
+        return SimpleNamespace(effects=(zone,), sizes=(zone.starts[0],), fit=fit)
+
+    assert search._has_meaning(ending(-0.1, 0.1))
+    assert not search.failures
+    assert not search._has_meaning(ending(0.2, 0.1))
+    ((key, why),) = search.failures
+    assert key == zone.key
+    assert "lower" in why
 
 
 def one_way(t: Any) -> dict[str, Any]:
