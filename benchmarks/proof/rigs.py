@@ -36,10 +36,10 @@ nothing, one to three effects of 1 to 30 detection thresholds, a wrong parameter
 try.
 Truth comes from the same simulator, which shares nothing with flexarm. Each rig and all about it follows from its seed:
 
-    .venv/bin/python -m benchmarks.proof run rigs --seeds 0 1 2 --longest 600 -o DIR
+    .venv/bin/python -m benchmarks.proof run rigs --seeds 0 1 2 --longest 200 -o DIR
     .venv/bin/python -m benchmarks.proof rigs -o DIR
 
-Cases stand in `benchmarks/results/random-rigs.json`, one line each. A diagnosis that was stopped after 600 s of
+Cases stand in `benchmarks/results/random-rigs.json`, one line each. A diagnosis that was stopped after 200 s of
 processor time is a failure.
 
 """
