@@ -202,18 +202,18 @@ def _give(document: Any, name: str, value: str | float) -> None:
     given[number] = value
 
 
-def with_readings(text: str, readings: Mapping[str, Mapping[tuple[str, ...], str]]) -> str:
+def with_readings(text: str, readings: Mapping[tuple[str, ...], str]) -> str:
     """The scenario's text with what its recordings leave open, such as how an input runs between samples.
 
     Args:
         text: a scenario.
-        readings: recording -> keys of its description -> value; recordings that are not described are passed over.
+        readings: keys from ``recordings`` on -> value; recordings that are not described are passed over.
     """
 
     def change(document: Any) -> None:
         described = document.get("recordings") or {}
-        for name in described.keys() & readings.keys():
-            for (*keys, last), value in readings[name].items():
+        for (_, name, *keys, last), value in readings.items():
+            if name in described:
                 place = described[name]
                 for key in keys:
                     place = place[key]

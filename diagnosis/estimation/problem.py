@@ -68,9 +68,9 @@ class Problem:
         return self.held_out or self.training
 
     @property
-    def assumed(self) -> dict[str, dict[tuple[str, ...], str]]:
-        """What was found of files that their descriptions leave open: recording -> keys of the description -> value."""
-        return {e.name: dict(e.assumed) for e in over_time(self.experiments) if e.assumed}
+    def assumed(self) -> dict[tuple[str, ...], str]:
+        """What was found of files that the scenario leaves open: keys from the scenario's top -> value."""
+        return {place: value for e in over_time(self.experiments) for place, value in e.assumed.items()}
 
     @property
     def sparse(self) -> bool:

@@ -60,7 +60,8 @@ class Recording:
         loop, role: as the scenario states them.
         stamps: instants as they were logged (s), before they were made even, shape (samples,); None for ``time``.
         clock: what the time column is believed: ``as_logged``, ``even``, or ``either`` while that is open.
-        assumed: what was found of the file that its description leaves open: keys of the description -> value.
+        assumed: what was found of the file that the scenario leaves open: keys from the scenario's top -> value.
+        described: name under which the scenario describes it, where that is another one.
         resample: interval (s) at which measurements are compared; None compares every sample.
         notes: sentences that say how the data were changed.
     """
@@ -81,6 +82,7 @@ class Recording:
     stamps: Vector | None = None
     clock: str = "either"
     assumed: Mapping[tuple[str, ...], str] = field(default_factory=dict)
+    described: str = ""
 
     @property
     def noise_stated(self) -> bool:
@@ -103,9 +105,10 @@ class Recording:
         def only(keep: NDArray[np.bool_]) -> tuple[Channel, ...]:
             return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in self.measurements)
 
+        parts = replace(self, described=self.described or self.name)
         return (
-            replace(self, name=f"{self.name} (fitted part)", role="train", measurements=only(fitted)),
-            replace(self, name=f"{self.name} (held-out part)", role="hold_out", measurements=only(~fitted | first)),
+            replace(parts, name=f"{self.name} (fitted part)", role="train", measurements=only(fitted)),
+            replace(parts, name=f"{self.name} (held-out part)", role="hold_out", measurements=only(~fitted | first)),
         )
 
 

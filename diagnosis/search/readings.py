@@ -31,18 +31,27 @@ def evened(scenario: Scenario, recording: Recorded) -> Recorded:
     even = even_instants(recording.time)
     if even is None:
         return recording
-    return replace(recording, time=even, clock="even", assumed={**recording.assumed, ("time", "clock"): "even"})
+    return replace(
+        recording, time=even, clock="even", assumed={**recording.assumed, (*_place(recording), "time", "clock"): "even"}
+    )
+
+
+def _place(recording: Recording) -> tuple[str, str]:
+    """Where a scenario describes a recording; parts of one that is split keep what was found before."""
+    return "recordings", recording.described or recording.name
 
 
 def straightened(scenario: Scenario, recording: Recorded) -> Recorded:
     """The recording with inputs that are straight lines between samples, where nobody said what they are."""
     if not isinstance(recording, Recording) or all(c.hold_stated for c in recording.drive):
         return recording
-    described = scenario.recordings.get(recording.name)
+    described = scenario.recordings.get(recording.described or recording.name)
     keys = {scenario.resolve(end): end for end in getattr(described, "drive", {})}
     open_ones = {c.name for c in recording.drive if not c.hold_stated}
     drive = tuple(replace(c, hold="linear") if c.name in open_ones else c for c in recording.drive)
-    told: dict[tuple[str, ...], str] = {("drive", keys.get(name, name), "hold"): "linear" for name in sorted(open_ones)}
+    told: dict[tuple[str, ...], str] = {
+        (*_place(recording), "drive", keys.get(name, name), "hold"): "linear" for name in sorted(open_ones)
+    }
     return replace(recording, drive=drive, assumed={**recording.assumed, **told})
 
 

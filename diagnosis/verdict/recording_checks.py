@@ -80,13 +80,12 @@ def screen(problem: Problem, x: Array | None = None) -> list[Remark]:
 def _assumed(problem: Problem) -> list[Remark]:
     """What was found of files that their descriptions leave open."""
     told: dict[str, list[str]] = {}
-    for name, readings in problem.assumed.items():
-        for (*_, place, key), value in readings.items():
-            if value == "even":
-                text = "stamps stray about an even clock, and samples are taken to be evenly spaced"
-            else:
-                text = f"'{place}' is taken for a straight line between samples"
-            told.setdefault(f"{text}: the model follows them better ('{key}: {value}')", []).append(f"'{name}'")
+    for (_, name, *_, place, key), value in problem.assumed.items():
+        if value == "even":
+            text = "stamps stray about an even clock, and samples are taken to be evenly spaced"
+        else:
+            text = f"'{place}' is taken for a straight line between samples"
+        told.setdefault(f"{text}: the model follows them better ('{key}: {value}')", []).append(f"'{name}'")
     return [Remark(f"in {' and '.join(names)}, {text}", grave=False) for text, names in told.items()]
 
 

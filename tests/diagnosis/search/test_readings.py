@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.api import fit as fit_to
 from diagnosis.api import gather
+from diagnosis.problems import problem
 from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Recording
 from diagnosis.search.readings import as_they_were_taken
@@ -52,6 +53,15 @@ def driven(instants: Array, force: Array) -> Array:
     return np.array(out)
 
 
+def written(folder: Path, time: Array, force: Array, position: Array) -> Path:
+    """The scenario, beside its recording."""
+    rows = np.column_stack([time, force, position])
+    np.savetxt(folder / "swing.csv", rows, delimiter=",", header="t,u,x", comments="", fmt="%.9f")
+    path = folder / "slide.yaml"
+    path.write_text(SCENARIO, encoding="utf-8")
+    return path
+
+
 def logged(folder: Path, *, evenly: bool) -> Path:
     """A recording whose stamps stray by 20 % of an interval; the samples were taken evenly, or at the stamps."""
     rng = np.random.default_rng(4)
@@ -59,11 +69,7 @@ def logged(folder: Path, *, evenly: bool) -> Path:
     stamps = even + np.concatenate([[0.0], 0.2 * INTERVAL * rng.uniform(-1, 1, 2999)])
     force = np.repeat(rng.choice([-1.0, 1.0], 300), 10)
     x = driven(np.asarray(even if evenly else stamps), force) + NOISE * rng.standard_normal(3000)
-    rows = np.column_stack([stamps, force, x])
-    np.savetxt(folder / "swing.csv", rows, delimiter=",", header="t,u,x", comments="", fmt="%.9f")
-    path = folder / "slide.yaml"
-    path.write_text(SCENARIO, encoding="utf-8")
-    return path
+    return written(folder, stamps, force, x)
 
 
 @pytest.mark.parametrize("evenly", [True, False])
@@ -71,7 +77,7 @@ def test_the_model_tells_when_samples_were_taken(tmp_path: Path, evenly: bool) -
     scenario = load(logged(tmp_path, evenly=evenly))
     (found,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
     assert isinstance(found, Recording)
-    assert found.assumed == ({("time", "clock"): "even"} if evenly else {})
+    assert found.assumed == ({("recordings", "swing", "time", "clock"): "even"} if evenly else {})
     if evenly:
         np.testing.assert_allclose(found.time, INTERVAL * np.arange(3000), rtol=1e-9)
 
@@ -103,11 +109,7 @@ def straight(folder: Path, *, held: bool) -> Path:
         a, b = -size * m / (m**2 * w**2 + c**2), -size * c / (w * (m**2 * w**2 + c**2))
         x = a * np.sin(w * t) + b * (np.cos(w * t) - 1) - a * w * m / c * (1 - np.exp(-c / m * t))
     x = x + NOISE * np.random.default_rng(2).standard_normal(len(t))
-    rows = np.column_stack([t, force, x])
-    np.savetxt(folder / "swing.csv", rows, delimiter=",", header="t,u,x", comments="", fmt="%.9g")
-    path = folder / "slide.yaml"
-    path.write_text(SCENARIO, encoding="utf-8")
-    return path
+    return written(folder, t, force, x)
 
 
 @pytest.mark.parametrize("held", [True, False])
@@ -116,11 +118,21 @@ def test_the_model_tells_whether_an_input_was_held(tmp_path: Path, held: bool) -
     scenario = load(path)
     (found,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
     assert isinstance(found, Recording)
-    assert found.assumed == ({} if held else {("drive", "drive.force", "hold"): "linear"})
+    assert found.assumed == ({} if held else {("recordings", "swing", "drive", "drive.force", "hold"): "linear"})
     said = path.read_text(encoding="utf-8").replace("{column: u, unit: N}", "{column: u, unit: N, hold: zero_order}")
     path.write_text(said, encoding="utf-8")
     given = gather(load(path), (), ())
     assert as_they_were_taken(load(path), given, 1)[0] is given[0]
+
+
+def test_parts_of_a_split_recording_write_down_what_holds_for_the_whole(tmp_path: Path) -> None:
+    path = logged(tmp_path, evenly=True)
+    scenario = load(path)
+    (found,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
+    parts = found.split(0.5)
+    assert parts is not None
+    text = with_readings(path.read_text(encoding="utf-8"), problem(scenario, parts).assumed)
+    assert text.count("clock: even") == 1
 
 
 def test_what_the_user_says_of_the_clock_is_not_tried(tmp_path: Path) -> None:
@@ -131,7 +143,7 @@ def test_what_the_user_says_of_the_clock_is_not_tried(tmp_path: Path) -> None:
     given = gather(scenario, (), ())
     (found,) = as_they_were_taken(scenario, given, 1)
     assert isinstance(found, Recording)
-    assert ("time", "clock") not in found.assumed
+    assert "even" not in found.assumed.values()
 
 
 def test_stamps_without_a_clock_stay_as_they_are() -> None:
