@@ -64,6 +64,19 @@ def _held(value: Any) -> Any:
     return value
 
 
+def folder_made(folder: Path) -> Path:
+    """The folder, made with those above it where it is not there.
+
+    Raises:
+        FlexarmError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FlexarmError(f"cannot make the folder '{folder}': {error.strerror}") from error
+    return folder
+
+
 @contextmanager
 def writing(path: Path, allowed: Sequence[str]) -> Iterator[Path]:
     """A temporary file in the same folder that becomes ``path`` if the block ends well, and vanishes if not.

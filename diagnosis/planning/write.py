@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from diagnosis.planning.plan import Plan
-from engine.errors import FlexarmError
-from engine.files import json_text, writing
+from engine.files import folder_made, json_text, writing
 
 
 def write(found: Plan, folder: Path) -> list[Path]:
@@ -17,10 +16,7 @@ def write(found: Plan, folder: Path) -> list[Path]:
     """
     from diagnosis.planning import figures
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FlexarmError(f"cannot make the folder '{folder}': {error.strerror}") from error
+    folder_made(folder)
     made = folder / "plan.json"
     with writing(made, (".json",)) as temporary:
         temporary.write_text(json_text(found.numbers(), indent=2) + "\n", encoding="utf-8")

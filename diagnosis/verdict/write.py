@@ -10,8 +10,7 @@ import numpy as np
 from diagnosis.estimation.least_squares import interval_in_words
 from diagnosis.verdict.experiment_design import Proposal
 from diagnosis.verdict.verdict import Diagnosis
-from engine.errors import FlexarmError
-from engine.files import json_text, writing
+from engine.files import folder_made, json_text, writing
 from scenarios.amend import Edit, Feed, Set, amended, relocated, with_readings, without
 
 EXPERIMENT = "next_experiment"
@@ -58,10 +57,7 @@ def write(found: Diagnosis, folder: Path) -> list[Path]:
     """
     from diagnosis.verdict import figures
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FlexarmError(f"cannot make the folder '{folder}': {error.strerror}") from error
+    folder_made(folder)
     made = [folder / "diagnosis.json", folder / "amended.yaml"]
     with writing(made[0], (".json",)) as temporary:
         temporary.write_text(json_text(found.numbers(), indent=2) + "\n", encoding="utf-8")

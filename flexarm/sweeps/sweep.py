@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from engine.errors import FlexarmError, ParameterError, nearest
+from engine.files import folder_made
 from engine.spread import MOST_WORKERS, Spread
 from flexarm._version import version
 from flexarm.output import provenance
@@ -178,11 +179,7 @@ def _table(output: Path, keep: float | None) -> Path:
         raise FlexarmError(
             f"'{output}' is of no kind that a sweep can write", remedy="give a .parquet file, or a folder"
         )
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FlexarmError(f"cannot make the folder '{output}': {error.strerror}") from error
-    return output / TABLE
+    return folder_made(output) / TABLE
 
 
 def make_plan(

@@ -305,6 +305,7 @@ def test_an_environment_of_the_importers_own_python_does_not_matter(
     monkeypatch.setenv("PYTHONHOME", "/nowhere")
     with running(made) as (found, _, _):
         _steps(found, 0, 2)
+        assert found.getRealStatus(2) == pytest.approx(2e-3)  # the time that it reached
 
 
 def test_the_importers_folder_lends_no_modules(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -312,6 +313,7 @@ def test_the_importers_folder_lends_no_modules(made: Path, tmp_path: Path, monke
     monkeypatch.chdir(tmp_path)
     with running(made) as (found, _, _):
         _steps(found, 0, 2)
+        assert found.getRealStatus(2) == pytest.approx(2e-3)  # the time that it reached
 
 
 # -- processes that die or talk ----------------------------------------------------------------------------------------
