@@ -129,10 +129,17 @@ Edit = InSignal | AtFlange | Between | OnSensor | ReadAt | Feed | Wire | Set | R
 
 
 def followed(edits: Sequence[Edit]) -> list[Edit]:
-    """The edits, those behind a sensor at the signal that is read in its place."""
-    moved = {edit.name: edit.target for edit in edits if isinstance(edit, ReadAt)}
-    behind = [e if not isinstance(e, OnSensor) else replace(e, target=moved.get(e.target, e.target)) for e in edits]
-    return [*(e for e in behind if isinstance(e, ReadAt)), *(e for e in behind if not isinstance(e, ReadAt))]
+    """The edits, those behind a sensor at the signal that is read in its place, and behind those before."""
+    readings = [edit for edit in edits if isinstance(edit, ReadAt)]
+    read = {edit.name: edit.target for edit in readings}
+    others: list[Edit] = []
+    for edit in edits:
+        if isinstance(edit, OnSensor):
+            others.append(replace(edit, target=read.get(edit.target, edit.target)))
+            read[edit.target] = f"{edit.name}.{edit.exit}"
+        elif not isinstance(edit, ReadAt):
+            others.append(edit)
+    return [*readings, *others]
 
 
 def amended(
@@ -202,7 +209,7 @@ def _give(document: Any, name: str, value: str | float) -> None:
     given[number] = value
 
 
-def with_readings(text: str, readings: Mapping[tuple[str, ...], str]) -> str:
+def with_readings(text: str, readings: Mapping[tuple[str, ...], str | tuple[str, ...]]) -> str:
     """The scenario's text with what its recordings leave open, such as how an input runs between samples.
 
     Args:
@@ -217,7 +224,7 @@ def with_readings(text: str, readings: Mapping[tuple[str, ...], str]) -> str:
                 place = described[name]
                 for key in keys:
                     place = place[key]
-                place[last] = value
+                place[last] = value if isinstance(value, str) else list(value)
 
     return _changed(text, change) if readings else text
 

@@ -71,6 +71,10 @@ EDITS: dict[str, list[Edit]] = {
         ReadAt("load.shaft.angle", "spring.b.angle"),
     ],
     "behind a sensor": [OnSensor("found", "Gain", "load.shaft.angle", {"gain": "1.1"})],
+    "two behind one sensor": [
+        OnSensor("found_scale", "Gain", "load.shaft.angle", {"gain": "1.1"}),
+        OnSensor("found_lag", "LowPass", "load.shaft.angle", {"corner_frequency": "30 rad/s"}),
+    ],
     "a source": [Feed("found", "Constant", "motor.voltage", {"value": "1 V"})],
     "a source of several": [Feed("found", "Constant", "gain.in", {"value": "1 V"})],
     "a value": [Set("motor", "inductance", "1 mH")],
@@ -148,6 +152,13 @@ def test_inputs_and_signals_are_renamed() -> None:
     names = ["motor.voltage", "load.shaft.angle"]
     assert renamed(names, EDITS["in a signal"]) == ["found.in", "load.shaft.angle"]
     assert renamed(names, EDITS["behind a sensor"]) == ["motor.voltage", "found.out"]
+    assert renamed(names, EDITS["two behind one sensor"]) == ["motor.voltage", "found_lag.out"]
+
+
+def test_the_second_of_two_behind_a_sensor_follows_the_first(scenario: Scenario) -> None:
+    made = edited(scenario, EDITS["two behind one sensor"]).system
+    behind = [c.ends for c in made.connections if "found_lag.in" in c.ends]
+    assert behind == [("found_scale.out", "found_lag.in")]
 
 
 @pytest.mark.parametrize(
