@@ -75,8 +75,14 @@ def complete(model: ScoredModel, refit: ScoredModel) -> bool:
 
 
 def misses(model: ScoredModel) -> bool:
-    """Whether more is left over of the held-out recordings than the sensors' noise itself."""
-    return model.hold_out > 2 * floor(model)
+    """Whether more is left over of a signal of a held-out recording than a sensor's noise may be taken for."""
+    left = model.unseen
+    for signal in {k for k, _ in left.names}:
+        own = [i for i, (k, _) in enumerate(left.names) if k == signal]
+        energy, count = left.energies[:, own].sum(axis=1), left.counts[:, own].sum(axis=1)
+        if (energy > EVIDENCE.stated * left.noise[own[0]] * count).any():
+            return True
+    return False
 
 
 def _simpler(one: ScoredModel, other: ScoredModel) -> bool:
@@ -139,9 +145,13 @@ def floor(model: ScoredModel) -> float:
     return float(np.sum(model.left.noise * model.left.count) / np.sum(model.left.count))
 
 
+def relieved(refit: ScoredModel, model: ScoredModel) -> float:
+    """Share of the strain of the user's own parameters that a model relieves them of."""
+    return max(1 - model.strain / refit.strain, 0.0) if refit.strain > 0 else 0.0
+
+
 def explained(refit: ScoredModel, model: ScoredModel) -> float:
     """Share of the held-out excess that a model explains, or of the strain that it relieves if that is more."""
-    excess, strain = refit.hold_out - floor(model), refit.strain
+    excess = refit.hold_out - floor(model)
     of_excess = (refit.hold_out - model.hold_out) / excess if excess > 0 else 0.0
-    of_strain = 1 - model.strain / strain if strain > 0 else 0.0
-    return min(max(of_excess, of_strain, 0.0), 1.0)
+    return min(max(of_excess, relieved(refit, model), 0.0), 1.0)

@@ -12,13 +12,16 @@ import numpy as np
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit, with_covariance
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, value
+from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, relieved, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import LEAST_ODDS, Study
-from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH
+from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH, WORDING
 from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
 from diagnosis.verdict.wording import finding_sentence, nothing_sentence, traits, warnings_of
+
+_GAINS = ("sensor_scale", "rectified_sensor", "uneven_gain")
+"""Effects that make up for a wrong unit, sign or size of a column."""
 
 WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
 """Statuses of findings, the weakest first."""
@@ -101,11 +104,12 @@ def fit_table(study: Study) -> dict[str, Any]:
 
 def judge(study: Study, seed: int = 0) -> Diagnosis:
     """Turn a study into a verdict."""
-    if study.chosen.effects and explained(study.refit, study.chosen) < EVIDENCE.most and not misses(study.refit):
-        study = replace(study, chosen=study.refit)  # little is left over, and no effect is most of it
+    if study.chosen.effects and not misses(study.refit) and relieved(study.refit, study.chosen) < EVIDENCE.most:
+        # Less than the noise is left over: slow drifts of the machine and the sensors are as large.
+        study = replace(study, chosen=study.refit)
     chosen, refit = study.chosen, study.refit
     made = with_covariance(chosen.fit, chosen.hold_out - floor(chosen))
-    found = screen(refit.fit.problem)
+    found = _remarks(study)
     warnings = (*study.notes, *(remark.text for remark in found), *warnings_of(study))
     if not chosen.effects:
         status = "unknown" if _missing(study) else "none"
@@ -120,7 +124,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     for k, effect in enumerate(chosen.effects):
         odds = probability(effect.key, study.odds)
         against = [t for t in others if effect.key not in t.keys]
-        if effect.effect == "unknown" or share < EVIDENCE.most or _spoilt(study, found):
+        if effect.effect == "unknown" or share < EVIDENCE.most or any(remark.grave for remark in found):
             status = "unknown"
         elif odds < EVIDENCE.probability and against:
             status = "tie"
@@ -140,13 +144,19 @@ def _missing(study: Study) -> bool:
     return worthwhile and misses(refit)
 
 
-def _spoilt(study: Study, found: Sequence[Remark]) -> bool:
-    """Whether a recording looks so wrong that no name is to be trusted.
+def _remarks(study: Study) -> list[Remark]:
+    """What is odd about the recordings beside the amended model; what that does not show, it refutes.
 
-    A shift in time, or the end of a sensor's range, that the amended model does not show is refuted by it.
+    A wrong unit or sign is no more refuted by a model that has found a gain for it, or has bent its parameters.
     """
-    again = screen(study.chosen.fit.problem, study.chosen.fit.x)
-    return any(r.grave and not r.refutable for r in found) or any(r.grave and r.refutable for r in again)
+    chosen = study.chosen
+    again = screen(chosen.fit.problem, chosen.fit.x)
+    pairs = zip(chosen.fit.problem.free, chosen.fit.x, strict=True)
+    bent = any(f.prior and not f.recording and abs(x) > WORDING.far * f.spread for f, x in pairs)
+    if chosen.effects and not bent and not any(c.effect in _GAINS or c.freed for c in chosen.effects):
+        return again
+    stays = [remark for remark in screen(study.refit.fit.problem) if not remark.refutable]
+    return list(dict.fromkeys([*stays, *(remark for remark in again if remark.refutable)]))
 
 
 def _finding(

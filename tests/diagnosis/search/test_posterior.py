@@ -167,6 +167,13 @@ def test_more_than_the_noise_itself_is_a_miss() -> None:
     assert not misses(model(excess=0.9 * COUNT))
 
 
+def test_a_miss_in_one_recording_counts_among_others_that_are_met() -> None:
+    energies, counts = np.array([[2.5 * COUNT]] + [[COUNT]] * 9), np.full((10, 1), COUNT)
+    unseen = Leftover(energies.sum(axis=0), counts.sum(axis=0), np.ones(1), ((0, 0),), energies, counts)
+    assert unseen.energy[0] / unseen.count[0] < 1.2
+    assert misses(SimpleNamespace(unseen=unseen))  # type: ignore[arg-type]
+
+
 def test_a_model_explains_its_share_of_the_held_out_excess() -> None:
     assert explained(REFIT, model(FRICTION, excess=2e4)) == pytest.approx(0.8)
     assert explained(REFIT, model(FRICTION, excess=2e5)) == 0.0
