@@ -18,6 +18,7 @@ from engine.errors import ParameterError, SimulationError
 from engine.model import Model
 
 if TYPE_CHECKING:
+    from diagnosis.recordings.types import Assumed
     from scenarios.load import Scenario
 
 
@@ -68,7 +69,7 @@ class Problem:
         return self.held_out or self.training
 
     @property
-    def assumed(self) -> dict[tuple[str, ...], str]:
+    def assumed(self) -> dict[tuple[str, ...], Assumed]:
         """What was found of files that the scenario leaves open: keys from the scenario's top -> value."""
         return {place: value for e in over_time(self.experiments) for place, value in e.assumed.items()}
 

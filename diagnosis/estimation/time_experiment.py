@@ -25,6 +25,7 @@ from engine.start import starting_names
 from engine.tangent import tangents
 
 if TYPE_CHECKING:
+    from diagnosis.recordings.types import Assumed
     from scenarios.load import Scenario
 
 WINDOW = 0.2
@@ -60,7 +61,7 @@ class TimeExperiment(Experiment):
     outliers: tuple[int, ...] = ()
     logged: tuple[float, ...] = ()
     loop: str = "open"
-    assumed: Mapping[tuple[str, ...], str] = field(default_factory=dict)
+    assumed: Mapping[tuple[str, ...], Assumed] = field(default_factory=dict)
     noise_stated: tuple[bool, ...] = ()
     stated: dict[str, float] = field(default_factory=dict)
     first: FirstSamples | None = None

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from diagnosis.recordings.columns import Vector
 from diagnosis.thresholds import FITTING
 
+Assumed = str | tuple[str, ...]
+"""A value that a scenario leaves open: a word, or a list of names."""
+
 
 @dataclass(frozen=True)
 class Channel:
@@ -81,7 +84,7 @@ class Recording:
     resample: float | None = None
     stamps: Vector | None = None
     clock: str = "either"
-    assumed: Mapping[tuple[str, ...], str] = field(default_factory=dict)
+    assumed: Mapping[tuple[str, ...], Assumed] = field(default_factory=dict)
     described: str = ""
 
     @property

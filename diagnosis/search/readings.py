@@ -2,7 +2,8 @@
 
 Stamps that stray about an even clock may be when samples were taken, or only when they were logged. An input may have
 been held between its samples, or have run on, as one that was computed or measured does. A model that is driven
-late by as much drifts away from what was recorded, and no effect of the catalogue is early.
+late by as much drifts away from what was recorded, and no effect of the catalogue is early. And where a recording
+begins is known of what is measured: the rest may be at rest with it, or be let go of twisted.
 """
 
 from __future__ import annotations
@@ -10,21 +11,37 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from diagnosis.estimation.experiment import Experiment
-from diagnosis.estimation.least_squares import Fit, descend, fit
+from diagnosis.estimation.least_squares import Fit, descend, fit, with_held_out_starts
 from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import over_time
 from diagnosis.problems import problem
 from diagnosis.recordings.time_axis import even_instants
-from diagnosis.recordings.types import Recorded, Recording
-from diagnosis.search.evidence import left_by
+from diagnosis.recordings.types import Assumed, Recorded, Recording
+from diagnosis.search.evidence import evidence, left_by
 from diagnosis.search.fitter import CandidateFitter, end_of
+from diagnosis.search.partial_fit import place_of, standing
 from diagnosis.search.study import Study
 from diagnosis.thresholds import SEARCH
 from engine.threads import Threads
 from scenarios.load import Scenario
 
 
-def evened(scenario: Scenario, recording: Recorded) -> Recorded:
+def slackened(posed: Problem, recording: Recorded) -> Recorded:
+    """The recording with every coordinate free at its start, where the user leaves some free and states no others."""
+    if not isinstance(recording, Recording) or not recording.free:
+        return recording
+    begin = next(e for e in over_time(posed.experiments) if e.name == recording.name).begin
+    others = [name for name in begin.values if name not in begin.free and name not in recording.starts]
+    if not others:
+        return recording
+    free = (*recording.free, *others)
+    return replace(recording, free=free, assumed={**recording.assumed, (*_place(recording), "initial", "free"): free})
+
+
+def evened(_: Problem, recording: Recorded) -> Recorded:
     """The recording on the even clock about which its stamps stray, if they do and it is open which is right."""
     if not isinstance(recording, Recording) or recording.clock != "either":
         return recording
@@ -41,29 +58,30 @@ def _place(recording: Recording) -> tuple[str, str]:
     return "recordings", recording.described or recording.name
 
 
-def straightened(scenario: Scenario, recording: Recorded) -> Recorded:
+def straightened(posed: Problem, recording: Recorded) -> Recorded:
     """The recording with inputs that are straight lines between samples, where nobody said what they are."""
     if not isinstance(recording, Recording) or all(c.hold_stated for c in recording.drive):
         return recording
+    scenario = posed.scenario
     described = scenario.recordings.get(recording.described or recording.name)
     keys = {scenario.resolve(end): end for end in getattr(described, "drive", {})}
     open_ones = {c.name for c in recording.drive if not c.hold_stated}
     drive = tuple(replace(c, hold="linear") if c.name in open_ones else c for c in recording.drive)
-    told: dict[tuple[str, ...], str] = {
+    told: dict[tuple[str, ...], Assumed] = {
         (*_place(recording), "drive", keys.get(name, name), "hold"): "linear" for name in sorted(open_ones)
     }
     return replace(recording, drive=drive, assumed={**recording.assumed, **told})
 
 
-READINGS: tuple[Callable[[Scenario, Recorded], Recorded], ...] = (evened, straightened)
+READINGS: tuple[Callable[[Problem, Recorded], Recorded], ...] = (slackened, evened, straightened)
 
 
 def as_they_were_taken(scenario: Scenario, recordings: Sequence[Recorded], workers: int) -> list[Recorded]:
     """The recordings as the user's fitted model follows them best, where their descriptions leave it open.
 
-    Recordings of one study come from one logger: all are read alike. Another reading than the plain one counts where it
-    is likelier by odds of twenty to one, the noise as strong in each band of frequency as the model leaves it: stamps
-    and held inputs matter where signals are fast, missing physics mostly where they are slow.
+    Recordings of one study come from one logger: all are read alike. Another reading than the plain one counts where
+    its evidence is greater by odds of twenty to one, the noise as strong in each band of frequency as the model leaves
+    it: stamps and held inputs matter where signals are fast, missing physics mostly where they are slow.
 
     Args:
         scenario: the user's.
@@ -73,14 +91,15 @@ def as_they_were_taken(scenario: Scenario, recordings: Sequence[Recorded], worke
     Raises:
         FlexarmError: recordings that do not fit the scenario.
     """
+    posed = problem(scenario, recordings)
     best: Fit | None = None
     kept = list(recordings)
     for reading in READINGS:
-        other = [reading(scenario, r) for r in kept]
+        other = [reading(posed, r) for r in kept]
         if not _differ(other, kept):
             continue
         if best is None:
-            best = fit(problem(scenario, kept), workers=workers, relative_drop=SEARCH.slow)
+            best = _judged(fit(problem(scenario, kept), workers=workers, relative_drop=SEARCH.slow))
         found = _fitted(_with_noise_of(best.problem, problem(scenario, other)), best, workers)
         if _likelier(found, best):
             kept, best = other, found
@@ -96,7 +115,7 @@ def taken_otherwise(fitter: CandidateFitter, found: Study) -> list[Recorded] | N
     """
     chosen = found.chosen
     for reading in READINGS:
-        other = [reading(fitter.scenario, r) for r in found.recordings]
+        other = [reading(fitter.base, r) for r in found.recordings]
         if not chosen.effects or not _differ(other, found.recordings):
             continue
         began = end_of(chosen).built
@@ -107,26 +126,33 @@ def taken_otherwise(fitter: CandidateFitter, found: Study) -> list[Recorded] | N
 
 
 def _differ(one: Sequence[Recorded], other: Sequence[Recorded]) -> bool:
-    """Whether recordings to fit are read in another way."""
-    return any(a is not b and a.role != "hold_out" for a, b in zip(one, other, strict=True))
+    """Whether recordings are read in another way."""
+    return any(a is not b for a, b in zip(one, other, strict=True))
 
 
 def _likelier(found: Fit, than: Fit) -> bool:
-    instants = found.problem.training  # the same for both, for what they leave to compare
-    return _likelihood(found, instants) > _likelihood(than, instants) + SEARCH.effort
+    instants = found.problem.experiments  # the same for both, for what they leave to compare
+    return _evidence(found, instants) > _evidence(than, instants) + SEARCH.effort
 
 
 def _fitted(made: Problem, near: Fit, workers: int) -> Fit:
     """Another reading fitted from where the first one's fit ended."""
+    ended = standing(near)
+    begin = np.array([f.position(ended.get(place_of(f), f.start)) for f in made.free])
     with Threads(workers) as pool:
-        x, cost, converged = descend(made, near.x, made.training, pool, relative_drop=SEARCH.slow)
-    return replace(near, problem=made, x=x, cost=cost, converged=converged)
+        x, cost, converged = descend(made, begin, made.training, pool, relative_drop=SEARCH.slow)
+    return _judged(replace(near, problem=made, x=x, cost=cost, converged=converged))
 
 
-def _likelihood(made: Fit, instants: Sequence[Experiment]) -> float:
-    """Logarithm of the likelihood of what a fit leaves, taken at the instants of experiments."""
-    residuals = [made.problem.residual(made.x, e) for e in made.problem.training]
-    return left_by(instants, residuals).log_likelihood - 0.5 * made.problem.prior_cost(made.x)
+def _judged(made: Fit) -> Fit:
+    """A fit with the starting values of held-out recordings fitted too."""
+    return replace(made, x=with_held_out_starts(made.problem, made.x))
+
+
+def _evidence(made: Fit, instants: Sequence[Experiment]) -> float:
+    """The evidence of what a fit leaves, taken at the instants of experiments."""
+    residuals = [made.problem.residual(made.x, e) for e in made.problem.experiments]
+    return evidence(made.problem, made.x, left_by(instants, residuals))
 
 
 def _with_noise_of(one: Problem, other: Problem) -> Problem:

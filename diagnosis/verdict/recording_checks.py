@@ -81,11 +81,14 @@ def _assumed(problem: Problem) -> list[Remark]:
     """What was found of files that their descriptions leave open."""
     told: dict[str, list[str]] = {}
     for (_, name, *_, place, key), value in problem.assumed.items():
-        if value == "even":
+        if key == "clock":
             text = "stamps stray about an even clock, and samples are taken to be evenly spaced"
-        else:
+        elif key == "hold":
             text = f"'{place}' is taken for a straight line between samples"
-        told.setdefault(f"{text}: the model follows them better ('{key}: {value}')", []).append(f"'{name}'")
+        else:
+            text = "what nothing measures at the start is taken to be let go of out of equilibrium"
+        said = value if isinstance(value, str) else f"[{', '.join(value)}]"
+        told.setdefault(f"{text}: the model follows them better ('{key}: {said}')", []).append(f"'{name}'")
     return [Remark(f"in {' and '.join(names)}, {text}", grave=False) for text, names in told.items()]
 
 

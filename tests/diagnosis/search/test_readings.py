@@ -125,6 +125,67 @@ def test_the_model_tells_whether_an_input_was_held(tmp_path: Path, held: bool) -
     assert as_they_were_taken(load(path), given, 1)[0] is given[0]
 
 
+TWO = """\
+schema: 1
+name: sledge
+blocks:
+  drive: {type: Force}
+  carriage: {type: Mass, mass: 0.3 kg}
+  spring: {type: TranslationalSpringDamper, stiffness: 40 N/m, damping: 0.2 N.s/m}
+  table: {type: Mass, mass: 0.2 kg}
+connect:
+  - [drive.flange, carriage.flange, spring.a]
+  - [spring.b, table.flange]
+simulate: {stop: 1 s, step: 2 ms}
+recordings:
+  release:
+    file: release.csv
+    time: {column: t, unit: s}
+    drive: {drive.force: {column: u, unit: N, hold: zero_order}}
+    measurements:
+      table.flange.position: {column: x, unit: m, noise: 1e-6}
+    initial: {state: at_rest, free: [table.flange.position]}
+    role: ROLE
+"""
+
+
+@pytest.mark.parametrize(("twist", "role"), [(0.01, "train"), (0.01, "hold_out"), (0.0, "train")])
+def test_the_model_tells_whether_a_spring_was_let_go_of_stretched(tmp_path: Path, twist: float, role: str) -> None:
+    """Two masses on a spring, let go of: their centre stays, and their distance rings with the reduced mass."""
+    first, second, k, c = 0.3, 0.2, 40.0, 0.2
+    t = np.asarray(INTERVAL * np.arange(1500))
+    mass, decay = first * second / (first + second), c / 2 * (1 / first + 1 / second)
+    rate = math.sqrt(k / mass - decay**2)
+    distance = twist * np.exp(-decay * t) * (np.cos(rate * t) + decay / rate * np.sin(rate * t))
+    centre = twist * second / (first + second)  # the carriage begins at zero, the table at the twist
+    x = centre + distance * first / (first + second) + NOISE * np.random.default_rng(3).standard_normal(len(t))
+    rows = np.column_stack([t, 0 * t, x])
+    np.savetxt(tmp_path / "release.csv", rows, delimiter=",", header="t,u,x", comments="", fmt="%.9f")
+    path = tmp_path / "sledge.yaml"
+    path.write_text(TWO.replace("ROLE", role), encoding="utf-8")
+    if role == "hold_out":  # one that is fitted and rests
+        np.savetxt(
+            tmp_path / "rest.csv",
+            np.column_stack([t, 0 * t, NOISE * np.random.default_rng(5).standard_normal(len(t))]),
+            delimiter=",",
+            header="t,u,x",
+            comments="",
+            fmt="%.9f",
+        )
+        resting = TWO[TWO.index("  release:") : TWO.index("    initial:")].replace("release", "rest")
+        path.write_text(path.read_text(encoding="utf-8") + resting, encoding="utf-8")
+    scenario = load(path)
+    found = as_they_were_taken(scenario, gather(scenario, (), ()), 1)[0]
+    assert isinstance(found, Recording)
+    place, names = ("recordings", "release", "initial", "free"), ("table.flange.position", "drive.flange.position")
+    assert found.assumed == ({place: names} if twist else {})
+    if twist:
+        text = with_readings(path.read_text(encoding="utf-8"), found.assumed)
+        again = next(r for r in gather(load(path, text=text), (), ()) if r.name == "release")
+        assert isinstance(again, Recording)
+        assert again.free == names
+
+
 def test_parts_of_a_split_recording_write_down_what_holds_for_the_whole(tmp_path: Path) -> None:
     path = logged(tmp_path, evenly=True)
     scenario = load(path)
