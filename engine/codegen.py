@@ -442,7 +442,7 @@ def _tangent_rule(name: str, model: Model, height: int, nonzeros: list[tuple[int
     constant vector: written as one element, it would wait for the memory that the next vector load reads.
     """
     at_t = len(model.states)
-    at_u, at_d = at_t + 1, at_t + 1 + len(model.inputs)
+    at_u, at_d = at_t + 1, at_t + 1 + len(model.inputs) + len(model.tables)
     at_q = at_d + len(model.memories)
     lines = [
         f"FA_INLINE void fa_{name}_tangent(const fa_sim *s, const double *j, const fa_columns *S, const fa_columns *D,",
