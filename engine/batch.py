@@ -10,7 +10,6 @@ import ctypes
 import hashlib
 import json
 import os
-import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -80,7 +79,6 @@ def batch(
     """
     cancel = ctypes.c_int32(0)
     count = workers or os.cpu_count() or 1
-    guard = threading.Lock()
 
     def one(case: Case) -> Result | Failure:
         try:
@@ -99,8 +97,6 @@ def batch(
         job.cancel = cancel
         backend = "c"
         try:
-            with guard:
-                native.entry(model)
             outcome = native.run(model, job)
         except CompilerUnavailable:
             backend, outcome = "interpreter", interpret.run(model, job)

@@ -9,7 +9,8 @@ shared between the functions, and a division by a lower-level value becomes a pr
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from engine.ports import Expression
 
 _RUNTIME = Path(__file__).parent / "runtime"
 
-_BINARY = {
+BINARY = {
     ca.OP_ADD: "{0} + {1}",
     ca.OP_SUB: "{0} - {1}",
     ca.OP_MUL: "{0} * {1}",
@@ -42,7 +43,7 @@ _BINARY = {
     ca.OP_ATAN2: "atan2({0}, {1})",
     ca.OP_HYPOT: "hypot({0}, {1})",
 }
-_UNARY = {
+UNARY = {
     ca.OP_ASSIGN: "{0}",
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
@@ -72,12 +73,33 @@ _UNARY = {
     ca.OP_FLOOR: "floor({0})",
     ca.OP_CEIL: "ceil({0})",
 }
-_COSTLY = frozenset(_UNARY) - {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_NOT, ca.OP_FABS, ca.OP_SIGN}
+_COSTLY = frozenset(UNARY) - {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_NOT, ca.OP_FABS, ca.OP_SIGN}
 _COSTLY |= {ca.OP_DIV, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_ATAN2, ca.OP_HYPOT}
 _INLINED = 600
 """Statements up to which the derivative is compiled into every stage of a step, so that stages share what they can."""
 _CONSTANT, _PARAMETER, _MODE, _STATE = range(4)
 _ARGUMENTS = ("t", "x", "u", "d", "m", "p", "fire")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is computed when: nodes in an order in which each follows those that it needs.
+
+    Attributes:
+        constant: nodes of constants alone that others use.
+        parameter: nodes that depend on parameters and are used at every evaluation, or at a switch.
+        mode: nodes that depend on modes and are used at every evaluation.
+        parameters: all that is computed for a set of parameters, `constant` and `parameter` among it.
+        modes: all that is computed at a switch, `mode` among it.
+        state: all that is computed at every evaluation, by function.
+    """
+
+    constant: list[int]
+    parameter: list[int]
+    mode: list[int]
+    parameters: list[int]
+    modes: list[int]
+    state: dict[str, list[int]]
 
 
 class Emitter:
@@ -122,9 +144,9 @@ class Emitter:
                 results[outputs[1]] = work[inputs[0]]
             else:
                 operands = [work[i] for i in inputs]
-                if operation in _UNARY:
+                if operation in UNARY:
                     operands = operands[:1]
-                elif operation not in _BINARY:
+                elif operation not in BINARY:
                     raise NotImplementedError(f"CasADi operation {operation} has no C form")
                 work[outputs[0]] = self._node(operation, *operands)
         self.functions[name] = results
@@ -160,20 +182,37 @@ class Emitter:
             return "t" if key[1] == "t" else f"{key[1]}[{key[2]}]"
         return f"v{node}" if node in local else stored[node]
 
+    def is_computed(self, node: int) -> bool:
+        """Whether a node is the result of an operation."""
+        return self.nodes[node][0] not in ("const", "input")
+
+    def groups(
+        self, nodes: list[int], results: Sequence[int] | None = None
+    ) -> Iterator[tuple[frozenset[int], list[int]]]:
+        """The computed ones of some nodes in order, each group with the conditions without which nothing uses it.
+
+        Args:
+            nodes: what is computed.
+            results: of the function; without them there are no conditions. Only costly groups have some.
+        """
+        wanted = self._wanted(nodes, results) if results is not None else {}
+        computed = [node for node in nodes if self.is_computed(node)]
+        for conditions, run in itertools.groupby(computed, lambda node: wanted.get(node, frozenset())):
+            group = list(run)
+            costly = conditions and any(self.nodes[node][0] in _COSTLY for node in group)
+            yield (conditions if costly else frozenset()), group
+
     def _body(self, nodes: list[int], stored: dict[int, str], results: Sequence[int] | None = None) -> list[str]:
         """Statements that compute the nodes; given the results, costly ones only where a mode or phase needs them."""
         lines: list[str] = []
-        local = {node for node in nodes if self.nodes[node][0] not in ("const", "input")}
-        wanted = self._wanted(nodes, results) if results is not None else {}
-        computed = [node for node in nodes if node in local]
-        for conditions, run in itertools.groupby(computed, lambda node: wanted.get(node, frozenset())):
-            group = list(run)
+        local = {node for node in nodes if self.is_computed(node)}
+        for conditions, group in self.groups(nodes, results):
             texts = {}
             for node in group:
                 key = self.nodes[node]
-                form = _UNARY.get(key[0]) or _BINARY[key[0]]
+                form = UNARY.get(key[0]) or BINARY[key[0]]
                 texts[node] = form.format(*[self._operand(o, stored, local) for o in key[1:]])
-            if conditions and any(self.nodes[node][0] in _COSTLY for node in group):
+            if conditions:
                 tests = " && ".join(f"{self._operand(c, stored, local)} != 0" for c in sorted(conditions))
                 lines.append("  double " + ", ".join(f"v{node} = 0" for node in group) + ";")
                 lines.append(f"  if ({tests}) {{")
@@ -199,34 +238,39 @@ class Emitter:
                 found[operand] = found[operand] & needed if operand in found else needed
         return found
 
-    def text(self) -> str:
-        """C source of the preparations and of every function added."""
+    def plan(self) -> Plan:
+        """What every function added needs, by the occasion on which it changes."""
         everything = [node for results in self.functions.values() for node in results]
-        state_nodes = {name: self._reach(results, _STATE) for name, results in self.functions.items()}
-        high = sorted({node for nodes in state_nodes.values() for node in nodes})
-        direct = [r for r in everything if self.nodes[r][0] not in ("const", "input")]
-        wanted_m = sorted({*self._needs(high, _MODE), *[r for r in direct if self.levels[r] == _MODE]})
-        mode_nodes = self._reach(wanted_m, _MODE)
-        wanted_p = sorted(
+        state = {name: self._reach(results, _STATE) for name, results in self.functions.items()}
+        high = sorted({node for nodes in state.values() for node in nodes})
+        direct = [r for r in everything if self.is_computed(r)]
+        mode = sorted({*self._needs(high, _MODE), *[r for r in direct if self.levels[r] == _MODE]})
+        modes = self._reach(mode, _MODE)
+        parameter = sorted(
             {
                 *self._needs(high, _PARAMETER),
-                *self._needs(mode_nodes, _PARAMETER),
+                *self._needs(modes, _PARAMETER),
                 *[r for r in direct if self.levels[r] == _PARAMETER],
             }
         )
-        wanted_c = self._needs(high, _CONSTANT) + self._needs(mode_nodes, _CONSTANT)
-        wanted_c += self._needs(self._reach(wanted_p, _PARAMETER), _CONSTANT)
-        wanted_c += [r for r in direct if self.levels[r] == _CONSTANT]
-        constants = sorted({n for n in wanted_c if self.nodes[n][0] != "const"})
-        wanted_p = [*constants, *wanted_p]
+        wanted = self._needs(high, _CONSTANT) + self._needs(modes, _CONSTANT)
+        wanted += self._needs(self._reach(parameter, _PARAMETER), _CONSTANT)
+        wanted += [r for r in direct if self.levels[r] == _CONSTANT]
+        constant = sorted({n for n in wanted if self.nodes[n][0] != "const"})
+        low = [*self._reach(constant, _CONSTANT), *self._reach([*constant, *parameter], _PARAMETER)]
+        return Plan(constant, parameter, mode, low, modes, state)
+
+    def text(self) -> str:
+        """C source of the preparations and of every function added."""
+        plan = self.plan()
+        wanted_p, wanted_m, state_nodes = [*plan.constant, *plan.parameter], plan.mode, plan.state
         stored = {node: f"cp[{i}]" for i, node in enumerate(wanted_p)}
         stored |= {node: f"cm[{i}]" for i, node in enumerate(wanted_m)}
-        low = [*self._reach(constants, _CONSTANT), *self._reach(wanted_p, _PARAMETER)]
         parts = [f"#define FA_NCP {len(wanted_p)}\n#define FA_NCM {len(wanted_m)}\n"]
-        body = self._body(low, {})
+        body = self._body(plan.parameters, {})
         body += [f"  cp[{i}] = v{node};" for i, node in enumerate(wanted_p)]
         parts.append(_function("fa_prepare_parameters", "const double *p, double *cp", body))
-        body = self._body(mode_nodes, stored)
+        body = self._body(plan.modes, stored)
         body += [f"  cm[{i}] = v{node};" for i, node in enumerate(wanted_m)]
         arguments = "const double *m, const double *p, const double *cp, double *cm"
         parts.append(_function("fa_prepare_modes", arguments, body))
@@ -286,10 +330,10 @@ def model_code(model: Model, extra: Sequence[tuple[str, list[Expression], Expres
     """
     if model.externals:
         raise NotImplementedError(f"'{model.externals[0].name}' is a Python function, which only a simulation can call")
-    return _sizes(model) + "\n\n" + _emitter(model, extra).text()
+    return _sizes(model) + "\n\n" + run_emitter(model, extra).text()
 
 
-def _emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expression]] = ()) -> Emitter:
+def run_emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expression]] = ()) -> Emitter:
     """The functions that every run needs."""
     e = model.equations
     emitter = Emitter()
@@ -310,6 +354,11 @@ def _emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expressi
     return emitter
 
 
+def rings_of(model: Model) -> list[int]:
+    """Room of each delay line: a power of two, so that delays that differ in length alone share one library."""
+    return [max(_RING, 1 << (line.size - 1).bit_length()) for line in model.lines]
+
+
 def _sizes(model: Model, *, called: bool = False) -> str:
     """Sizes, patterns and tables as C constants.
 
@@ -317,8 +366,7 @@ def _sizes(model: Model, *, called: bool = False) -> str:
         model: the model.
         called: by Python, which tells how long delays are.
     """
-    # A power of two of room, so that delays that differ in length alone share one library.
-    rings = [max(_RING, 1 << (line.size - 1).bit_length()) if called else line.size for line in model.lines]
+    rings = rings_of(model) if called else [line.size for line in model.lines]
     frictions = [mode for mode in model.modes if mode.kind == FRICTION]
     sizes = {
         "FA_NQ": model.coordinates,
@@ -340,6 +388,8 @@ def _sizes(model: Model, *, called: bool = False) -> str:
         "FA_NLR": sum(len(line.stages) for line in model.lines),
     }
     lines = [f"#define {name} {value}" for name, value in sizes.items()]
+    if model.lines:
+        lines.append("#define FA_LINES")
     lines.append(_array("int", "fa_stick_coordinate", [str(mode.coordinate) for mode in frictions]))
     lines.append(_array("int", "fa_table_length", [str(len(t.times)) for t in model.tables]))
     lines.append(_array("int", "fa_table_linear", [str(int(t.hold == "linear")) for t in model.tables]))
@@ -374,8 +424,8 @@ def runtime(name: str) -> str:
     return (_RUNTIME / name).read_text(encoding="utf-8")
 
 
-_INCLUDES = "#include <math.h>\n#include <string.h>\n#include <stdint.h>\n"
-_CALLED = "#define FA_CANCELLABLE\n#define FA_STAGED\n"
+INCLUDES = "#include <math.h>\n#include <string.h>\n#include <stdint.h>\n"
+CALLED = "#define FA_CANCELLABLE\n#define FA_STAGED\n"
 """What a run that Python calls can do: be ended, and have delays that its caller tells."""
 
 _RING = 128
@@ -385,11 +435,11 @@ _RING = 128
 def simulation_source(model: Model) -> str:
     """One translation unit: the model, the integrator and the entry point that Python calls."""
     parts = [
-        _INCLUDES,
-        _CALLED,
+        INCLUDES,
+        CALLED,
         _sizes(model, called=True),
         "\n\n",
-        _emitter(model).text(),
+        run_emitter(model).text(),
         runtime("core.c"),
         runtime("simulate.c"),
     ]
@@ -404,27 +454,58 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
         parameters: indices of the parameters that are directions; they come first.
         directions: how many directions there are, starting values included.
     """
+    emitter, jacobians = tangent_emitter(model, parameters)
+    lines, rules = [f"#define FA_DIRS {directions}"], [_PLACES]
+    for name, jacobian in jacobians.items():
+        lines.append(f"#define FA_{name.upper()}_NNZ {len(jacobian.rows)}")
+        if name in ("guards", "following"):
+            lines.append(_array("int", f"fa_{name}_row", [str(i) for i in jacobian.rows]))
+            lines.append(_array("int", f"fa_{name}_col", [str(i) for i in jacobian.columns]))
+        if name != "following":
+            rules.append(_tangent_rule(name, model, jacobian))
+    head = [INCLUDES, CALLED, _sizes(model, called=True), *lines, emitter.text(), runtime("tangent.c")]
+    return "\n".join([*head, runtime("core.c") + runtime("simulate.c"), *rules, runtime("tangent_rules.c")])
+
+
+@dataclass(frozen=True)
+class Jacobian:
+    """Where a Jacobian is not zero: by x, t, u, d and the parameters that are directions.
+
+    Attributes:
+        height: number of rows.
+        rows, columns: of each value.
+    """
+
+    height: int
+    rows: list[int]
+    columns: list[int]
+
+
+def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter, dict[str, Jacobian]]:
+    """The functions that a run with tangents needs, and the patterns of the Jacobians among them.
+
+    The values of the Jacobian of NAME are the function ``NAME_values``; those of the derivative follow it in
+    ``stage_values``.
+
+    Args:
+        model: the model.
+        parameters: indices of the parameters that are directions.
+    """
     e = model.equations
-    emitter = _emitter(model)
+    emitter = run_emitter(model)
     arguments = [*e.arguments, e.fire]
     seeds = ca.vertcat(e.x, e.t, e.u, e.d, *[e.p[i] for i in parameters])
-    lines, rules = [f"#define FA_DIRS {directions}"], [_PLACES]
+    found = {}
     for name in ("derivative", "guards", "update", "outputs", "following", *(["entering"] if model.lines else [])):
         jacobian = ca.jacobian(getattr(e, name), seeds)
         values = ca.vertcat(*jacobian.nonzeros())
         row, column = (list(part) for part in jacobian.sparsity().get_triplet())
-        lines.append(f"#define FA_{name.upper()}_NNZ {len(row)}")
         if name == "derivative":
             emitter.add("stage_values", arguments, ca.vertcat(e.derivative, values))
         else:
             emitter.add(f"{name}_values", arguments, values if row else ca.SX(0, 1))
-        if name in ("guards", "following"):
-            lines.append(_array("int", f"fa_{name}_row", [str(i) for i in row]))
-            lines.append(_array("int", f"fa_{name}_col", [str(i) for i in column]))
-        if name != "following":
-            rules.append(_tangent_rule(name, model, jacobian.size1(), list(zip(row, column, strict=True))))
-    head = [_INCLUDES, _CALLED, _sizes(model, called=True), *lines, emitter.text(), runtime("tangent.c")]
-    return "\n".join([*head, runtime("core.c") + runtime("simulate.c"), *rules, runtime("tangent_rules.c")])
+        found[name] = Jacobian(jacobian.size1(), row, column)
+    return emitter, found
 
 
 _PLACES = """
@@ -435,22 +516,22 @@ enum { FA_AT_T = FA_NX, FA_AT_U = FA_NX + 1, FA_AT_D = FA_NX + 1 + FA_NI, FA_AT_
 """
 
 
-def _tangent_rule(name: str, model: Model, height: int, nonzeros: list[tuple[int, int]]) -> str:
+def _tangent_rule(name: str, model: Model, jacobian: Jacobian) -> str:
     """C of ``fa_NAME_tangent``: a sparse Jacobian, nonzeros ``j``, times the seeds.
 
     Every nonzero has a line of its own, so that a row's sums stay in registers. A parameter's own column enters as a
     constant vector: written as one element, it would wait for the memory that the next vector load reads.
     """
     at_t = len(model.states)
-    at_u, at_d = at_t + 1, at_t + 1 + len(model.inputs)
+    at_u, at_d = at_t + 1, at_t + 1 + len(model.inputs) + len(model.tables)
     at_q = at_d + len(model.memories)
     lines = [
         f"FA_INLINE void fa_{name}_tangent(const fa_sim *s, const double *j, const fa_columns *S, const fa_columns *D,",
         "    const fa_lane *dt, fa_columns *out) {",
     ]
-    for i in range(height):
+    for i in range(jacobian.height):
         sums, rates, own = [], [], {}
-        for k, (row, c) in enumerate(nonzeros):
+        for k, (row, c) in enumerate(zip(jacobian.rows, jacobian.columns, strict=True)):
             if row != i:
                 continue
             if c < at_t:

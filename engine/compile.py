@@ -197,14 +197,30 @@ def run_compiler(arguments: list[str], folder: Path) -> None:
         )
 
 
+def _library_name(source: str) -> str:
+    key = hashlib.sha256("\0".join([source, *flags(source), version(), _cpu()]).encode()).hexdigest()[:32]
+    return f"{key}{_SUFFIX.get(sys.platform, '.so')}"
+
+
+def known(source: str) -> bool:
+    """Whether the cache has the library of a source.
+
+    Raises:
+        CompilerUnavailable: no compiler runs.
+    """
+    try:
+        return (cache.folder() / _library_name(source)).is_file()
+    except OSError:
+        return False
+
+
 def library(source: str) -> ctypes.CDLL:
     """The loaded library of a source, compiled only if the cache has none that is sound.
 
     Raises:
         CompilerUnavailable: no compiler runs, or it fails.
     """
-    key = hashlib.sha256("\0".join([source, *flags(source), version(), _cpu()]).encode()).hexdigest()[:32]
-    name = f"{key}{_SUFFIX.get(sys.platform, '.so')}"
+    name = _library_name(source)
     try:
         target = cache.folder() / name
         if cache.opened(target) is not None:

@@ -1,11 +1,17 @@
-"""The compiled runtime: the C struct of a run, filled and called through ctypes, which holds no interpreter lock."""
+"""The compiled runtime: the C struct of a run, filled and called through ctypes, which holds no interpreter lock.
+
+A model begins as byte code (`engine.bytecode`), and gets C of its own once that pays. Both give the same numbers to the
+bit, so when it changes over shows in nothing but time.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import functools
+import math
 import threading
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from ctypes import POINTER, c_double, c_int32, c_int64
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,8 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engine import bytecode
 from engine.codegen import simulation_source
-from engine.compile import library
+from engine.compile import known, library
 from engine.external import Calls
 from engine.model import Model, Vector
 
@@ -92,11 +99,12 @@ class _Job(ctypes.Structure):
         ("culprit", c_int32),
         ("t1", c_double),
         ("external", _External),
+        ("code", ctypes.c_void_p),
     )
 
 
 @functools.lru_cache(maxsize=64)
-def _loaded(signature: str, source: str) -> Any:
+def _loaded(source: str) -> Any:
     function = library(source).fa_simulate
     function.argtypes = [POINTER(_Job), ctypes.c_void_p]
     function.restype = ctypes.c_int
@@ -112,10 +120,113 @@ def entry(model: Model) -> Any:
     Raises:
         CompilerUnavailable: no compiler runs.
     """
+    return _loaded(_source(model))
+
+
+def _source(model: Model) -> str:
     source = _sources.get(model.signature)
     if source is None:
         source = _sources[model.signature] = simulation_source(model)
-    return _loaded(model.signature, source)
+    return source
+
+
+_interpreters: dict[int | None, Any] = {}
+_interpreters_lock = threading.Lock()
+
+
+def interpreter(room: int | None, load: Callable[[str], Any]) -> Any:
+    """The runtime of byte code, with room for so many tangents or without any, loaded once.
+
+    Args:
+        room: see `bytecode.source`.
+        load: compiles and loads its C.
+
+    Raises:
+        CompilerUnavailable: no compiler runs.
+    """
+    with _interpreters_lock:
+        if room not in _interpreters:
+            _interpreters[room] = load(bytecode.source(room))
+        return _interpreters[room]
+
+
+LOOK = 3e6
+"""Instructions of byte code after which the cache is searched for the model's own code: some milliseconds' work."""
+
+ENOUGH, ENOUGH_FOR_EACH = 1.5e8, 2.5e5
+"""Instructions after which the model's own code is compiled, and more of them for each instruction of a step.
+
+A compiler takes 0.1 s, and 0.2 ms for each; an instruction of byte code takes about 0.8 ns longer than compiled.
+"""
+
+
+class Way:
+    """How the runs of a model are carried out: by byte code, until its own compiled code pays.
+
+    Args:
+        code: makes the byte code; None for a model that it cannot serve.
+        source: makes the C.
+        load: compiles and loads the C.
+    """
+
+    def __init__(
+        self, code: Callable[[], bytecode.Code | None], source: Callable[[], str], load: Callable[[str], Any]
+    ) -> None:
+        self._source, self._load = source, load
+        self._lock = threading.Lock()
+        self._spent = 0.0
+        self._looked = False
+        self.own: Any = None
+        self.code = code()
+        if self.code is None:
+            self.own = load(source())
+
+    def chosen(self, job: Job) -> bool:
+        """Whether a run is for the model's own code, `own`, which is made if need be, or for byte code, `code`."""
+        with self._lock:
+            if self.own is None:
+                assert self.code is not None
+                steps = job.outputs * math.ceil(job.output_ticks * job.resolution / job.hmax) + len(job.knot)
+                self._spent += steps * self.code.step
+                enough = self._spent > ENOUGH + ENOUGH_FOR_EACH * self.code.step
+                if enough or (not self._looked and self._spent > LOOK):
+                    self._looked = True
+                    source = self._source()
+                    if enough or known(source):
+                        self.own = self._load(source)
+            return self.own is not None
+
+
+_ways: OrderedDict[Hashable, Way] = OrderedDict()
+_ways_lock = threading.Lock()
+MOST_WAYS = 500
+
+
+def way(key: Hashable, make: Callable[[], Way]) -> Way:
+    """The way that is kept under a key, or a new one.
+
+    Raises:
+        CompilerUnavailable: no compiler runs.
+    """
+    with _ways_lock:
+        found = _ways.get(key)
+        if found is not None:
+            _ways.move_to_end(key)
+            return found
+    made = make()
+    with _ways_lock:
+        found = _ways.setdefault(key, made)
+        while len(_ways) > MOST_WAYS:
+            _ways.popitem(last=False)
+    return found
+
+
+def forget() -> None:
+    """Begin again as in a new process, such as with another compiler."""
+    with _ways_lock, _interpreters_lock:
+        _ways.clear()
+        _interpreters.clear()
+        _loaded.cache_clear()
 
 
 @dataclass
@@ -137,12 +248,21 @@ def run(model: Model, job: Job) -> Outcome:
     Raises:
         CompilerUnavailable: no compiler runs.
     """
-    function = entry(model)
-    return call(model, job, lambda c: function(ctypes.byref(c), None))
+    found = way(model.signature, lambda: Way(lambda: bytecode.simulation_code(model), lambda: _source(model), _loaded))
+    if found.chosen(job):
+        return call(model, job, lambda c: found.own(ctypes.byref(c), None))
+    function, code = interpreter(None, _loaded), found.code
+    return call(model, job, lambda c: function(ctypes.byref(c), None), code)
 
 
-def call(model: Model, job: Job, function: Callable[[Any], int]) -> Outcome:
+def call(model: Model, job: Job, function: Callable[[Any], int], code: bytecode.Code | None = None) -> Outcome:
     """Fill the C struct of a run, call ``function`` with it, and collect the results.
+
+    Args:
+        model: the model.
+        job: the run.
+        function: carries it out.
+        code: the model's byte code, if the function is for that.
 
     Raises:
         SimulationError: an external function cannot be made.
@@ -167,6 +287,7 @@ def call(model: Model, job: Job, function: Callable[[Any], int]) -> Outcome:
         if array is not None:
             setattr(c, name, array.ctypes.data_as(POINTER(c_double)))
     c.log_capacity = job.log_capacity
+    c.code = None if code is None else code.address
     if job.cancel is not None:
         c.cancel = ctypes.pointer(job.cancel)
     calls = Calls(model)

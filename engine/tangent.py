@@ -7,7 +7,6 @@ as long as both runs switch in the same order. Where the order changes there is 
 from __future__ import annotations
 
 import ctypes
-import functools
 from ctypes import POINTER, c_double
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine import native
+from engine import bytecode, native
 from engine.codegen import tangent_source
 from engine.compile import library
 from engine.errors import ParameterError, SimulationError, nearest
@@ -55,12 +54,22 @@ class Tangents:
         return np.asarray(self.values[:, self.result.names.index(output), self.wrt.index(direction)])
 
 
-@functools.lru_cache(maxsize=32)
-def _compiled(model: Model, indices: tuple[int, ...], directions: int) -> Any:
-    function = library(tangent_source(model, indices, directions)).fa_simulate_tangents
+def _entry(source: str) -> Any:
+    function = library(source).fa_simulate_tangents
     function.argtypes = [ctypes.c_void_p, *[POINTER(c_double)] * 4]
     function.restype = ctypes.c_int
     return function
+
+
+def _way(model: Model, indices: tuple[int, ...], directions: int) -> native.Way:
+    return native.way(
+        (model.signature, indices, directions),
+        lambda: native.Way(
+            lambda: bytecode.tangent_code(model, indices, directions),
+            lambda: tangent_source(model, indices, directions),
+            _entry,
+        ),
+    )
 
 
 def tangents(
@@ -110,9 +119,11 @@ def tangents(
     S0, D0 = _seeds(model, job.p, dict(initial or {}), ordered, indices, room)
     rows = np.zeros((job.outputs + 1, len(model.outputs), room))
     least = np.zeros(1)
-    function = _compiled(model, indices, room)
+    way = _way(model, indices, room)
+    code = None if way.chosen(job) else way.code
+    function = way.own if code is None else native.interpreter(bytecode.room_for(room), _entry)
     extra = [a.ctypes.data_as(POINTER(c_double)) for a in (S0, D0, rows, least)]
-    outcome = native.call(model, job, lambda c: function(ctypes.addressof(c), *extra))
+    outcome = native.call(model, job, lambda c: function(ctypes.addressof(c), *extra), code)
     if outcome.status:
         raise SimulationError(explain(model, outcome))
     back = [ordered.index(name) for name in wrt]

@@ -14,6 +14,13 @@
 #endif
 
 #define FA_SIZE(n) ((n) > 0 ? (n) : 1)
+#ifdef FA_BYTECODE
+#define FA_ROOM(n) FA_MOST
+#define FA_ROOM_LINE FA_MOST_LINE
+#else
+#define FA_ROOM(n) FA_SIZE(n)
+#define FA_ROOM_LINE FA_SIZE(FA_NLS)
+#endif
 #define FA_NG (2 * (FA_NF + FA_NS))
 #define FA_NM (FA_NF + FA_NS + FA_NT)
 #define FA_NI (FA_NU + FA_NW)
@@ -24,15 +31,15 @@ enum { FA_OK = 0, FA_NOT_FINITE = 1, FA_CHATTER = 2, FA_CANCELLED = 3, FA_NO_MOD
 
 typedef struct {
   double t;                                                      /* time of x */
-  double x[FA_SIZE(FA_NX)], d[FA_SIZE(FA_ND)], m[FA_SIZE(FA_NM)], p[FA_SIZE(FA_NP)];
-  double cp[FA_SIZE(FA_NCP)], cm[FA_SIZE(FA_NCM)];               /* prepared from p, and from p and m */
-  double base[FA_SIZE(FA_NI)], slope[FA_SIZE(FA_NI)], from[FA_SIZE(FA_NI)]; /* inputs: base + slope (t - from) */
-  double full[FA_SIZE(FA_NX + FA_NG)];                           /* dx/dt and guards at t */
+  double x[FA_ROOM(FA_NX)], d[FA_ROOM(FA_ND)], m[FA_ROOM(FA_NM)], p[FA_ROOM(FA_NP)];
+  double cp[FA_ROOM(FA_NCP)], cm[FA_ROOM(FA_NCM)];               /* prepared from p, and from p and m */
+  double base[FA_ROOM(FA_NI)], slope[FA_ROOM(FA_NI)], from[FA_ROOM(FA_NI)]; /* inputs: base + slope (t - from) */
+  double full[FA_ROOM(FA_NX) + FA_ROOM(FA_NG)];                  /* dx/dt and guards at t */
   int rated;                                                     /* whether dx/dt in full is that at t */
-  double next[FA_SIZE(FA_NT)];                                   /* instants of the next time events */
-  int cursor[FA_SIZE(FA_NW)];                                    /* knot of each table that holds at t */
-  double line[FA_SIZE(FA_NLS)];                                  /* values in the delay lines, rings one after another */
-  int newest[FA_SIZE(FA_NL)];                                    /* where in its ring the last value is */
+  double next[FA_ROOM(FA_NT)];                                   /* instants of the next time events */
+  int cursor[FA_ROOM(FA_NW)];                                    /* knot of each table that holds at t */
+  double line[FA_ROOM_LINE];                                     /* values in the delay lines, rings one after another */
+  int newest[FA_ROOM(FA_NL)];                                    /* where in its ring the last value is */
   double hmax;
   int64_t steps, events;
   int status, culprit;                                           /* culprit: index of a state or mode */
@@ -40,6 +47,10 @@ typedef struct {
   void *listener;                                                /* whose the hooks are */
 #ifdef FA_STAGED
   const int64_t *stage;                                          /* how many instants ago what is read entered its line */
+#endif
+#ifdef FA_BYTECODE
+  const fa_code *code;                                           /* the model's functions and tables; see bytecode.c */
+  double *file;                                                  /* the values that they work on */
 #endif
 #ifdef FA_CANCELLABLE
   const volatile int32_t *cancel;                                /* not 0 once the run is to end; or NULL */
@@ -186,7 +197,7 @@ static double fa_next_knot(const fa_sim *s, int *event) {
 
 /* -- delay lines ----------------------------------------------------------------------------------------------- */
 
-#if FA_NL
+#ifdef FA_LINES
 #ifdef FA_STAGED
 #define FA_STAGE(s, i) ((int)(s)->stage[i])
 #else
@@ -199,7 +210,7 @@ static int fa_line_place(const fa_sim *s, int l, int k) {
 }
 
 static void fa_line_fill(fa_sim *s) {
-  double start[FA_NL];
+  double start[FA_SIZE(FA_NL)];
   fa_line_start(s->t, s->x, s->base, s->d, s->m, s->p, s->cp, s->cm, 0, start);
   for (int l = 0; l < FA_NL; l++) {
     s->newest[l] = 0;
@@ -234,7 +245,7 @@ static void fa_rk4(const fa_sim *s, double h, double *restrict x1) {
   for (int i = 0; i < FA_NX; i++) x1[i] = s->x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
 }
 
-typedef struct { double h, x[FA_SIZE(FA_NX)], guards[FA_SIZE(FA_NG)]; } fa_trial;
+typedef struct { double h, x[FA_ROOM(FA_NX)], guards[FA_ROOM(FA_NG)]; } fa_trial;
 
 static void fa_try_step(const fa_sim *s, double h, fa_trial *r) {
   double u[FA_SIZE(FA_NI)];
@@ -245,7 +256,8 @@ static void fa_try_step(const fa_sim *s, double h, fa_trial *r) {
   fa_guards(s->t + h, r->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, r->guards);
 }
 
-static double fa_worst_guard(const double *guards, int *which) {
+static double fa_worst_guard(const fa_sim *s, const double *guards, int *which) {
+  (void)s;
   double worst = -HUGE_VAL;
   for (int k = 0; k < FA_NG; k++)
     if (guards[k] > worst) { worst = guards[k]; *which = k; }
@@ -260,7 +272,7 @@ static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
   fa_trial c;
   double a = 0, fa, fb, wa = 1, wb = 1;
   int which = 0, side = 0;
-  fb = fa_worst_guard(b->guards, &which);
+  fb = fa_worst_guard(s, b->guards, &which);
   fa = s->full[FA_NX + which];
   const double tolerance = 1e-13 * whole;
   for (int turn = 0; turn < 120 && b->h - a > tolerance; turn++) {
@@ -270,7 +282,7 @@ static void fa_locate(const fa_sim *s, double whole, fa_trial *b) {
     if (h >= b->h - tolerance / 2) h = b->h - tolerance / 2;
     int guard = 0;
     fa_try_step(s, h, &c);
-    const double worst = fa_worst_guard(c.guards, &guard);
+    const double worst = fa_worst_guard(s, c.guards, &guard);
     if (worst > 0) {
       *b = c;
       if (guard != which) { which = guard; fa = s->full[FA_NX + which]; wa = wb = 1; side = 0; }
@@ -311,7 +323,7 @@ static int fa_update_derivative(fa_sim *s) {
 
 /* Take over the trial; dx/dt at its end is left for when it is needed, since memories may change before. */
 static void fa_accept(fa_sim *s, const fa_trial *b) {
-  memcpy(s->x, b->x, sizeof s->x);
+  memcpy(s->x, b->x, sizeof(double) * FA_NX);
   memcpy(s->full + FA_NX, b->guards, sizeof(double) * FA_NG);
   s->rated = 0;
 }
@@ -331,7 +343,7 @@ static int fa_step(fa_sim *s, double h) {
 #ifdef FA_ADAPTIVE
     s->ready = 0;
 #endif
-    if (!(fa_worst_guard(b.guards, &which) > 0)) {
+    if (!(fa_worst_guard(s, b.guards, &which) > 0)) {
       FA_ON_STEP(s, b.h, -1);
       fa_accept(s, &b);
       s->t = end;
@@ -339,7 +351,7 @@ static int fa_step(fa_sim *s, double h) {
       return fa_finite(s->x, FA_NX) && fa_finite(b.guards, FA_NG) ? FA_OK : fa_not_finite(s);
     }
     fa_locate(s, h, &b);
-    fa_worst_guard(b.guards, &which);
+    fa_worst_guard(s, b.guards, &which);
     FA_ON_STEP(s, b.h, which);
     fa_accept(s, &b);
     s->t = end - s->t - b.h > 1e-13 * h ? s->t + b.h : end;
@@ -376,7 +388,7 @@ static int fa_start(fa_sim *s) {
     s->slope[FA_NU + i] = s->from[FA_NU + i] = 0;
   }
   fa_parameters_changed(s);
-#if FA_NL
+#ifdef FA_LINES
   fa_line_fill(s);
 #endif
   fa_table_knots(s);
@@ -482,8 +494,8 @@ static int fa_integrate(fa_sim *s, double t_end) {
 static int fa_tick(fa_sim *s, const double *flags) {
   double u[FA_SIZE(FA_NI)], d[FA_SIZE(FA_ND)];
   fa_inputs(s, s->t, u);
-#if FA_NL
-  double fire[FA_NC + FA_NEO + FA_NLR], value[FA_NL];
+#ifdef FA_LINES
+  double fire[FA_SIZE(FA_NC + FA_NEO + FA_NLR)], value[FA_SIZE(FA_NL)];
   memcpy(fire, flags, sizeof(double) * (FA_NC + FA_NEO));
   for (int i = 0; i < FA_NLR; i++)
     fire[FA_NC + FA_NEO + i] = s->line[fa_line_place(s, fa_read_line[i], FA_STAGE(s, i))];
@@ -492,7 +504,7 @@ static int fa_tick(fa_sim *s, const double *flags) {
 #endif
   FA_ON_TICK(s, fire);
   fa_update(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, d);
-#if FA_NL
+#ifdef FA_LINES
   fa_entering(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, value);
   fa_line_push(s, fire, value);
 #endif

@@ -16,6 +16,7 @@ typedef struct {
   int32_t status, culprit;
   double t1;
   int32_t (*external)(int32_t which, double t, const double *in, double *out); /* not 0: it failed */
+  const void *code;                        /* the model, to code that serves all of them; see bytecode.c */
 } fa_job;
 
 enum { FA_EXTERNAL = 5 };
@@ -65,8 +66,9 @@ static int fa_externals(fa_sim *s, const fa_job *job, double *fire) {
 
 /* due: the next tick of each clock. */
 static int fa_clocks(fa_sim *s, const fa_job *job, int64_t tick, int64_t *due) {
-  double fire[FA_SIZE(FA_NC + FA_NEO)] = {0};
+  double fire[FA_SIZE(FA_NC + FA_NEO)];
   int any = 0;
+  memset(fire, 0, sizeof fire);
   for (int c = 0; c < FA_NC; c++) {
     if (due[c] != tick) continue;
     due[c] += job->period[c];
@@ -102,6 +104,11 @@ static int fa_run(fa_sim *s, fa_job *job) {
 FA_EXPORT int fa_simulate(fa_job *job, void *listener) {
   fa_sim sim, *s = &sim;
   memset(s, 0, sizeof *s);
+#ifdef FA_BYTECODE
+  s->code = job->code;
+  double file[s->code->registers];
+  s->file = fa_filled(s->code, file);
+#endif
   s->t = job->t0;
   s->hmax = job->hmax;
   memcpy(s->x, job->x0, sizeof(double) * FA_NX);

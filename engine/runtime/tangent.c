@@ -9,36 +9,29 @@
  * and what remains of the step is shorter by as much. Column FA_DIRS carries Phi_h. The columns lie in lanes of a
  * processor's vectors; those beyond FA_DIRS stay zero. Included before core.c. */
 
+#ifndef FA_BYTECODE
+#define FA_MOST_DIRS FA_DIRS
+#endif
 #ifdef __AVX512F__
-#define FA_WIDTH (FA_DIRS < 4 ? 4 : 8)
+#define FA_WIDTH (FA_MOST_DIRS < 4 ? 4 : 8)
 #else
 #define FA_WIDTH 4
 #endif
-#define FA_LANES (FA_DIRS / FA_WIDTH + 1)
+#define FA_LANES (FA_MOST_DIRS / FA_WIDTH + 1)
 typedef double fa_lane __attribute__((vector_size(FA_WIDTH * sizeof(double)), may_alias));
 typedef fa_lane fa_columns[FA_LANES];
 #define FA_EACH(l) for (int l = 0; l < FA_LANES; l++)
 #define FA_COLUMN(v, c) (v)[(c) / FA_WIDTH][(c) % FA_WIDTH]
 
-typedef struct {
-  fa_columns S[FA_NX > 0 ? FA_NX : 1];      /* states */
-  fa_columns D[FA_ND > 0 ? FA_ND : 1];      /* memories */
-  fa_columns line[FA_NLS > 0 ? FA_NLS : 1]; /* values in the delay lines */
-  fa_columns dt, aim;                       /* of the present time, of the step's end */
-  fa_columns begin, goal;                   /* of the segment's start and end, which several steps may divide */
-  int moving;                               /* whether any of these is not zero */
-  double *rows;                             /* output tangents, (row, output, direction) */
-  double least;                             /* smallest |g_x Phi_h + g_t| met, relative; small means grazing */
-} fa_tangents;
-
 static void fa_tangent_target(void *sim, int event, int64_t i, int64_t n);
 static void fa_tangent_step(void *sim, double h, int guard);
+static void fa_tangent_stop(void *sim, int coordinate);
 static void fa_tangent_tick(void *sim, const double *fire);
 static void fa_tangent_record(void *sim, int64_t row);
 
 #define FA_HOOKS
 #define FA_ON_TARGET(s, event, i, n) fa_tangent_target(s, (event), (i), (n))
 #define FA_ON_STEP(s, h, guard) fa_tangent_step(s, (h), (guard))
-#define FA_ON_STOP(s, c) memset(((fa_tangents *)(s)->listener)->S[FA_NQ + (c)], 0, sizeof(fa_columns))
+#define FA_ON_STOP(s, coordinate) fa_tangent_stop(s, (coordinate))
 #define FA_ON_TICK(s, fire) fa_tangent_tick(s, (fire))
 #define FA_ON_RECORD(s, row) fa_tangent_record(s, (row))

@@ -1,6 +1,17 @@
 /* The rules announced in tangent.c; included after simulate.c and the generated fa_NAME_tangent, which carry seeds
  * through the Jacobian of a function of the model: out = J [S | dt | slope dt | D] + the parameters' own columns. */
 
+typedef struct {
+  fa_columns S[FA_ROOM(FA_NX)];             /* states */
+  fa_columns D[FA_ROOM(FA_ND)];             /* memories */
+  fa_columns line[FA_ROOM_LINE];            /* values in the delay lines */
+  fa_columns dt, aim;                       /* of the present time, of the step's end */
+  fa_columns begin, goal;                   /* of the segment's start and end, which several steps may divide */
+  int moving;                               /* whether any of these is not zero */
+  double *rows;                             /* output tangents, (row, output, direction) */
+  double least;                             /* smallest |g_x Phi_h + g_t| met, relative; small means grazing */
+} fa_tangents;
+
 /* Derivative and its tangent at (t, x). */
 FA_INLINE void fa_stage(const fa_sim *s, double t, const double *x, const fa_columns *S, const fa_lane *dt, double *k,
                         fa_columns *dk) {
@@ -41,7 +52,8 @@ FA_INLINE void fa_tangent_rk4(fa_sim *s, double h, const fa_lane *dh, int with_l
   }
 }
 
-static int fa_any_nonzero(const fa_lane *a) {
+static int fa_any_nonzero(const fa_sim *s, const fa_lane *a) {
+  (void)s;
   for (int j = 0; j < FA_DIRS; j++) if (FA_COLUMN(a, j) != 0) return 1;
   return 0;
 }
@@ -59,7 +71,7 @@ static void fa_tangent_target(void *sim, int event, int64_t i, int64_t n) {
         if (fa_following_row[k] == event && fa_following_col[k] >= FA_AT_Q)
           FA_COLUMN(T->goal, fa_following_col[k] - FA_AT_Q) += r[k];
     }
-    T->moving = fa_any_nonzero(T->begin) || fa_any_nonzero(T->goal);
+    T->moving = fa_any_nonzero(s, T->begin) || fa_any_nonzero(s, T->goal);
   }
   const double share = (double)i / (double)n;
   FA_EACH(l) T->aim[l] = i == n ? T->goal[l] : T->begin[l] + (T->goal[l] - T->begin[l]) * share;
@@ -103,6 +115,12 @@ static void fa_tangent_step(void *sim, double h, int guard) {
   for (int i = 0; i < FA_NX; i++) FA_COLUMN(T->S[i], FA_DIRS) = 0;
 }
 
+static void fa_tangent_stop(void *sim, int coordinate) {
+  fa_sim *s = sim;
+  fa_tangents *T = s->listener;
+  memset(T->S[FA_NQ + coordinate], 0, sizeof(fa_columns));
+}
+
 static void fa_tangent_tick(void *sim, const double *fire) {
   fa_sim *s = sim;
   fa_tangents *T = s->listener;
@@ -112,9 +130,9 @@ static void fa_tangent_tick(void *sim, const double *fire) {
   fa_update_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, j);
   memset(next, 0, sizeof next);
   fa_update_tangent(s, j, T->S, T->D, 0, next);
-#if FA_NL
+#ifdef FA_LINES
   double v[FA_SIZE(FA_ENTERING_NNZ)];
-  fa_columns entering[FA_NL];
+  fa_columns entering[FA_SIZE(FA_NL)];
   fa_entering_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, v);
   fa_entering_tangent(s, v, T->S, T->D, 0, entering);
   for (int i = 0; i < FA_NLR; i++)
@@ -140,11 +158,14 @@ static void fa_tangent_record(void *sim, int64_t row) {
 
 /* S0 is (FA_NX, FA_DIRS), D0 (FA_ND, FA_DIRS), rows (outputs + 1, FA_NY, FA_DIRS). */
 FA_EXPORT int fa_simulate_tangents(fa_job *job, const double *S0, const double *D0, double *rows, double *least) {
+#ifdef FA_BYTECODE
+  const fa_job *s = job; /* whose code says the sizes */
+#endif
   static _Thread_local fa_tangents T;
   memset(&T, 0, sizeof T);
   for (int i = 0; i < FA_NX; i++) memcpy(T.S[i], S0 + i * FA_DIRS, sizeof(double) * FA_DIRS);
   for (int i = 0; i < FA_ND; i++) memcpy(T.D[i], D0 + i * FA_DIRS, sizeof(double) * FA_DIRS);
-#if FA_NL
+#ifdef FA_LINES
   for (int i = 0; i < FA_NLR; i++) /* every stage of a line starts alike */
     for (int k = 0; k < fa_line_size[fa_read_line[i]]; k++)
       memcpy(T.line[fa_line_first[fa_read_line[i]] + k], T.D[fa_read_memory[i]], sizeof T.D[0]);

@@ -608,7 +608,7 @@ static int fa_sound_run(const fa_state *s) {
   }
   for (int i = 0; i < FA_NW; i++)
     if (sim->cursor[i] < -1 || sim->cursor[i] >= fa_table_length[i]) return 0;
-#if FA_NL
+#ifdef FA_LINES
   for (int l = 0; l < FA_NL; l++)
     if (sim->newest[l] < 0 || sim->newest[l] >= fa_line_size[l]) return 0;
 #endif

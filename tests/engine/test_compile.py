@@ -221,7 +221,7 @@ def test_without_a_compiler_the_interpreter_runs_with_one_warning(
     monkeypatch.setenv("FLEXARM_CC", "no-such-compiler-anywhere")
     compiling.compiler.cache_clear()
     compiling.version.cache_clear()
-    native._loaded.cache_clear()
+    native.forget()
     simulate._warned.clear()
     try:
         with pytest.warns(RuntimeWarning, match="interpreter") as caught:

@@ -11,6 +11,7 @@ from engine.assemble import build
 from engine.errors import ParameterError
 from engine.simulate import simulate
 from engine.tangent import reordered, tangents
+from scenarios.load import load
 from tests.engine.parts import Body, Dry, Held, Jump, Lag, Push, Rest, Spring, Wave, system
 
 WRT = [
@@ -75,6 +76,20 @@ def test_tangents_agree_with_central_differences_through_every_event(model: Any,
     tangent = found.values[:, :, WRT.index(name)]
     scale = np.abs(tangent).max(axis=0) + 1e-9
     assert (np.abs(difference - tangent).max(axis=0) / scale).max() < 1e-6
+
+
+def test_what_a_table_in_the_model_is_multiplied_with_has_its_own_derivative() -> None:
+    """Tables are inputs too: their columns of a Jacobian stand between those of other inputs and of memories."""
+    made = load("flexible-arm-braked").build()
+    assert made.tables
+    for name in ("recording.scale", "arm.mass[1]"):
+        value = made.parameter_values[made.parameter_index(name)]
+        ends = [simulate(made, 0.4, parameters={name: value * s}).values for s in (1 + 1e-5, 1 - 1e-5)]
+        expected = (ends[0] - ends[1]) / (2e-5 * value)
+        # Beside a direction that nothing depends on, so that a column in the wrong place shows.
+        found = tangents(made, 0.4, wrt=[name, "brake.reference"])
+        assert np.abs(found.values[:, :, 0] - expected).max() < 1e-5 * np.abs(expected).max()
+        assert not found.values[:, :, 1].any()
 
 
 def test_the_derivative_of_a_stopping_distance_is_exact() -> None:
