@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,43 @@ def power(rows: Sequence[Score], path: Path) -> None:
             right.legend(loc="lower right", fontsize=8)
         for axes in (left, right):
             axes.grid(alpha=0.3)
+        with writing(path, (".svg",)) as temporary:
+            figure.savefig(temporary, metadata={"Date": None})
+
+
+CLAIMED = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
+"""Ends of the ranges of claimed probability."""
+
+
+def binned(rows: Sequence[Score]) -> list[tuple[float, float, float, int, int]]:
+    """For each range of claimed probability: its ends, the mean claim, how many findings are right, and of how many."""
+    odds = [pair for r in rows if not r.spec["withheld"] for pair in r.odds]
+    found = []
+    for low, high in itertools.pairwise(CLAIMED):
+        here = [(p, hit) for p, hit in odds if low <= p < high or p == high == 1.0]
+        if here:
+            found.append((low, high, sum(p for p, _ in here) / len(here), sum(hit for _, hit in here), len(here)))
+    return found
+
+
+def reliability(rows: Sequence[Score], path: Path) -> None:
+    """Share of findings that are right against the probability that they claim, with 95 % bounds, as SVG."""
+    with mpl.rc_context(STYLE):  # type: ignore[arg-type]
+        figure = Figure(figsize=(4.4, 4.0), layout="constrained")
+        axes = figure.subplots()
+        axes.plot([0, 1], [0, 1], color=GREY, lw=0.8, ls=":", label="as claimed")
+        table = binned(rows)
+        claimed = [row[2] for row in table]
+        shares = np.array([right / total for *_, right, total in table])
+        bounds = np.array([wilson(right, total) for *_, right, total in table]).reshape(-1, 2)
+        axes.errorbar(claimed, shares, np.abs(bounds.T - shares), fmt="o", color=BLUE, capsize=3, label="measured")
+        for (*_, total), x, y in zip(table, claimed, shares, strict=True):
+            axes.annotate(str(total), (x, y), textcoords="offset points", xytext=(-6, -14), fontsize=8, ha="right")
+        axes.set(
+            xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), xlabel="claimed probability [1]", ylabel="share that is right [1]"
+        )
+        axes.grid(alpha=0.3)
+        axes.legend(loc="upper left", fontsize=8)
         with writing(path, (".svg",)) as temporary:
             figure.savefig(temporary, metadata={"Date": None})
 

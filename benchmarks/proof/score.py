@@ -15,6 +15,7 @@ from benchmarks.concealed.sites import Site, sites
 from benchmarks.concealed.ties import FLOOR, from_answers, tie_class
 from benchmarks.proof.intervals import covered
 from benchmarks.proof.run import plan
+from diagnosis.search.study import LEAST_ODDS
 
 RIGHT = frozenset({"named", "tie", "none"})
 """Outcomes that are right."""
@@ -46,6 +47,10 @@ class Score:
         proposal: kind of the next experiment, if one was proposed.
         sizes: of what was concealed, in detection thresholds.
         claims: for each finding that claims a name, whether it is the truth at its place.
+        odds: for each finding with a name, in a tie too, the probability that it is given and whether it is the truth
+            at its place.
+        converged: of the models that hold a thousandth of the probability or more, how many fits have converged, and
+            how many there are; None where the diagnosis does not say.
         recognised: whether the verdict is ``unknown``, although the model that came closest on the held-out recordings
             holds the true effects at their places.
         settled: whether that experiment, carried out, made the tie a right name; None if it was not carried out.
@@ -74,6 +79,8 @@ class Score:
     settled: bool | None = None
     sizes: tuple[float, ...] = ()
     claims: tuple[bool, ...] = ()
+    odds: tuple[tuple[float, bool], ...] = ()
+    converged: tuple[int, int] | None = None
     recognised: bool = False
 
     @property
@@ -155,6 +162,12 @@ def _score(folder: Path, result: Path) -> Score:
         covered=tuple(covered(found, answer)),
         proposal=(found["next_experiment"] or {}).get("kind", ""),
         settled=_settled(folder, result, targets),
+        odds=tuple(
+            (f["probability"], any(f["effect"] == name and _at(f["place"], allowed) for name, allowed in targets))
+            for f in found["findings"]
+            if f["status"] in ("named", "wrong_parameter", "tie")
+        ),
+        converged=_converged(found),
         claims=tuple(any(_meets(row, t) for t in targets) for row in reported if _is_claim(*row)),
         recognised=outcome == "unknown" and _recognised(found, targets),
     )
@@ -164,6 +177,12 @@ def _name(concealed: dict[str, Any]) -> str:
     """Name of a concealed effect; a ripple of one wave per revolution is gravity."""
     once = concealed["effect"] == "torque_ripple" and concealed["parameters"]["order"] == 1
     return "gravity" if once else str(concealed["effect"])
+
+
+def _converged(found: dict[str, Any]) -> tuple[int, int] | None:
+    """Of the models that take part in the choice, how many fits have converged, and how many there are."""
+    chosen = [t["converged"] for t in found.get("trials", ()) if t.get("probability", 0.0) >= LEAST_ODDS]
+    return (sum(chosen), len(chosen)) if chosen else None
 
 
 def _recognised(found: dict[str, Any], targets: list[tuple[str, set[str]]]) -> bool:

@@ -80,7 +80,13 @@ class Diagnosis:
             "not_tried": [{"effect": effect, "reason": why} for effect, why in study.failures],
             "recovered_force": self.recovered.numbers() if self.recovered else None,
             "trials": [
-                {"effects": [c.key for c in t.effects], "train_chi2": t.fit.chi2, "hold_out_chi2": t.hold_out}
+                {
+                    "effects": [c.key for c in t.effects],
+                    "train_chi2": t.fit.chi2,
+                    "hold_out_chi2": t.hold_out,
+                    "converged": t.fit.converged,
+                    "probability": study.odds.get(t.keys, 0.0),
+                }
                 for t in study.trials
             ],
         }
