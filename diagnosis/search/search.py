@@ -130,9 +130,7 @@ class _Search:
                 if self.best.keys == before.keys:
                     return
             elif count == 1:
-                # A right model's parameters are a tolerance off each, on average; beyond that they are bent.
-                given: list[Values] = [{}] if self.refit.strain > self._declared else []
-                self._first([standing(self.refit.fit), *given])
+                self._first([standing(self.refit.fit), {}])
             else:
                 self._deepen(count)
             self._vary(self.best)
@@ -190,9 +188,11 @@ class _Search:
         """Add an effect to each of the best models that have one less, and try two at once."""
         if count == 2:
             self._pairs()
-        for parent in self._parents(count - 1):
+        for number, parent in enumerate(self._parents(count - 1)):
             kept = tuple(ended(parent, c) for c in parent.effects)
-            self._beside(kept, parent, SEARCH.fitted_beside, self._order[: SEARCH.beside])
+            # What promised little beside the user's model may promise most beside the best one.
+            among = self.listed if number == 0 else self._order[: SEARCH.beside]
+            self._beside(kept, parent, SEARCH.fitted_beside, among)
 
     def _parents(self, count: int) -> list[ScoredModel]:
         """The models of a number of effects that are worth most and those that leave least, each with its own effects.
@@ -226,9 +226,11 @@ class _Search:
         """Put every effect into the user's model, and fit those that promise most.
 
         Args:
-            parents: parameters to begin from.
+            parents: parameters to begin from. Effects are looked at around the first, and around all where the refit
+                is bent: a right model's parameters are a tolerance off each, on average.
         """
-        origins = [o for values in parents if (o := self.fitter.origin((), values)) is not None]
+        around = parents if self.refit.strain > self._declared else parents[:1]
+        origins = [o for values in around if (o := self.fitter.origin((), values)) is not None]
         self._order = self._screened(origins, self.listed)
         able = [c for c in self._order if self._pays(origins, c)]
         self._fit([((c,), parents) for c in able[: SEARCH.fitted]], SEARCH.finished)
