@@ -10,6 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import casadi as ca
 import numpy as np
 
 from diagnosis.frequency_response.sine_model import SineModel, sine_model
@@ -32,6 +33,16 @@ from engine.system import bypass
 if TYPE_CHECKING:
     from engine.model import Model
     from scenarios.load import Scenario
+
+
+LATER = 1e-9
+"""Time (s) after a row at which its input acts where the row was measured before it: the finest that instants have."""
+
+
+def jumping(model: Model) -> list[int]:
+    """Numbers of the outputs that jump with an input, such as an acceleration with a force."""
+    e = model.equations
+    return sorted(set(ca.jacobian_sparsity(e.outputs, e.u).row()))
 
 
 @dataclass(frozen=True)
@@ -130,6 +141,8 @@ def bind(scenario: Scenario, recording: Recording, like: Binding | None = None) 
             time, values = between_samples(np.asarray(recording.time), np.column_stack(columns), holds)
         except RecordingError as error:
             raise error.at(_place(scenario, recording.name, "drive")) from None
+        if recording.sampled == "before_input":
+            time = time + LATER
         drive = Drive(time, values, tuple("linear" if hold == BAND_LIMITED else hold for hold in holds))
     factors = []
     for channel, variable in zip(recording.measurements, model.outputs, strict=True):

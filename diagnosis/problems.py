@@ -10,7 +10,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.binding import Binding, bind, row_interval
+from diagnosis.binding import Binding, bind, jumping, row_interval
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.initial_states import Statics, free_starts
 from diagnosis.estimation.parameters import Array, FreeParameter, free_parameters
@@ -48,6 +48,8 @@ def experiment(made: Binding, recording: Recording, longest: float, statics: Sta
         )
     step, every = row_interval(recording.time, longest)
     measured = np.column_stack([c.values * f for c, f in zip(recording.measurements, made.factors, strict=True)])
+    if recording.sampled == "before_input":
+        measured[0, jumping(made.model)] = np.nan  # what acted before the first row is not known
     sigma, outliers = [], []
     drives = [channel.values for channel in recording.drive]
     for k, channel in enumerate(recording.measurements):

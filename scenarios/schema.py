@@ -345,6 +345,11 @@ class TimeRecording(Section):
         description="closed: recorded under control, the drive is the plant's input; reference: the drive is what the "
         "scenario's controller is to follow",
     )
+    sampled: Literal["before_input", "after_input", "either"] = Field(
+        default="either",
+        description="before_input: a row's measurements were taken before its input acts, as by a controller that "
+        "reads first; either: whichever a fit follows, after_input elsewhere",
+    )
     role: Literal["train", "hold_out", "repeat"] = Field(
         default="train", description="train: fitted; hold_out: judged on alone; repeat: the same experiment again"
     )

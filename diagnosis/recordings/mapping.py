@@ -87,6 +87,7 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
         described.role,
         resample=resample,
         clock=described.time.clock,
+        sampled=described.sampled,
     )
     within = window(reader, described, time)
     if not shared.all():

@@ -63,6 +63,8 @@ class Recording:
         loop, role: as the scenario states them.
         stamps: instants as they were logged (s), before they were made even, shape (samples,); None for ``time``.
         clock: what the time column is believed: ``as_logged``, ``even``, or ``either`` while that is open.
+        sampled: whether measurements of a row were taken ``before_input`` acts or ``after_input``; ``either`` while
+            that is open, which is read as the latter.
         assumed: what was found of the file that the scenario leaves open: keys from the scenario's top -> value.
         described: name under which the scenario describes it, where that is another one.
         resample: interval (s) at which measurements are compared; None compares every sample.
@@ -84,6 +86,7 @@ class Recording:
     resample: float | None = None
     stamps: Vector | None = None
     clock: str = "either"
+    sampled: str = "either"
     assumed: Mapping[tuple[str, ...], Assumed] = field(default_factory=dict)
     described: str = ""
 

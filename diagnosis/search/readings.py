@@ -3,7 +3,8 @@
 Stamps that stray about an even clock may be when samples were taken, or only when they were logged. An input may have
 been held between its samples, or have run on, as one that was computed or measured does. A model that is driven
 late by as much drifts away from what was recorded, and no effect of the catalogue is early. And where a recording
-begins is known of what is measured: the rest may be at rest with it, or be let go of twisted.
+begins is known of what is measured: the rest may be at rest with it, or be let go of twisted. An acceleration jumps
+with the input, and a controller that reads first has logged it before.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.binding import jumping
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.least_squares import Fit, descend, fit, with_held_out_starts
 from diagnosis.estimation.problem import Problem
@@ -73,7 +75,15 @@ def straightened(posed: Problem, recording: Recorded) -> Recorded:
     return replace(recording, drive=drive, assumed={**recording.assumed, **told})
 
 
-READINGS: tuple[Callable[[Problem, Recorded], Recorded], ...] = (slackened, evened, straightened)
+def read_first(posed: Problem, recording: Recorded) -> Recorded:
+    """The recording as measured in each row before its input acts, where that is open and a signal jumps with it."""
+    if not isinstance(recording, Recording) or recording.sampled != "either" or not jumping(posed.model):
+        return recording
+    said = "before_input"
+    return replace(recording, sampled=said, assumed={**recording.assumed, (*_place(recording), "sampled"): said})
+
+
+READINGS: tuple[Callable[[Problem, Recorded], Recorded], ...] = (slackened, evened, straightened, read_first)
 
 
 def as_they_were_taken(scenario: Scenario, recordings: Sequence[Recorded], workers: int) -> list[Recorded]:

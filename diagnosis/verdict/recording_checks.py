@@ -80,11 +80,13 @@ def screen(problem: Problem, x: Array | None = None) -> list[Remark]:
 def _assumed(problem: Problem) -> list[Remark]:
     """What was found of files that their descriptions leave open."""
     told: dict[str, list[str]] = {}
-    for (_, name, *_, place, key), value in problem.assumed.items():
+    for (_, name, *keys, key), value in problem.assumed.items():
         if key == "clock":
             text = "stamps stray about an even clock, and samples are taken to be evenly spaced"
         elif key == "hold":
-            text = f"'{place}' is taken for a straight line between samples"
+            text = f"'{keys[-1]}' is taken for a straight line between samples"
+        elif key == "sampled":
+            text = "what is measured in a row is taken to be read before the row's input acts"
         else:
             text = "what nothing measures at the start is taken to be let go of out of equilibrium"
         said = value if isinstance(value, str) else f"[{', '.join(value)}]"

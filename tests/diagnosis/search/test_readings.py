@@ -125,6 +125,40 @@ def test_the_model_tells_whether_an_input_was_held(tmp_path: Path, held: bool) -
     assert as_they_were_taken(load(path), given, 1)[0] is given[0]
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_the_model_tells_whether_a_row_was_read_before_its_input_acted(tmp_path: Path, first: bool) -> None:
+    """m a = u - c v under held steps: the acceleration of a row is that of the step before, or of its own."""
+    t = np.asarray(INTERVAL * np.arange(2000))
+    force = np.repeat(np.random.default_rng(4).choice([-1.0, 1.0], 200), 10)
+    x = driven(t, force)
+    decay = math.exp(-FRICTION / MASS * INTERVAL)
+    v = np.zeros(len(t))
+    for k in range(1, len(t)):
+        v[k] = force[k - 1] / FRICTION + (v[k - 1] - force[k - 1] / FRICTION) * decay
+    acting = np.concatenate([[0.0], force[:-1]]) if first else force
+    rng = np.random.default_rng(8)
+    a = (acting - FRICTION * v) / MASS + 1e-3 * rng.standard_normal(len(t))
+    rows = np.column_stack([t, force, x + NOISE * rng.standard_normal(len(t)), a])
+    np.savetxt(tmp_path / "swing.csv", rows, delimiter=",", header="t,u,x,a", comments="", fmt="%.9f")
+    measured = "      table.flange.position: {column: x, unit: m, noise: 1e-6}\n"
+    path = tmp_path / "slide.yaml"
+    path.write_text(
+        SCENARIO.replace("unit: N}", "unit: N, hold: zero_order}").replace(
+            measured, measured + "      table.flange.acceleration: {column: a, unit: m/s2, noise: 1e-3}\n"
+        ),
+        encoding="utf-8",
+    )
+    made, scores = fit_to(path, workers=1)
+    assert made.problem.assumed == ({("recordings", "swing", "sampled"): "before_input"} if first else {})
+    assert scores["fitted"] == pytest.approx(1.0, abs=0.1)
+    assert made.parameters()["table.mass"] == pytest.approx(MASS, rel=2e-3)
+    if first:
+        text = with_readings(path.read_text(encoding="utf-8"), made.problem.assumed)
+        (again,) = gather(load(path, text=text), (), ())
+        assert isinstance(again, Recording)
+        assert again.sampled == "before_input"
+
+
 TWO = """\
 schema: 1
 name: sledge
