@@ -341,8 +341,18 @@ class Model:
         return self.derived("jacobian", lambda e: [ca.jacobian(e.derivative, e.x)])
 
     @functools.cached_property
-    def begun(self) -> dict[Hashable, tuple[Vector, Vector, float]]:
-        """States and memories at the start, and internal step, of runs that were prepared: see `engine.simulate`."""
+    def shapes(self) -> NDArray[np.intp]:
+        """`shaping` in order, as an array."""
+        return np.array(sorted(self.shaping), dtype=np.intp)
+
+    @functools.cached_property
+    def begun(self) -> dict[Hashable, tuple[Vector, Vector]]:
+        """States and memories at the start of runs that were prepared: see `engine.simulate`."""
+        return {}
+
+    @functools.cached_property
+    def steps(self) -> dict[Hashable, float]:
+        """Internal steps of runs that were prepared, likewise."""
         return {}
 
     @functools.cached_property

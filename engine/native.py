@@ -12,7 +12,7 @@ import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from ctypes import POINTER, c_double, c_int32, c_int64
+from ctypes import POINTER, c_double, c_int32, c_int64, c_void_p
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -77,18 +77,14 @@ _External = ctypes.CFUNCTYPE(c_int32, c_int32, c_double, POINTER(c_double), POIN
 
 class _Job(ctypes.Structure):
     _fields_ = (
-        *((name, POINTER(c_double)) for name in ("p", "x0", "d0", "m0")),
+        *((name, c_void_p) for name in ("p", "x0", "d0", "m0")),
         *((name, c_double) for name in ("t0", "resolution", "hmax")),
         ("outputs", c_int64),
         ("output_ticks", c_int64),
-        ("period", POINTER(c_int64)),
-        ("offset", POINTER(c_int64)),
-        ("stage", POINTER(c_int64)),
+        *((name, c_void_p) for name in ("period", "offset", "stage")),
         ("knots", c_int64),
-        ("knot", POINTER(c_int64)),
-        ("value", POINTER(c_double)),
-        ("linear", POINTER(c_int32)),
-        *((name, POINTER(c_double)) for name in ("y", "states", "modes", "x1", "d1", "m1", "log")),
+        *((name, c_void_p) for name in ("knot", "value", "linear")),
+        *((name, c_void_p) for name in ("y", "states", "modes", "x1", "d1", "m1", "log")),
         ("log_capacity", c_int64),
         ("log_length", c_int64),
         ("steps", c_int64),
@@ -99,7 +95,7 @@ class _Job(ctypes.Structure):
         ("culprit", c_int32),
         ("t1", c_double),
         ("external", _External),
-        ("code", ctypes.c_void_p),
+        ("code", c_void_p),
     )
 
 
@@ -150,8 +146,8 @@ def interpreter(room: int | None, load: Callable[[str], Any]) -> Any:
         return _interpreters[room]
 
 
-LOOK = 3e6
-"""Instructions of byte code after which the cache is searched for the model's own code: some milliseconds' work."""
+LOOK = 2e7
+"""Instructions of byte code after which the cache is searched for the model's own code: a few times what that takes."""
 
 ENOUGH, ENOUGH_FOR_EACH = 1.5e8, 2.5e5
 """Instructions after which the model's own code is compiled, and more of them for each instruction of a step.
@@ -235,11 +231,11 @@ class _Keep:
 
     arrays: list[Any] = field(default_factory=list)
 
-    def pointer(self, values: Any, kind: Any) -> Any:
-        dtype = {c_double: np.float64, c_int64: np.int64, c_int32: np.int32}[kind]
+    def address(self, values: Any, dtype: Any) -> int:
+        """Of the values as an array."""
         array = np.ascontiguousarray(values, dtype=dtype)
         self.arrays.append(array)
-        return array.ctypes.data_as(POINTER(kind))
+        return int(array.ctypes.data)
 
 
 def run(model: Model, job: Job) -> Outcome:
@@ -274,18 +270,17 @@ def call(model: Model, job: Job, function: Callable[[Any], int], code: bytecode.
     x1, d1, m1 = np.zeros(len(model.states)), np.zeros(len(model.memories)), np.zeros(len(model.modes))
     log = np.zeros((job.log_capacity, 3))
     c = _Job()
-    for name in ("p", "x0", "d0", "m0", "value"):
-        setattr(c, name, keep.pointer(getattr(job, name), c_double))
-    for name in ("period", "offset", "knot"):
-        setattr(c, name, keep.pointer(getattr(job, name), c_int64))
-    c.stage = keep.pointer([stage for line in model.lines for stage in line.stages], c_int64)
-    c.linear = keep.pointer(job.linear, c_int32)
+    c.p, c.x0, c.d0, c.m0 = (keep.address(part, np.float64) for part in (job.p, job.x0, job.d0, job.m0))
+    c.period, c.offset = keep.address(job.period, np.int64), keep.address(job.offset, np.int64)
+    c.knot, c.value = keep.address(job.knot, np.int64), keep.address(job.value, np.float64)
+    c.linear = keep.address(job.linear, np.int32)
+    if model.lines:
+        c.stage = keep.address([stage for line in model.lines for stage in line.stages], np.int64)
     c.t0, c.resolution, c.hmax = job.t0, job.resolution, job.hmax
     c.outputs, c.output_ticks, c.knots = job.outputs, job.output_ticks, len(job.knot)
-    targets = {"y": y, "states": states, "modes": modes, "x1": x1, "d1": d1, "m1": m1, "log": log}
-    for name, array in targets.items():
-        if array is not None:
-            setattr(c, name, array.ctypes.data_as(POINTER(c_double)))
+    c.y, c.x1, c.d1, c.m1, c.log = (array.ctypes.data for array in (y, x1, d1, m1, log))
+    if states is not None and modes is not None:
+        c.states, c.modes = states.ctypes.data, modes.ctypes.data
     c.log_capacity = job.log_capacity
     c.code = None if code is None else code.address
     if job.cancel is not None:

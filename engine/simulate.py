@@ -25,7 +25,7 @@ from engine.step import fastest
 from engine.step import internal_step as choose_step
 
 MOST_BEGUN = 64
-"""Starts that a model keeps: state and memories at the start, and the internal step; see `prepare`."""
+"""Starts that a model keeps, and internal steps; see `prepare`."""
 MOST_STEPS = 1_000_000_000
 """Internal steps, sample instants or time events of one run; more would take hours."""
 
@@ -332,16 +332,7 @@ def prepare(
                 remedy=f"give a longer sample period (at least {SHORTEST:g} s), or an earlier stop",
             )
     p = model.parameter_vector(parameters)
-    # Runs that differ in their drive alone begin alike: what follows from the rest is worked out once.
-    same = (
-        p.tobytes(),
-        *(tuple((given or {}).items()) for given in (model.initial, initial)),
-        step,
-        stop,
-        internal_step,
-    )
-    before = model.begun.get(same)
-    x0 = start_values(model, p, initial) if before is None else before[0].copy()
+    x0, d0 = _begin(model, p, initial)
     knots, values, linear = _driven(model, drive)
     instants = [step, *[c.period for c in model.clocks], *[c.offset for c in model.clocks]]
     tick = common_tick(instants)
@@ -365,15 +356,7 @@ def prepare(
             f"times up to {farthest * float(tick):g} s do not go with a tick of {float(tick):g} s",
             remedy="give an earlier stop or drive, or sample periods that are multiples of a longer time",
         )
-    if before is None:
-        hmax = internal_step or choose_step(model, p, x0, step, stop)
-        _check_cost(model, p, x0, stop, min(hmax, step))
-        d0 = np.array(model.functions["memory_start"](p).full()).ravel()
-        if len(model.begun) >= MOST_BEGUN:
-            model.begun.clear()
-        model.begun[same] = x0.copy(), d0.copy(), hmax
-    else:
-        d0, hmax = before[1].copy(), before[2]
+    hmax = _checked_step(model, p, x0, step, stop, internal_step)
     return Job(
         p=p,
         x0=x0,
@@ -391,6 +374,38 @@ def prepare(
         record_states=record_states,
         log_capacity=log_capacity,
     )
+
+
+def _begin(model: Model, p: Vector, initial: dict[str, float] | None) -> tuple[Vector, Vector]:
+    """States and memories at the start, worked out once for all parameters that give the same."""
+    same = (p[model.shapes].tobytes(), *(tuple((given or {}).items()) for given in (model.initial, initial)))
+    before = model.begun.get(same)
+    if before is None:
+        before = start_values(model, p, initial), np.array(model.functions["memory_start"](p).full()).ravel()
+        if len(model.begun) >= MOST_BEGUN:
+            model.begun.clear()
+        model.begun[same] = before
+    return before[0].copy(), before[1].copy()
+
+
+def _checked_step(model: Model, p: Vector, x0: Vector, step: float, stop: float, internal_step: float | None) -> float:
+    """The internal step, chosen once for runs that differ in their drive alone.
+
+    Raises:
+        SimulationError: the run would not end within hours.
+    """
+    if internal_step and not model.count(TIME):
+        _check_cost(model, p, x0, stop, min(internal_step, step))
+        return internal_step
+    same = (p.tobytes(), x0.tobytes(), step, stop, internal_step)
+    hmax = model.steps.get(same)
+    if hmax is None:
+        hmax = internal_step or choose_step(model, p, x0, step, stop)
+        _check_cost(model, p, x0, stop, min(hmax, step))
+        if len(model.steps) >= MOST_BEGUN:
+            model.steps.clear()
+        model.steps[same] = hmax
+    return hmax
 
 
 def _ticking(model: Model, clock: int) -> str:
