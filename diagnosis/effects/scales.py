@@ -123,6 +123,10 @@ class OperatingScales:
             tried.append(ratio)
             yield self._flange(SHAFT, shaft.target, member, member)
 
+    def member(self, shaft: Place, flange: str) -> Place:
+        """The shaft at one of its flanges."""
+        return self._flange(SHAFT, shaft.target, flange, flange)
+
     def ratio(self, one: str, other: str) -> float:
         """How far ``other`` moves while ``one`` moves by one; 1 where one of them is held or moved from outside."""
         return ratio(self.problem, one, other)
