@@ -5,10 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from diagnosis.effects.effect import Candidate, EffectParameter, Sizes, combinations, shares, with_unit
+import numpy as np
+
+from diagnosis.effects.effect import Candidate, EffectParameter, Sizes, Wave, combinations, shares, with_unit
 from diagnosis.effects.insertion import at_flange, in_signal
+from diagnosis.effects.orders import standing_out
 from diagnosis.effects.places import Place, node
 from diagnosis.effects.scales import OperatingScales
+from diagnosis.effects.shaft import HARDLY, PHASES
+from engine.system import System
 from scenarios.amend import Edit, Set
 
 COEFFICIENTS = (0.003, 0.02, 0.08, 0.25, 0.6)
@@ -20,6 +25,12 @@ LEVELS = (1e-3, 0.02, 0.15)
 LIMITS = (2.5, 1.9, 1.5, 1.2, 1.0, 0.85, 0.7, 0.55, 0.4, 0.3, 0.2, 0.12)
 """Starting sizes of a limit of the current, as shares of what the largest voltage drives through a motor at rest: one
 that is reversed at full speed draws nearly twice as much."""
+
+COGGING = range(13, 101)
+"""Waves per revolution of a motor's cogging; fewer are a torque ripple."""
+
+MOST_ORDERS = 5
+"""Of these, the orders that are tried: each costs a model of its own."""
 
 NO_LIMIT_KNOWN = 10.0
 """Widening of the prior of a limit: how far an amplifier goes is not known before."""
@@ -53,6 +64,40 @@ def at_loaded_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate
             fed_by=f"{name}.{effort}",
             tapped=block.ports[effort].role == "input",
         )
+
+
+def at_driven_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
+    """Cogging, only at the shaft that a drive turns, and of orders that stand out in what the refitted model leaves.
+
+    It is a torque ripple of an order above those that are tried anywhere: magnets pull at the teeth of a motor, and all
+    orders to a hundred are too many to be tried one by one.
+    """
+    for flange in scales.groups[place.target]:
+        name, port = scales.system.split(flange)
+        if port not in scales.system.blocks[name].cut_after or place.sliding or not drives(scales.system, name):
+            continue
+        here = scales.member(place, flange)
+        start = np.zeros(len(scales.problem.free)) if scales.refitted is None else scales.refitted
+        orders = standing_out(scales.problem, start, flange, COGGING, MOST_ORDERS)
+        if not orders:
+            continue
+        made = [float(order) for order in orders]
+        yield from at_flange(
+            here,
+            "cogging",
+            "TorqueRipple",
+            combinations(order=made, amplitude=shares(here.torque, 2e-4, 2e-3, 0.05), phase=PHASES),
+            EffectParameter("order", 1.0, fixed=True),
+            EffectParameter("amplitude", here.torque),
+            EffectParameter("phase", 1.0, signed=True),
+            wave=Wave("amplitude", "phase", combinations(order=made, amplitude=[HARDLY * here.torque], phase=[0.0])),
+        )
+
+
+def drives(system: System, name: str) -> bool:
+    """Whether a block brings power to a shaft: it has one flange, and inputs."""
+    roles = [port.role for port in system.blocks[name].ports.values()]
+    return roles.count("flange") == 1 and "input" in roles
 
 
 def at_motor_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:

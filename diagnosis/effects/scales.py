@@ -53,6 +53,7 @@ class OperatingScales:
         speed, angle: flange -> size of its motion.
         inertia: flange -> inertia felt there.
         lines: frequencies (rad/s) that stand out in what the refitted model leaves over.
+        refitted: search vector of that model, if there is one yet.
     """
 
     problem: Problem
@@ -65,6 +66,7 @@ class OperatingScales:
     angle: dict[str, float] = field(default_factory=dict)
     inertia: dict[str, float] = field(default_factory=dict)
     lines: list[float] = field(default_factory=list)
+    refitted: Array | None = None
 
     @property
     def sample(self) -> float:

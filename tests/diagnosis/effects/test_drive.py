@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from benchmarks.concealed.case import draw
 from benchmarks.concealed.drawing import Options
+from benchmarks.concealed.effects import Concealed
+from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.recording import record
 from benchmarks.concealed.scenario import write
-from diagnosis.api import diagnose, possible_effects
+from diagnosis.api import diagnose, gather, possible_effects
 from diagnosis.effects.effect import Candidate
+from diagnosis.effects.orders import explained_energy, standing_out
+from diagnosis.estimation.problem import Problem
+from diagnosis.problems import problem
 from scenarios.amend import AtFlange, InSignal, Set, Wire, amended
 from scenarios.load import load
 from tests.diagnosis.effects.test_effects import mount, rig, spring
@@ -123,6 +132,52 @@ def test_a_limiter_that_is_there_gets_another_limit(tmp_path: Path) -> None:
     assert edit == Set("limit", "current_limit", "1.5 A")
 
 
+# -- cogging -----------------------------------------------------------------------------------------------------------
+
+
+def cogging(folder: Path, order: int, amplitude: float) -> tuple[Problem, Path]:
+    """The geared two-mass plant with true parameters, and recordings of one that cogs as well."""
+    plant = PLANTS["geared-two-mass"]
+    case = draw(plant, [], [], 5, Options(nuisance=0.0, exact=True))
+    there = Concealed("cogging", "motor.shaft", {"amplitude": amplitude, "order": float(order), "phase": 0.7})
+    truth = replace(case.truth, concealed=(there,))
+    kinds = [r.kind for r in case.recordings]
+    made = replace(case, recordings=record(case.bench, truth, case.sensors, kinds, default_rng(1)))
+    write(made, folder / "case", folder / "answers")
+    path = folder / "case" / "scenario.yaml"
+    scenario = load(str(path))
+    return problem(scenario, gather(scenario, [], [])), path
+
+
+@pytest.mark.parametrize("order", [13, 24, 60, 84, 100])
+def test_the_order_of_a_cogging_stands_out(tmp_path: Path, order: int) -> None:
+    """To a hundred waves per revolution of the motor, whose speed changes all the time and reverses."""
+    made, _ = cogging(tmp_path, order, 3e-4)
+    found = standing_out(made, np.zeros(len(made.free)), "motor.shaft", range(13, 101), 5)
+    assert order in found[:3]
+
+
+def test_cogging_is_proposed_where_something_drives(tmp_path: Path) -> None:
+    """Not at the gear or the load behind the spring; and of orders that a torque ripple does not have."""
+    _, path = cogging(tmp_path, 36, 3e-4)
+    found = proposed(path, "cogging")
+    assert [c.place for c in found] == ["motor.shaft"]
+    orders = {start["order"] for start in found[0].starts}
+    assert 36.0 in orders
+    assert len(orders) <= 5
+    assert not orders & {float(k) for k in range(13)}
+    lower = {s["order"] for c in possible_effects(path) if c.effect == "torque_ripple" for s in c.starts}
+    assert max(lower) == 12.0
+
+
+def test_nothing_stands_out_of_noise(tmp_path: Path) -> None:
+    """A wave that explains no more than chance is not proposed, or has nothing to explain."""
+    made, _ = cogging(tmp_path, 36, 0.0)
+    answer = explained_energy(made, np.zeros(len(made.free)), "motor.shaft", range(13, 101))
+    loud, _ = cogging(tmp_path / "loud", 36, 3e-4)
+    assert answer.max() < 0.01 * explained_energy(loud, np.zeros(len(loud.free)), "motor.shaft", range(13, 101)).max()
+
+
 # -- found -------------------------------------------------------------------------------------------------------------
 
 QUIET = Options(nuisance=0.0, seconds=2.0)
@@ -131,7 +186,11 @@ QUIET = Options(nuisance=0.0, seconds=2.0)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "size", "true"),
-    [("load_dependent_friction", 100.0, "coefficient"), ("current_limit", 5.0, "current_limit")],
+    [
+        ("load_dependent_friction", 100.0, "coefficient"),
+        ("current_limit", 5.0, "current_limit"),
+        ("cogging", 30.0, "amplitude"),
+    ],
 )
 def test_it_is_named_where_it_is_concealed(tmp_path: Path, effect: str, size: float, true: str) -> None:
     """The truth is integrated by a code that shares nothing with ours; friction and saturation are tried too."""
