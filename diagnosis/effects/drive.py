@@ -16,7 +16,7 @@ from diagnosis.effects.shaft import HARDLY, PHASES
 from engine.system import System
 from scenarios.amend import Edit, Set
 
-COEFFICIENTS = (0.003, 0.02, 0.08, 0.25, 0.6)
+COEFFICIENTS = (0.003, 0.02, 0.08, 0.3)
 """Starting sizes of the share of a load that goes into friction."""
 
 LEVELS = (1e-3, 0.02, 0.15)
@@ -51,9 +51,10 @@ def at_loaded_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate
         if port not in block.loads or effort not in block.ports:
             continue
         here = scales.member(place, flange)
-        share, level = EffectParameter("coefficient", 1.0), EffectParameter("coulomb_friction", here.torque)
+        share = EffectParameter("coefficient", 0.1, usual=1.0)
+        level = EffectParameter("coulomb_friction", here.torque)
         more = {} if known else {"coulomb_friction": shares(here.torque, *LEVELS)}
-        starts = combinations(coefficient=COEFFICIENTS if known else COEFFICIENTS[::2], **more)
+        starts = combinations(coefficient=COEFFICIENTS if known else COEFFICIENTS[1::2], **more)
         yield from at_flange(
             here,
             "load_dependent_friction",
