@@ -10,7 +10,7 @@ import pytest
 from benchmarks.peers.servo import DUTY, GRAVITY, HORN, LAWS, LENGTH, MASS, STEP, Array, Log, Rig, fit
 
 TIME: Array = np.arange(0.0, 2.0, 5e-3)
-STEPS: Array = STEP * np.arange(2001)
+STEPS: Array = np.float64(STEP) * np.arange(2001, dtype=np.float64)
 
 
 def log(gain: float, goal: Array, position: Array | None = None) -> Log:
