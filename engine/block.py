@@ -155,6 +155,13 @@ class Block:
     winding_parameters: ClassVar[tuple[str, ...]] = ()
     """Resistance and inductance of a winding; an inductance of 0 leaves it out."""
 
+    back_emf_parameter: ClassVar[str] = ""
+    """Voltage per speed of that winding, whose input is ``voltage`` and whose rotor is at ``cut_after``."""
+
+    loads: ClassVar[tuple[str, ...]] = ()
+    """Flanges at which gears and bearings carry the effort that ``torque`` or ``force``, an output or an input of the
+    block, tells; friction may grow with it."""
+
     modes_option: ClassVar[str] = ""
     """Option with the number of bending modes that are kept."""
 
@@ -407,6 +414,8 @@ _TRAITS = {
     "spring_parameters": "parameter",
     "spring_when": "parameter or option",
     "winding_parameters": "parameter",
+    "back_emf_parameter": "parameter",
+    "loads": "flange",
     "modes_option": "option",
     "spin_options": "option",
     "payload_parameters": "parameter",

@@ -25,6 +25,8 @@ class Scales:
         inertia: felt at the place; of the lighter side for a joint.
         signal: root mean square of the sensor's signal.
         orders: waves per revolution to choose from.
+        cogging: the same of a cogging whose waves the recordings resolve.
+        current: the largest through a motor's winding.
         stiffness, damping: of a spring that is there already, else 0.
         resonance: band in which hidden resonances lie (Hz).
     """
@@ -36,6 +38,8 @@ class Scales:
     inertia: float = 1.0
     signal: float = 1.0
     orders: tuple[int, ...] = (1, 2, 3)
+    cogging: tuple[int, ...] = ()
+    current: float = 1.0
     stiffness: float = 0.0
     damping: float = 0.0
     resonance: tuple[float, float] = (5.0, 12.0)
@@ -373,6 +377,44 @@ CATALOGUE: dict[str, Effect] = {
         ),
     )
 }
+
+COGGING = (18, 24, 30, 36, 42, 60, 72, 84, 90)
+"""Waves per revolution of a motor's cogging: least common multiples of usual numbers of poles and slots, above those of
+a torque ripple (2 and 9, 8 and 6, 10 and 6, 4 and 18, 14 and 6, 10 and 12, 8 and 18, 14 and 12, 10 and 9)."""
+
+DRIVES: dict[str, Effect] = {
+    e.name: e
+    for e in (
+        Effect(
+            "load_dependent_friction",
+            "shaft",
+            "share of the motor's torque that goes into friction; with it a level without load",
+            lambda s: 0.03,
+            lambda z, f, s: {"coefficient": z, "coulomb_friction": f["level"] * z * s.torque},
+            lambda rng, s: {"level": float(rng.choice([0.0, rng.uniform(0.2, 1.0)]))},
+            most=20,
+        ),
+        Effect(
+            "current_limit",
+            "input",
+            "largest current / limit - 1",
+            lambda s: 0.1,
+            lambda z, f, s: {"current_limit": s.current / (1 + z)},
+            most=60,
+            only=("V",),
+        ),
+        Effect(
+            "cogging",
+            "shaft",
+            "N.m",
+            _torque,
+            lambda z, f, s: {"amplitude": z, "order": f["order"], "phase": f["phase"]},
+            lambda rng, s: {"order": float(rng.choice(s.cogging)), "phase": _phase(rng)},
+            most=60,
+        ),
+    )
+}
+"""Effects of drives, kept apart: the catalogue above is drawn from, and the cases of a seed stay what they are."""
 
 BEAM_MODE = Effect(
     "extra_mode", "link", "(the beam's second mode)", lambda s: 1.0, lambda z, f, s: {"modes": 2.0}, natural=True

@@ -42,11 +42,15 @@ def _minus(a: Mapping[int, float], b: Mapping[int, float]) -> dict[int, float]:
 
 @dataclass
 class Element:
-    """A law that is not linear, at a port. It resists: the force is -law(e, w), except ripple, vibration and series."""
+    """A law that is not linear, at a port. It resists: the force is -law(e, w), except ripple, vibration and series.
+
+    A ``loaded`` friction grows with the actuator's torque.
+    """
 
     kind: int
     port: Port
     parameters: Sequence[float]
+    loaded: bool = False
 
 
 @dataclass
@@ -117,9 +121,9 @@ class Mechanism:
         """Let the actuator be a voltage on a DC motor at a port."""
         self._actuator, self._motor = port, (resistance, inductance, torque, back_emf)
 
-    def add(self, kind: int, port: Port, *parameters: float) -> None:
+    def add(self, kind: int, port: Port, *parameters: float, loaded: bool = False) -> None:
         """An element that is not linear."""
-        self.elements.append(Element(kind, port, parameters))
+        self.elements.append(Element(kind, port, parameters, loaded))
 
     def mass_matrix(self) -> Array:
         """M, with the rows of lossy gears weighted by their efficiency."""
@@ -176,6 +180,37 @@ class Mechanism:
         A[n : 2 * n, 2 * n :] = inverse @ P
         B[n : 2 * n] = inverse @ force
         return A, B
+
+    def turning(self, A: Array, B: Array) -> Array:
+        """Row of the speed at which the actuator's shaft turns.
+
+        Raises:
+            ValueError: there is no motor with a winding.
+        """
+        if self._actuator is None or self._motor is None:
+            raise ValueError("there is no winding whose current could have a limit")
+        return self.readout(Readout(self._actuator.sense, 1), A, B)[0]
+
+    def loads(self, A: Array) -> tuple[Array, Array]:
+        """Torque of the actuator, for each element that it loads: rows of the state, and share of the command.
+
+        Raises:
+            ValueError: there is no actuator.
+        """
+        if self._actuator is None:
+            raise ValueError("nothing drives, and so nothing loads")
+        n, row, feed = len(self.names), np.zeros(len(A)), 1.0
+        if self._motor is not None:
+            resistance, inductance, torque, back_emf = self._motor
+            if inductance > 0:
+                row[-1], feed = torque, 0.0
+            else:
+                row[n : 2 * n], feed = (
+                    -torque * back_emf / resistance * self._vector(self._actuator.sense),
+                    torque / resistance,
+                )
+        loaded = np.array([float(element.loaded) for element in self.elements])
+        return np.outer(loaded, row), loaded * feed
 
     def readout(self, sensor: Readout, A: Array, B: Array) -> tuple[Array, Array]:
         """Rows of C and D for a measured quantity."""

@@ -26,9 +26,9 @@ WIDTH = 12
 _pointer = ctypes.POINTER(ctypes.c_double)
 _INTEGERS = ("states", "forces", "elements", "outputs", "modes", "substeps", "samples", "closed")
 _LINEAR = ("phi", "gamma", "phi_half", "gamma_half", "C", "D")
-_ELEMENT = ("kind", "sense", "rate", "parameter")
+_ELEMENT = ("kind", "sense", "rate", "parameter", "load", "load_feed")
 _WHIRL = ("whirl_speed", "whirl_a", "whirl_b", "whirl_amplitude", "whirl_rate", "whirl_H")
-_RECORDING = ("input", "sensor", "series", "drift", "noise", "quantum", "loop", "reference", "x0")
+_RECORDING = ("input", "turning", "sensor", "series", "drift", "noise", "quantum", "loop", "reference", "x0")
 _RESULT = ("command", "clean", "measured", "trace")
 _ARRAYS = (*_LINEAR, *_ELEMENT, *_WHIRL, *_RECORDING, *_RESULT)
 

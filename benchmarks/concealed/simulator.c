@@ -23,9 +23,11 @@ typedef struct {
     const int *kind;                             /* per element; its force is f[1 + element] */
     const double *sense, *rate;                  /* elements x states: e and w */
     const double *parameter;                     /* elements x PARAMETERS */
+    const double *load, *load_feed;              /* elements x states, elements: load on a friction, NULL if none */
     /* whirl: T = 1/2 w^2 a'Ha; angle speed row, its acceleration rows; forces follow those of the elements */
     const double *whirl_speed, *whirl_a, *whirl_b, *whirl_amplitude, *whirl_rate, *whirl_H;
-    const double *input;                         /* gain+, gain-, offset, low, high, dead low, dead high, lag, delay */
+    const double *input;                         /* gain+, gain-, offset, low, high, dead low, dead high, lag, delay, room, emf */
+    const double *turning;                       /* states: speed of the motor, whose current has a limit if room > 0 */
     const double *sensor;                        /* outputs x (lag, scale, bias, rectified) */
     const double *series;                        /* samples + 1: disturbance of the SERIES element */
     const double *drift;                         /* samples x outputs: added to the sensors */
@@ -47,10 +49,11 @@ static double dot(const double *a, const double *b, int n) {
 
 static double clip(double v, double low, double high) { return v < low ? low : v > high ? high : v; }
 
-/* Sliding level of a friction element at speed w, in the direction of `forward`. */
-static double level(const double *p, double w, double time, int forward) {
+/* Sliding level of a friction element at speed w under a load, in the direction of `forward`. */
+static double level(const double *p, double w, double load, double time, int forward) {
     double coulomb = p[forward ? 0 : 1], peak = p[forward ? 2 : 3], ratio = w / p[4];
     double warm = 1 + p[5] * exp(-time / p[6]);
+    if (p[7] > 0) coulomb += p[7] * fabs(load), peak += p[7] * fabs(load);
     return warm * (coulomb + (peak - coulomb) * exp(-ratio * ratio));
 }
 
@@ -130,6 +133,14 @@ static double shaped(const Plan *P, double u) {
     return u > p[6] ? u - p[6] : u < p[5] ? u - p[5] : 0;
 }
 
+/* What reaches the actuator: an amplifier whose current has a limit gives no more than that current needs. */
+static double driven(const Plan *P, double u, const double *x) {
+    u = shaped(P, u);
+    if (!(P->input[9] > 0)) return u;
+    double middle = P->input[10] * dot(P->turning, x, P->states);
+    return clip(u, middle - P->input[9], middle + P->input[9]);
+}
+
 static double limited(double v, double limit, double resolution) {
     v = clip(v, -limit, limit);
     return resolution > 0 ? resolution * nearbyint(v / resolution) : v;
@@ -143,8 +154,9 @@ static void stick_or_slip(const Plan *P, double *x, const double *middle, double
         if (P->kind[j] == FRICTION) {
             double w = dot(P->rate + j * n, middle, n);
             speed[count] = dot(P->rate + j * n, x, n);
-            up[count] = level(P->parameter + j * PARAMETERS, w, time, 1);
-            down[count] = level(P->parameter + j * PARAMETERS, w, time, 0);
+            double load = P->load ? dot(P->load + j * n, middle, n) + P->load_feed[j] * f[0] : 0;
+            up[count] = level(P->parameter + j * PARAMETERS, w, load, time, 1);
+            down[count] = level(P->parameter + j * PARAMETERS, w, load, time, 0);
             f[1 + j] = 0;
             list[count++] = j;
         }
@@ -182,7 +194,7 @@ int concealed_simulate(const Plan *P) {
     for (int k = 0; k < P->samples; k++) {
         double t = k * dt;
         if (P->closed) P->command[k] = k ? P->command[k - 1] : 0; /* what acts until this sample has been read */
-        f[0] = shaped(P, P->input[7] > 0 ? lagged : delayed(P, t, h, dt));
+        f[0] = driven(P, P->input[7] > 0 ? lagged : delayed(P, t, h, dt), x);
         efforts(P, x, z, P->start + t, k, 0, f);
         /* An accelerometer feels the friction of the instant that begins, not that of the step before: a jump of the
          * command does not move what sticks. */
@@ -221,7 +233,7 @@ int concealed_simulate(const Plan *P) {
                 lagged = u + (lagged - u) * keep;
                 u = average;
             }
-            f[0] = g[0] = shaped(P, u);
+            f[0] = driven(P, u, x);
             efforts(P, x, z, now, k, share, f);
             advance(P->phi_half, P->gamma_half, n, m, x, f, middle);
             double zm[FORCES];
@@ -230,6 +242,7 @@ int concealed_simulate(const Plan *P) {
                     zm[j] = z[j] + h / 2 * flow(P->parameter + j * PARAMETERS, z[j], dot(P->rate + j * n, x, n));
                 else if (P->kind[j] == FRICTION)
                     g[1 + j] = f[1 + j];
+            g[0] = driven(P, u, middle);
             efforts(P, middle, zm, now + h / 2, k, share + half, g);
             for (int j = 0; j < P->elements; j++)
                 if (P->kind[j] == BOUC_WEN)

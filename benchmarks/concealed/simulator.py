@@ -24,7 +24,8 @@ class Diverged(Exception):
 class InputChain:
     """What happens to the command on its way to the actuator, in this order.
 
-    Delay, first-order lag, gain (one per direction), offset, limits, dead zone.
+    Delay, first-order lag, gain (one per direction), offset, limits, dead zone; then, with ``room`` above 0, the
+    limit of the current in a motor's winding: the voltage stays within ``room`` of ``emf`` times the speed.
     """
 
     forward: float = 1.0
@@ -36,11 +37,13 @@ class InputChain:
     dead_high: float = 0.0
     lag: float = 0.0
     delay: float = 0.0
+    room: float = 0.0
+    emf: float = 0.0
 
     def row(self) -> Array:
         """As the C code wants it."""
         law = [self.forward, self.backward, self.offset, self.low, self.high, self.dead_low, self.dead_high]
-        return np.array([*law, self.lag, self.delay])
+        return np.array([*law, self.lag, self.delay, self.room, self.emf])
 
 
 @dataclass
@@ -114,6 +117,10 @@ class Simulator:
             "sensor": np.array([[c.lag, c.scale, c.bias, float(c.rectified)] for c in self.sensors]),
             "x0": np.zeros(len(A)),
         }
+        if any(element.loaded for element in m.elements):
+            self._arrays["load"], self._arrays["load_feed"] = m.loads(A)
+        if self.input.room > 0:
+            self._arrays["turning"] = m.turning(A, B)
         self._arrays["phi"], self._arrays["gamma"] = discretise(A, B, h)
         self._arrays["phi_half"], self._arrays["gamma_half"] = discretise(A, B, h / 2)
         self._modes = 0

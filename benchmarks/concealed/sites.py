@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.concealed.bench import Bench
-from benchmarks.concealed.effects import BEAM_MODE, CATALOGUE, Effect, Scales
+from benchmarks.concealed.effects import BEAM_MODE, CATALOGUE, COGGING, DRIVES, Effect, Scales
 from benchmarks.concealed.mechanism import Mechanism, Port, Readout
 from benchmarks.concealed.plants.base import Body, LinkOptions, Plant
 from benchmarks.concealed.simulator import Simulator
 from benchmarks.concealed.truth import Truth
+
+DRIVEN = ("motor.shaft", "drive.shaft")
+"""Flanges of what drives."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,17 @@ def sites(plant: Plant, extra: bool = False) -> list[Site]:
     return found
 
 
+def drive_sites(plant: Plant) -> list[Site]:
+    """Every effect of a drive at the place of a plant where it makes sense: its motor's shaft, or its input."""
+    shaft = next((f for group in plant.sites.shafts for f in group if f in DRIVEN), "")
+    found = []
+    for effect in DRIVES.values():
+        place = plant.sites.input if effect.kind == "input" else shaft
+        if place and not (effect.only and plant.drive_unit not in effect.only):
+            found.append(Site(effect, place, _same(plant, effect, place)))
+    return found
+
+
 def _same(plant: Plant, effect: Effect, place: str) -> tuple[str, ...]:
     if effect.name == "inductance":
         return ("motor.voltage", plant.sites.input)
@@ -81,7 +95,7 @@ def _same(plant: Plant, effect: Effect, place: str) -> tuple[str, ...]:
         return (f"{place}.a", f"{place}.b")
     if effect.kind == "shaft":
         found = next((tuple(x for x in group if x != place) for group in plant.sites.shafts if place in group), ())
-        if effect.name in ("torque_ripple", "gravity"):
+        if effect.name in ("torque_ripple", "gravity", "cogging"):
             # They go by the angle itself: behind a gear the same law is another one.
             found = tuple(x for x in found if plant.ratio(x) == plant.ratio(place))
         return found
@@ -95,9 +109,10 @@ def find(plant: Plant, text: str) -> Site:
         ValueError: the plant cannot hide it, or not there.
     """
     name, _, place = text.partition("@")
-    mine = [s for s in sites(plant, extra=True) if s.effect.name == name]
+    able = [*sites(plant, extra=True), *drive_sites(plant)]
+    mine = [s for s in able if s.effect.name == name]
     if not mine:
-        known = sorted({s.effect.name for s in sites(plant)})
+        known = sorted({s.effect.name for s in able})
         raise ValueError(f"{plant.name} cannot hide '{name}'; it can hide {', '.join(known)}")
     chosen = [s for s in mine if not place or place == s.place or place in s.same]
     if not chosen:
@@ -110,7 +125,7 @@ def scales(bench: Bench, truth: Truth, site: Site) -> Scales:
     plant, kind = truth.plant, site.effect.kind
     command = max(float(np.abs(c).max()) for c in bench.commands)
     if kind in ("input", "link"):
-        return Scales(command=command)
+        return Scales(command=command, current=_current(bench, truth) if site.effect.name == "current_limit" else 1.0)
     if kind == "sensor":
         k = bench.signals.index(site.place)
         values = np.concatenate([y[:, k] for y in bench.outputs(truth.bare())]) * bench.sigma[k]
@@ -119,8 +134,23 @@ def scales(bench: Bench, truth: Truth, site: Site) -> Scales:
     if kind == "shaft":
         port = body.ports[site.place]
         angle, speed, torque = _motion(bench, body, port, _inertia(body.mechanism, port))
-        return Scales(command, torque, speed, angle, _inertia(body.mechanism, port), orders=plant.orders)
+        # Six samples for each wave while the shaft turns as fast as it does on average.
+        seen = tuple(k for k in COGGING if k * speed * bench.interval < 2 * math.pi / 6)
+        if site.effect.name == "cogging" and not seen:
+            raise ValueError(f"{site}: its waves pass faster than the recordings show")
+        inertia = _inertia(body.mechanism, port)
+        return Scales(command, torque, speed, angle, inertia, orders=plant.orders, cogging=seen)
     return _joint(bench, truth, site, body, command)
+
+
+def _current(bench: Bench, truth: Truth) -> float:
+    """The largest current that the commands draw through the motor's winding."""
+    body = truth.plant.assemble(truth.parameters, {}, LinkOptions(), 0.0)
+    readout = Readout(body.ports["motor.shaft"].sense, 1)
+    made = Simulator(body.mechanism, [readout], bench.interval, _substeps(bench.interval))
+    resistance, back_emf = (truth.parameters[f"motor.{key}"] for key in ("resistance", "back_emf_constant"))
+    drops = [command - back_emf * made.run(command).clean[:, 0] for command in bench.commands]
+    return max(float(np.abs(drop).max()) for drop in drops) / resistance
 
 
 def _joint(bench: Bench, truth: Truth, site: Site, body: Body, command: float) -> Scales:

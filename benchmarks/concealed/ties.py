@@ -52,6 +52,7 @@ SAME: dict[tuple[str, str], Callable[[Mapping[str, float]], dict[str, float]]] =
         **p,
         "coulomb_friction_backward": p["coulomb_friction"],
     },
+    ("coulomb_friction", "load_dependent_friction"): lambda p: {**p, "coefficient": 0.0},
     ("coulomb_friction", "stribeck_friction"): lambda p: {
         **p,
         "static_friction": p["coulomb_friction"],

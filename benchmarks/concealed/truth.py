@@ -64,7 +64,14 @@ class Truth:
 
 
 _SWITCHING = frozenset(
-    {"coulomb_friction", "stribeck_friction", "direction_dependent_friction", "backlash", "hysteresis"}
+    {
+        "coulomb_friction",
+        "stribeck_friction",
+        "direction_dependent_friction",
+        "load_dependent_friction",
+        "backlash",
+        "hysteresis",
+    }
 )
 
 
@@ -113,13 +120,16 @@ def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float
     # The limits are those of the command: a gain error behind them does not hide what goes beyond.
     input_chain.low *= 1 + truth.nuisance.gain
     input_chain.high *= 1 + truth.nuisance.gain
+    if input_chain.room:
+        resistance, back_emf = (truth.parameters[f"motor.{key}"] for key in ("resistance", "back_emf_constant"))
+        input_chain.room, input_chain.emf = input_chain.room * resistance, back_emf
     body = truth.plant.assemble(truth.parameters, laws, link, inductance)
     for c in shafts:
         if c.place not in body.ports:
             raise ValueError(f"{truth.plant.name} has no shaft '{c.place}'; it has {', '.join(body.ports)}")
         _SHAFT[c.effect](body.mechanism, body.ports[c.place], c.parameters)
     _disturb(body, truth)
-    held = input_chain.lag == 0 and input_chain.delay == 0 and all(c.lag == 0 for c in sensors.values())
+    held = input_chain.lag == input_chain.delay == input_chain.room == 0 and all(c.lag == 0 for c in sensors.values())
     exact = held and not body.mechanism.elements and body.mechanism.whirl is None
     return Simulator(
         body.mechanism,
@@ -153,6 +163,10 @@ def _limits(chain: InputChain, p: Mapping[str, float]) -> None:
     chain.low, chain.high = p["lower"], p["upper"]
 
 
+def _current(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.room = p["current_limit"]  # until the winding's resistance is known: it is then a voltage
+
+
 def _dead(chain: InputChain, p: Mapping[str, float]) -> None:
     chain.dead_low, chain.dead_high = p["lower"], p["upper"]
 
@@ -180,6 +194,7 @@ _INPUT: dict[str, Callable[[InputChain, Mapping[str, float]], None]] = {
     "offset": _offset,
     "delay": _delay,
     "lag": _lag,
+    "current_limit": _current,
 }
 
 
@@ -264,6 +279,11 @@ def _friction(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
     )
 
 
+def _loaded(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    level = p["coulomb_friction"]
+    mechanism.add(native.FRICTION, port, level, level, level, level, 1.0, 0.0, 1.0, p["coefficient"], loaded=True)
+
+
 def _viscous(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
     mechanism.spring(port, 0.0, p["viscous_friction"])
 
@@ -303,11 +323,13 @@ _SHAFT: dict[str, Callable[[Mechanism, Port, Mapping[str, float]], None]] = {
     "coulomb_friction": _friction,
     "stribeck_friction": _friction,
     "direction_dependent_friction": _friction,
+    "load_dependent_friction": _loaded,
     "viscous_friction": _viscous,
     "quadratic_drag": _drag,
     "gravity": _gravity,
     "stray_spring": _stray,
     "torque_ripple": _ripple,
+    "cogging": _ripple,
     "outside_vibration": _vibration,
     "extra_mode": _resonator,
 }

@@ -97,7 +97,11 @@ def _run(given: argparse.Namespace) -> int:
             remedy=f"give '--count' more than {given.first}, or '--first' less than {given.count}",
         )
     commit = frozen.insist().commit if given.frozen else ""
-    names = [name for name in SUITES if name not in ("quick", "rigs", "hard")] if "all" in given.suite else given.suite
+    names = (
+        [name for name in SUITES if name not in ("quick", "rigs", "hard", "drives")]
+        if "all" in given.suite
+        else given.suite
+    )
     specs: list[Spec] = []
     for name in names:
         specs += SUITES[name](frozen.seeds(commit, name, given.count)[given.first :] if commit else given.seeds)

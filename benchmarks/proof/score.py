@@ -11,7 +11,7 @@ from typing import Any
 
 from benchmarks.concealed.named import plant as plant_of
 from benchmarks.concealed.plants.base import Plant
-from benchmarks.concealed.sites import Site, sites
+from benchmarks.concealed.sites import Site, drive_sites, sites
 from benchmarks.concealed.ties import FLOOR, from_answers, tie_class
 from benchmarks.proof.intervals import covered
 from benchmarks.proof.run import plan
@@ -325,7 +325,9 @@ def _tied(rivals: set[tuple[str, ...]], folder: Path, result: Path, answer: dict
 
 
 def _site(plant: Plant, effect: str, place: str) -> Site | None:
-    able = (s for s in sites(plant) if s.effect.name == effect and _at(place, {s.place, *s.same}))
+    able = (
+        s for s in [*sites(plant), *drive_sites(plant)] if s.effect.name == effect and _at(place, {s.place, *s.same})
+    )
     return next(able, None)
 
 

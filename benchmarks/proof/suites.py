@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from benchmarks.concealed.drawing import Options
+from benchmarks.concealed.effects import DRIVES
 from benchmarks.concealed.plants import PLANTS
-from benchmarks.concealed.rigs.drawn import PREFIX
+from benchmarks.concealed.rigs.drawn import PREFIX, made
 from benchmarks.concealed.rigs.hard import HARD
-from benchmarks.concealed.sites import sites
+from benchmarks.concealed.sites import drive_sites, sites
 from benchmarks.concealed.suites import CORE, PAIRS, TIES
 
 SIZES = (1.0, 3.0, 10.0)
@@ -167,6 +169,42 @@ def hard(seeds: list[int]) -> Iterator[Spec]:
             yield Spec("hard", name, case.effects, case.sizes, seed, case.options)
 
 
+DRIVE_CASES: dict[str, tuple[str, ...]] = {
+    "load_dependent_friction": ("srv02-flexible", "geared-two-mass", "harmonic-arm", "pendulum"),
+    "current_limit": ("srv02-flexible", "geared-two-mass"),
+    "cogging": ("geared-two-mass", "hard-belt-cogging"),
+    "coulomb_friction": ("srv02-flexible", "geared-two-mass", "harmonic-arm", "pendulum"),
+    "coulomb_friction+current_limit": ("srv02-flexible", "geared-two-mass"),
+    "coulomb_friction+cogging": ("geared-two-mass", "hard-belt-cogging"),
+}
+"""What drives leave out, and plain Coulomb friction for which it must not be taken, with plants that can hide it."""
+
+DRIVE_SIZES, DRIVE_RIGS = (30.0, 300.0), 4
+"""Detection thresholds; random rigs for each effect of a drive, at the first of these sizes."""
+
+
+def drives(seeds: list[int]) -> Iterator[Spec]:
+    """Effects of drives, on the plants that can hide them and on random rigs."""
+    for names, plants in DRIVE_CASES.items():
+        effects = tuple(names.split("+"))
+        for plant in plants:
+            options = HARD[plant].options if plant in HARD else Options()
+            for size in DRIVE_SIZES:
+                for seed in seeds:
+                    yield Spec("drives", plant, effects, (size,) * len(effects), seed, options)
+    for seed in seeds:
+        for effect in DRIVES:
+            able = (k for k in itertools.count(1000 * seed) if _can_hide(k, effect))
+            for k in itertools.islice(able, DRIVE_RIGS):
+                yield Spec("drives", f"{PREFIX}{k}", (effect,), DRIVE_SIZES[:1], k, made(k)[1])
+
+
+def _can_hide(seed: int, effect: str) -> bool:
+    """Whether a random rig has a place for an effect of a drive."""
+    plant, _ = made(seed)
+    return any(site.effect.name == effect for site in drive_sites(plant))
+
+
 SUITES = {
     "core": core,
     "none": nothing,
@@ -179,6 +217,7 @@ SUITES = {
     "ties": ties,
     "rigs": rigs,
     "hard": hard,
+    "drives": drives,
     "quick": quick,
 }
 

@@ -27,6 +27,7 @@ class Backlash(Block):
 
     spring_parameters = ("stiffness", "damping", "rest_angle")
     spring_when = (("law", "two_sided"), ("half_gap", 0.0))
+    loads = ("a", "b")
 
     stiffness = parameter("N.m/rad", ..., "contact torque per penetration k", gt=0, tolerance=0.2)
     damping = parameter("N.m.s/rad", 0.0, "contact torque per rate of penetration d", ge=0, tolerance=0.3)

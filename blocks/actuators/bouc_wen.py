@@ -29,6 +29,8 @@ class BoucWenSpring(Block):
     [Bouc 1967; Wen 1976]
     """
 
+    loads = ("a", "b")
+
     stiffness = parameter("N.m/rad", ..., "torque per twist k at small twist", gt=0, tolerance=0.2)
     residual_share = parameter(
         "1", 0.0, "share r of the stiffness that stays at large twist", ge=0, le=1, tolerance=0.3

@@ -26,6 +26,8 @@ class DCMotor(Block):
 
     cut_after = ("shaft",)
     winding_parameters = ("resistance", "inductance")
+    back_emf_parameter = "back_emf_constant"
+    loads = ("shaft",)
 
     resistance = parameter("ohm", ..., "winding resistance R", gt=0, tolerance=0.15)
     inductance = parameter("H", 0.0, "winding inductance L; 0 eliminates the current", ge=0)

@@ -18,6 +18,7 @@ class Torque(Block):
     """
 
     cut_after = ("shaft",)
+    loads = ("shaft",)
 
     torque = signal_in("N.m", "torque on the shaft")
     shaft = flange("what the torque acts on")

@@ -19,6 +19,8 @@ class GravityTorque(Block):
     Small swings of a body of inertia J have the frequency sqrt(m g r / J).
     """
 
+    loads = ("shaft",)
+
     mass = parameter("kg", ..., "mass m of the body", ge=0, tolerance=0.1)
     radius = parameter("m", ..., "distance r from the axis to the centre of mass", ge=0, tolerance=0.1)
     gravity = parameter("m/s2", 9.81, "acceleration of gravity g", ge=0)

@@ -17,6 +17,8 @@ class HardeningSpring(Block):
     of amplitude A against a fixed end has about the frequency of a spring k + 3/4 k3 A^2.
     """
 
+    loads = ("a", "b")
+
     stiffness = parameter("N.m/rad", ..., "torque per twist k at small twist", ge=0, tolerance=0.2)
     cubic_stiffness = parameter("N.m/rad3", ..., "torque per cubed twist k3", ge=0, tolerance=0.5)
     damping = parameter("N.m.s/rad", 0.0, "torque per rate of twist d", ge=0, tolerance=0.3)

@@ -35,6 +35,7 @@ class HarmonicDrive(Block):
     """
 
     cut_after = ("output",)
+    loads = ("input",)
 
     loss = option(str, "constant", "how the efficiency counts when the load drives", choices=("constant", "directed"))
     ratio = parameter("1", 100.0, "reduction n, input speed / output speed; negative if it reverses", nonzero=True)

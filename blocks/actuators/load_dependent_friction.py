@@ -14,17 +14,18 @@ if TYPE_CHECKING:
 
 
 class LoadDependentFriction(Block):
-    """Load-dependent friction of a shaft: torque on the shaft = -sign(v) mu |T|, T the load, v the speed of the shaft.
+    """Load-dependent friction of a shaft: torque = -sign(v) (Fc + mu |T|), T the load, v the speed of the shaft.
 
-    mu = coefficient where the load drives the shaft (T v > 0), and mu = opposing_coefficient where it holds it back;
-    the two are equal if the second is not given. Slow sliding takes static_ratio r times as much: mu |T| (1 + (r - 1)
-    exp(-(v / vs)^2)), vs = stribeck_velocity. Stuck, v is exactly 0 until more than r mu |T| pulls at the shaft.
+    Fc = coulomb_friction, the level without load. mu = coefficient where the load drives the shaft (T v > 0), and mu =
+    opposing_coefficient where it holds it back; the two are equal if the second is not given. Slow sliding takes
+    static_ratio r times as much: (Fc + mu |T|) (1 + (r - 1) exp(-(v / vs)^2)), vs = stribeck_velocity. Stuck, v is
+    exactly 0 until more than r (Fc + mu |T|) pulls at the shaft.
 
     ``load`` is the torque through the gear: that of the motor, of the arm's weight, or of a spring, as measured or
     calculated elsewhere; several loads are several blocks on one shaft, and their levels add up with those of
     `BearingFriction`. It may not depend on the shaft's own acceleration: for the torque behind an inertia give a
     `Gear` its stiffness and efficiencies, which is this law with T = tau / n, coefficient 1 / eta - 1 and
-    opposing_coefficient 1 - eta_b. With mu = 0 the block does nothing. [Duclusaud 2025, models M3 to M5]
+    opposing_coefficient 1 - eta_b. With Fc = 0 and mu = 0 the block does nothing. [Duclusaud 2025, models M3 to M5]
     """
 
     coefficient = parameter("1", 0.0, "friction per load mu while the load drives the shaft", ge=0, lt=1, tolerance=0.5)
@@ -35,6 +36,7 @@ class LoadDependentFriction(Block):
         ge=0,
         tolerance=0.5,
     )
+    coulomb_friction = parameter("N.m", 0.0, "friction without load Fc", ge=0, tolerance=0.3)
     static_ratio = parameter("1", 1.0, "friction just before slipping over that of sliding r", ge=1, tolerance=0.3)
     stribeck_velocity = parameter(
         "rad/s", 0.1, "velocity vs over which the friction falls to that of sliding", gt=0, tolerance=0.5
@@ -44,9 +46,9 @@ class LoadDependentFriction(Block):
     load = signal_in("N.m", "torque T that is carried, positive where it drives the shaft in the positive sense")
 
     def stamp(self, net: Net) -> None:
-        size, helps = magnitude(self.load), self.load > 0
-        forward = size * choose(helps, self.coefficient, self.opposing_coefficient)
-        backward = size * choose(helps, self.opposing_coefficient, self.coefficient)
+        size, helps, always = magnitude(self.load), self.load > 0, self.coulomb_friction
+        forward = always + size * choose(helps, self.coefficient, self.opposing_coefficient)
+        backward = always + size * choose(helps, self.opposing_coefficient, self.coefficient)
 
         def rise(velocity: Expression) -> Expression:
             return 1 + (self.static_ratio - 1) * exp(-((velocity / self.stribeck_velocity) ** 2))
@@ -61,7 +63,7 @@ class LoadDependentFriction(Block):
 
 
 class TranslationalLoadDependentFriction(LoadDependentFriction, slide={}):
-    """Load-dependent friction of a slide: force on the slide = -sign(v) mu |F|, F the load, v the speed of the slide.
+    """Load-dependent friction of a slide: force = -sign(v) (Fc + mu |F|), F the load, v the speed of the slide.
 
     The law is that of `LoadDependentFriction`.
     """

@@ -28,6 +28,7 @@ class PMSM(Block):
     """
 
     cut_after = ("shaft",)
+    loads = ("shaft",)
 
     pole_pairs = option(int, ..., "pole pairs p, half the number of poles", ge=1, le=200)
     resistance = parameter("ohm", ..., "winding resistance R of a phase", gt=0, tolerance=0.15)

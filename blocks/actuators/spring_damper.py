@@ -17,6 +17,7 @@ class SpringDamper(Block):
     """
 
     spring_parameters = ("stiffness", "damping", "rest_angle")
+    loads = ("a", "b")
 
     stiffness = parameter("N.m/rad", ..., "torque per twist k", gt=0, tolerance=0.2)
     damping = parameter("N.m.s/rad", 0.0, "torque per rate of twist d", ge=0, tolerance=0.3)

@@ -29,6 +29,8 @@ class StructuralSpring(Block):
     at the middle and rises by 2 eta k / pi per unit of ln frequency, as causality asks. Passive for any motion.
     """
 
+    loads = ("a", "b")
+
     elements = option(int, 8, "number of Maxwell elements", ge=2, le=40)
     stiffness = parameter("N.m/rad", ..., "torque per twist k at the middle of the band", gt=0, tolerance=0.2)
     loss_factor = parameter("1", ..., "loss factor eta, twice the damping ratio", ge=0, lt=1, tolerance=0.5)

@@ -25,6 +25,8 @@ class ThermalDCMotor(Block):
 
     cut_after = ("shaft",)
     winding_parameters = ("resistance", "inductance")
+    back_emf_parameter = "torque_constant"
+    loads = ("shaft",)
 
     resistance = parameter("ohm", ..., "winding resistance R0 at the reference temperature", gt=0, tolerance=0.15)
     inductance = parameter("H", 0.0, "winding inductance L; 0 eliminates the current", ge=0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 
+from diagnosis.effects.drive import at_driven_shaft, at_loaded_shaft, at_motor_input
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.joint import at_joint
 from diagnosis.effects.link import at_link
@@ -51,14 +52,17 @@ EFFECTS = (
     "sensor_scale",
     "sensor_lag",
     "rectified_sensor",
+    "load_dependent_friction",
+    "current_limit",
+    "cogging",
 )
 """Machine names of the catalogue's own effects."""
 
 Rule = Callable[[OperatingScales, Place], Iterator[Candidate]]
 
 MECHANICAL: tuple[tuple[str, tuple[Rule, ...]], ...] = (
-    (INPUT, (at_input,)),
-    (SHAFT, (at_shaft,)),
+    (INPUT, (at_input, at_motor_input)),
+    (SHAFT, (at_shaft, at_loaded_shaft, at_driven_shaft)),
     (JOINT, (at_joint,)),
     (BLOCK, (at_mount,)),
     (BLOCK, (at_link, at_spring)),

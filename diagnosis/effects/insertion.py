@@ -5,7 +5,7 @@ Units, flanges and translational twins are those that the block declares.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +14,7 @@ from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, Wa
 from diagnosis.effects.places import Place
 from engine.block import Block
 from engine.errors import FlexarmError, ParameterError, nearest
-from scenarios.amend import AtFlange, Between, Edit, InSignal, OnSensor, ReadAt
+from scenarios.amend import AtFlange, Between, Edit, InSignal, OnSensor, ReadAt, Wire
 
 
 def at_flange(
@@ -25,6 +25,9 @@ def at_flange(
     *parameters: EffectParameter,
     tidy: Callable[[Sizes], Sizes] = dict,
     wave: Wave | None = None,
+    held: tuple[str, ...] = (),
+    fed_by: str = "",
+    tapped: bool = False,
     **given: Any,
 ) -> Iterator[Candidate]:
     """A block attached to a shaft or slide by its first flange.
@@ -37,6 +40,10 @@ def at_flange(
         *parameters: those that are fitted.
         tidy: makes sizes that a fit may reach into sizes that the block takes.
         wave: for a torque that is a wave, what its amplitude and phase are solved from.
+        held: parameters of the block that keep their defaults and are not fitted.
+        fed_by: signal that the block's first input reads, if it reads one; its owner is then part of the block's name,
+            since several may be attached to one shaft.
+        tapped: whether that signal is an input: what drives it is read.
         **given: further parameters and options of the block, which are not fitted.
 
     Raises:
@@ -45,12 +52,28 @@ def at_flange(
     made = _inserted(place, effect, type_name, starts, given)
     if made is None:
         return
-    port = made.flanges(1)[0]
+    port, fed = made.flanges(1)[0], next((p.name for p in made.type.ports.values() if p.role == "input"), "")
+    if fed_by:
+        made = replace(made, name=f"{made.name}_of_{place.block.replace('.', '_')}")
 
     def edits(sizes: Sizes) -> list[Edit]:
-        return [AtFlange(made.name, made.type_name, place.target, port, made.texts(tidy(made.before(sizes))))]
+        texts = made.texts(tidy(made.before(sizes)))
+        there: list[Edit] = [AtFlange(made.name, made.type_name, place.target, port, texts)]
+        if not fed_by:
+            return there
+        if not tapped:
+            return [*there, Wire(f"{made.name}_wire", (fed_by, f"{made.name}.{fed}"))]
+        tap, unit = f"{made.name}_tap", made.type.ports[fed].unit
+        return [
+            InSignal(
+                tap, "Offset", fed_by, {"offset": f"0 {unit}"}
+            ),  # an input cannot be read, what stands before it can
+            *there,
+            Wire(f"{made.name}_wire", (f"{tap}.out", f"{made.name}.{fed}")),
+        ]
 
-    yield made.candidate(place, effect, edits, parameters, starts, held=made.stays(), wave=wave)
+    stays = (*held, *made.stays())
+    yield made.candidate(place, effect, edits, parameters, starts, held=stays, wave=wave)
 
 
 def in_joint(
@@ -96,6 +119,7 @@ def in_signal(
     starts: Sequence[Sizes],
     *parameters: EffectParameter,
     held: bool = True,
+    reads: Mapping[str, str] | None = None,
     **given: Any,
 ) -> Iterator[Candidate]:
     """A block with the ports ``in`` and ``out`` in front of a driven input.
@@ -107,6 +131,7 @@ def in_signal(
         starts: sizes to start from, the least effect first; see `Candidate`.
         *parameters: those that are fitted.
         held: whether what is given stays as it is; else it may move within the tolerance that the block declares.
+        reads: further inputs of the block, and the signals that they read.
         **given: further parameters and options of the block.
 
     Raises:
@@ -116,7 +141,8 @@ def in_signal(
     made.check(effect, starts)
 
     def edits(sizes: Sizes) -> list[Edit]:
-        return [InSignal(made.name, type_name, place.target, made.texts(sizes))]
+        wires = [Wire(f"{made.name}_wire", (signal, f"{made.name}.{port}")) for port, signal in (reads or {}).items()]
+        return [InSignal(made.name, type_name, place.target, made.texts(sizes)), *wires]
 
     yield made.candidate(place, effect, edits, parameters, starts, held=made.stays() if held else ())
 

@@ -53,6 +53,7 @@ class OperatingScales:
         speed, angle: flange -> size of its motion.
         inertia: flange -> inertia felt there.
         lines: frequencies (rad/s) that stand out in what the refitted model leaves over.
+        refitted: search vector of that model, if there is one yet.
     """
 
     problem: Problem
@@ -65,6 +66,7 @@ class OperatingScales:
     angle: dict[str, float] = field(default_factory=dict)
     inertia: dict[str, float] = field(default_factory=dict)
     lines: list[float] = field(default_factory=list)
+    refitted: Array | None = None
 
     @property
     def sample(self) -> float:
@@ -122,6 +124,10 @@ class OperatingScales:
                 continue
             tried.append(ratio)
             yield self._flange(SHAFT, shaft.target, member, member)
+
+    def member(self, shaft: Place, flange: str) -> Place:
+        """The shaft at one of its flanges."""
+        return self._flange(SHAFT, shaft.target, flange, flange)
 
     def ratio(self, one: str, other: str) -> float:
         """How far ``other`` moves while ``one`` moves by one; 1 where one of them is held or moved from outside."""

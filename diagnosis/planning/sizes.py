@@ -57,6 +57,9 @@ IN_SPRING = {"yield_twist": -1.0, "yield_deflection": -1.0}
 NEAR_ONE = {"uneven_gain": "backward", "sensor_scale": "gain"}
 """Effects that are none where a gain is one: its parameter. Their size is how far the gain is from one."""
 
+LIMITS = frozenset({"saturation", "current_limit"})
+"""Effects that are none where a limit is not reached: their size is how far it lies below the largest start."""
+
 FIXED_LAWS = frozenset({"structural_damping", "rectified_sensor", "one_sided_contact"})
 """Laws that no size makes small: they are another law, or not."""
 
@@ -117,7 +120,7 @@ class Family:
         effect = self.candidate.effect
         if effect in NEAR_ONE:
             return {**self.base, NEAR_ONE[effect]: 1 + size}
-        if effect == "saturation":
+        if effect in LIMITS:
             return {key: value * (1 - size) for key, value in self.base.items()}
         return {key: value * size ** self.powers.get(key, 0.0) for key, value in self.base.items()}
 
@@ -162,7 +165,7 @@ def families(candidate: Candidate) -> Iterator[Family]:
         first, largest, matters = 1.0, 1.0, 1.0
         if effect in NEAR_ONE:
             first = 0.01
-        elif effect == "saturation":
+        elif effect in LIMITS:
             top = max(abs(v) for s in starts for v in s.values()) / UNTOUCHED
             base, first, largest = {key: math.copysign(top, value) for key, value in base.items()}, 0.02, 0.9
         elif effect in JOINT_LAWS and "stiffness" in known:

@@ -54,7 +54,7 @@ def study(
     zero = np.zeros(len(base.free))
     before = (base.chi2(zero, base.training), base.chi2(zero, base.held_out))
     scales = operating_scales(base)
-    scales.lines = lines(refit)
+    scales.lines, scales.refitted = lines(refit), refit.fit.x
     search = _Search(fitter, refit, candidates(scales, without), progress)
     search.run(most)
     best = search.best

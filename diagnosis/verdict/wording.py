@@ -32,6 +32,8 @@ WORDS = {
     "extra_mode": "a further bending mode",
     "torque_ripple": "torque ripple",
     "stray_spring": "a stray spring",
+    "load_dependent_friction": "friction that grows with the load",
+    "current_limit": "a limit of the current",
 }
 
 SCALES = {

@@ -11,7 +11,7 @@ from diagnosis.estimation.least_squares import interval_in_words
 from diagnosis.verdict.experiment_design import Proposal
 from diagnosis.verdict.verdict import Diagnosis
 from engine.files import folder_made, json_text, writing
-from scenarios.amend import Edit, Feed, Set, amended, relocated, with_readings, without
+from scenarios.amend import Edit, Feed, Set, amended, relocated, with_readings, with_values, without
 
 EXPERIMENT = "next_experiment"
 """Name of the block that plays the proposed input."""
@@ -40,13 +40,20 @@ def amended_text(found: Diagnosis) -> str:
                 continue
             evidence.append(f"{parameter.name}: 95 % interval {interval_in_words(i.numbers())} {i.unit}")
         notes[effect.name] = "\n".join(evidence)
-    given = {p.name: p for p in study.refit.fit.problem.model.parameters}
+    given = {p.name: p for p in study.chosen.fit.problem.model.parameters}
+    written = {f"{effect.name}.{k.name}" for effect in study.chosen.effects for k in effect.parameters}
+    common: dict[str, str | float] = {}
     for name, value in values.items():
         block, _, key = name.rpartition(".")
-        if name in given and block in study.scenario.file.blocks and "[" not in key:
-            unit = given[name].unit
-            edits.append(Set(block, key, f"{value:.8g} {unit}" if unit not in ("1", "*") else float(f"{value:.8g}")))
-    return amended(original, edits, notes, study.scenario.resolve)
+        if name not in given or name in written or "[" in key:
+            continue
+        unit = given[name].unit
+        told = f"{value:.8g} {unit}" if unit not in ("1", "*") else float(f"{value:.8g}")
+        if not block:
+            common[name] = told  # a parameter of the scenario, which several blocks may share
+        elif block in study.scenario.file.blocks or block in notes:
+            edits.append(Set(block, key, told))
+    return with_values(amended(original, edits, notes, study.scenario.resolve), common)
 
 
 def write(found: Diagnosis, folder: Path) -> list[Path]:

@@ -13,13 +13,13 @@ from diagnosis.binding import bind, row_interval
 from diagnosis.recordings.mapping import from_scenario
 from diagnosis.recordings.types import Recording
 from engine.simulate import simulate
-from scenarios.amend import AtFlange, Between, InSignal, OnSensor, Replace, Set, amended
+from scenarios.amend import AtFlange, Between, InSignal, OnSensor, Replace, Set, Wire, amended
 from scenarios.load import load
 
 NOT_IN_THE_LIBRARY = frozenset({"rectified_sensor"})
 
 
-def edits_for(concealed: Any, plant: Any) -> Any:
+def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
     """The effect in flexarm's words."""
     p, place, effect = concealed.parameters, concealed.place, concealed.effect
     unit, ground = plant.drive_unit, f"{plant.drive}"
@@ -61,7 +61,24 @@ def edits_for(concealed: Any, plant: Any) -> Any:
         return [AtFlange("x", "GravityTorque", place, "shaft", law)]
     if effect == "stray_spring":
         return [AtFlange("x", "GroundSpring", place, "shaft", {"stiffness": f"{p['stiffness']} N.m/rad"})]
-    if effect == "torque_ripple":
+    if effect == "load_dependent_friction":
+        law = {"coefficient": p["coefficient"], "coulomb_friction": f"{p['coulomb_friction']} N.m"}
+        made: list[Any] = [AtFlange("x", "LoadDependentFriction", place, "shaft", law)]
+        if place == "motor.shaft":
+            return [*made, Wire("w", ("motor.torque", "x.load"))]
+        return [
+            InSignal("y", "Offset", ground, {"offset": f"0 {unit}"}),
+            *made,
+            Wire("w", ("y.out", "x.load")),
+        ]
+    if effect == "current_limit":
+        law = {
+            "current_limit": f"{p['current_limit']} A",
+            "resistance": f"{true['motor.resistance']} ohm",
+            "back_emf_constant": f"{true['motor.back_emf_constant']} V.s/rad",
+        }
+        return [InSignal("x", "CurrentLimiter", ground, law), Wire("w", ("motor.shaft.speed", "x.speed"))]
+    if effect in ("torque_ripple", "cogging"):
         law = {"amplitude": f"{p['amplitude']} N.m", "order": p["order"], "phase": f"{p['phase']} rad"}
         return [AtFlange("x", "TorqueRipple", place, "shaft", law)]
     if effect == "outside_vibration":
@@ -105,9 +122,9 @@ def simulated(case: Any, folder: Any, concealed: Any = (), internal_step: Any = 
     file = folder / "case" / "scenario.yaml"
     source = text(exact)
     for c in concealed:
-        edits = edits_for(c, case.plant)
+        edits = edits_for(c, case.plant, case.truth.parameters)
         for edit in edits:
-            if edit.name == "y" and isinstance(edit, InSignal):
+            if edit.name == "y" and isinstance(edit, InSignal) and edit.type == "Sine":
                 source = _driven(source, edit)
             else:
                 source = amended(source, [edit])

@@ -1,0 +1,138 @@
+"""What may be missing in a drive: friction that grows with the load, and limits of its current."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.effects.effect import Candidate, EffectParameter, Sizes, Wave, combinations, shares, with_unit
+from diagnosis.effects.insertion import at_flange, in_signal
+from diagnosis.effects.orders import standing_out
+from diagnosis.effects.places import Place, node
+from diagnosis.effects.scales import OperatingScales
+from diagnosis.effects.shaft import HARDLY, PHASES
+from engine.system import System
+from scenarios.amend import Edit, Set
+
+COEFFICIENTS = (0.003, 0.02, 0.08, 0.3)
+"""Starting sizes of the share of a load that goes into friction."""
+
+LEVELS = (1e-3, 0.02, 0.15)
+"""Starting sizes of the friction without load, as shares of the torques that act."""
+
+LIMITS = (2.5, 1.9, 1.5, 1.2, 1.0, 0.85, 0.7, 0.55, 0.4, 0.3, 0.2, 0.12)
+"""Starting sizes of a limit of the current, as shares of what the largest voltage drives through a motor at rest: one
+that is reversed at full speed draws nearly twice as much."""
+
+COGGING = range(13, 101)
+"""Waves per revolution of a motor's cogging; fewer are a torque ripple."""
+
+MOST_ORDERS = 5
+"""Of these, the orders that are tried: each costs a model of its own."""
+
+NO_LIMIT_KNOWN = 10.0
+"""Widening of the prior of a limit: how far an amplifier goes is not known before."""
+
+
+def at_loaded_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
+    """Friction that grows with the load, only where a block tells the effort that gears and bearings of a shaft carry.
+
+    Where the shaft has dry friction already, that is the level without load; else the level is fitted too.
+    """
+    rubbing = [mode.name for mode in scales.problem.model.modes if mode.kind == "friction"]
+    members = scales.groups[place.target]
+    blocks = {scales.system.split(flange)[0] for flange in members}
+    known = any(name == block or name.startswith(f"{block}.") for name in rubbing for block in blocks)
+    for flange in members:
+        name, port = scales.system.split(flange)
+        block, effort = scales.system.blocks[name], "force" if place.sliding else "torque"
+        if port not in block.loads or effort not in block.ports:
+            continue
+        here = scales.member(place, flange)
+        share = EffectParameter("coefficient", 0.1, usual=1.0)
+        level = EffectParameter("coulomb_friction", here.torque)
+        more = {} if known else {"coulomb_friction": shares(here.torque, *LEVELS)}
+        starts = combinations(coefficient=COEFFICIENTS if known else COEFFICIENTS[1::2], **more)
+        yield from at_flange(
+            here,
+            "load_dependent_friction",
+            "LoadDependentFriction",
+            starts,
+            *((share,) if known else (share, level)),
+            held=("static_ratio", "stribeck_velocity"),
+            fed_by=f"{name}.{effort}",
+            tapped=block.ports[effort].role == "input",
+        )
+
+
+def at_driven_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
+    """Cogging, only at the shaft that a drive turns, and of orders that stand out in what the refitted model leaves.
+
+    It is a torque ripple of an order above those that are tried anywhere: magnets pull at the teeth of a motor, and all
+    orders to a hundred are too many to be tried one by one.
+    """
+    for flange in scales.groups[place.target]:
+        name, port = scales.system.split(flange)
+        if port not in scales.system.blocks[name].cut_after or place.sliding or not drives(scales.system, name):
+            continue
+        here = scales.member(place, flange)
+        start = np.zeros(len(scales.problem.free)) if scales.refitted is None else scales.refitted
+        orders = standing_out(scales.problem, start, flange, COGGING, MOST_ORDERS)
+        if not orders:
+            continue
+        made = [float(order) for order in orders]
+        yield from at_flange(
+            here,
+            "cogging",
+            "TorqueRipple",
+            combinations(order=made, amplitude=shares(here.torque, 2e-4, 2e-3, 0.05), phase=PHASES),
+            EffectParameter("order", 1.0, fixed=True),
+            EffectParameter("amplitude", here.torque),
+            EffectParameter("phase", 1.0, signed=True),
+            wave=Wave("amplitude", "phase", combinations(order=made, amplitude=[HARDLY * here.torque], phase=[0.0])),
+        )
+
+
+def drives(system: System, name: str) -> bool:
+    """Whether a block brings power to a shaft: it has one flange, and inputs."""
+    roles = [port.role for port in system.blocks[name].ports.values()]
+    return roles.count("flange") == 1 and "input" in roles
+
+
+def at_motor_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
+    """A limit of the current, only before the voltage of a motor whose winding and back-emf are known.
+
+    Where a drive is driven by its current or torque, that limit is a saturation of the input.
+    """
+    block, winding = scales.system.blocks[place.block], scales.system.blocks[place.block].winding_parameters
+    known = winding and block.back_emf_parameter and block.cut_after
+    if not known or not place.target.endswith(".voltage"):
+        return
+    resistance, back_emf = block.values[winding[0]], block.values[block.back_emf_parameter]
+    stall = place.size / resistance
+    starts = combinations(current_limit=shares(stall, *LIMITS))
+    plain = EffectParameter("current_limit", stall, usual=1.0)
+    limit = replace(plain, spread=NO_LIMIT_KNOWN * plain.spread)
+    source = next((end for end in node(scales.system, place.target) if end != place.target), "")
+    there = scales.system.split(source)[0] if source else ""
+    if there and "current_limit" in scales.system.blocks[there].parameters:
+        # A limiter is there, with a limit that was not reached.
+
+        def edits(values: Sizes) -> list[Edit]:
+            return [Set(there, "current_limit", with_unit(values["current_limit"], "A"))]
+
+        yield Candidate("current_limit", place.name, place.block, there, edits, (limit,), starts)
+        return
+    yield from in_signal(
+        place,
+        "current_limit",
+        "CurrentLimiter",
+        starts,
+        limit,
+        held=False,
+        reads={"speed": f"{place.block}.{block.cut_after[0]}.speed"},
+        resistance=with_unit(resistance, "ohm"),
+        back_emf_constant=with_unit(back_emf, "V.s/rad"),
+    )

@@ -1,0 +1,190 @@
+"""Orders that stand out in what a fitted model leaves over: waves that pass with the angle of a shaft.
+
+A torque sin(n angle) on a shaft shows in the sensors as the model's linear answer to it. What is left over is compared
+with the answers of all orders, both made white by the spectrum of what is left over, in short pieces of time: there the
+phase may differ, since the angle of a shaft that turns fast is not known to a fraction of a wave for long.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.fft
+
+from blocks.registry import registry
+from diagnosis.effects.places import groups, ratio, slides
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import TimeExperiment
+from engine.assemble import build
+from engine.errors import FlexarmError
+from engine.linearise import linearise
+from engine.system import Connection, System
+
+PIECE = 256
+"""Samples of a piece: enough to tell orders apart, and few enough for the phase of a high one to hold."""
+
+FASTEST = 2.6
+"""Radians that a wave may advance within a sample: pi is the end of what samples show."""
+
+FEWEST = 8
+"""Cosines in a band of the spectrum, over which it is smoothed."""
+
+
+def standing_out(problem: Problem, x: Array, flange: str, orders: Sequence[int], most: int) -> list[int]:
+    """The orders of waves on a shaft that explain most of what a model leaves over, the best first.
+
+    Args:
+        problem: the model.
+        x: its search vector, as fitted.
+        flange: of the shaft.
+        orders: waves per revolution to choose from, next to one another.
+        most: number of orders.
+
+    Returns:
+        The first with its neighbours, since a model that turns a per cent too fast takes a high order for the next one;
+        of the others the peaks, in pieces and as a whole by turns.
+    """
+    ranked = []
+    for scores in explained_energy(problem, x, flange, orders):
+        rows = np.concatenate([[-np.inf], scores, [-np.inf]])
+        peaks = [k for k in np.argsort(-scores) if scores[k] > 0 and rows[k] <= scores[k] >= rows[k + 2]]
+        ranked.append([orders[k] for k in peaks])
+    found = [order for pair in itertools.zip_longest(*ranked) for order in pair if order is not None]
+    beside = [order for order in orders if found and abs(order - found[0]) == 1]
+    return list(dict.fromkeys([*found[:1], *beside, *found[1:]]))[:most]
+
+
+def explained_energy(problem: Problem, x: Array, flange: str, orders: Sequence[int]) -> Array:
+    """What waves explain of what a model leaves of the training recordings, in its variances, beyond chance.
+
+    Args:
+        problem: the model.
+        x: its search vector, as fitted.
+        flange: of the shaft.
+        orders: waves per revolution.
+
+    Returns:
+        Shape (2, orders): piece by piece, and with one phase for each recording; zero where nothing can be said.
+    """
+    nothing: Array = np.zeros((2, len(orders)))
+    try:
+        answer = _Answer(problem, x, flange)
+        return sum((answer.explained(e, orders) for e in problem.training), nothing)
+    except FlexarmError:
+        return nothing
+
+
+class _Answer:
+    """What a torque on a shaft does to the sensors, by the model linearised at rest with its frictions sliding.
+
+    Args:
+        problem, x, flange: as of `standing_out`.
+
+    Raises:
+        FlexarmError: the model cannot be linearised there.
+    """
+
+    def __init__(self, problem: Problem, x: Array, flange: str) -> None:
+        self.problem, self.x, self.flange = problem, x, flange
+        system, driven = problem.scenario.system, [v.name for v in problem.model.inputs]
+        kind, port, effort = ("Force", "flange", "force") if slides(system, flange) else ("Torque", "shaft", "torque")
+        probed = System(
+            {**system.blocks, "probe": registry()[kind]()},
+            [*system.connections, Connection((flange, f"probe.{port}"))],
+            system.shared,
+            {},
+            system.places,
+        )
+        outputs = [v.name for v in problem.model.outputs]
+        model = build(probed, inputs=[f"probe.{effort}", *driven], outputs=outputs)
+        sliding = {mode.name: "sliding forward" for mode in model.modes if mode.kind == "friction"}
+        fitted = {
+            name: value for name, value in problem.values(x)[0].items() if name in {p.name for p in model.parameters}
+        }
+        linear = linearise(model, modes=sliding, parameters=fitted)
+        self.A, self.B, self.C, self.D = linear.A, linear.B[:, :1], linear.C, linear.D[:, :1]
+        self.turning = build(system, driven, [f"{flange}.angle"]) if not slides(system, flange) else None
+
+    def explained(self, e: Experiment, orders: Sequence[int]) -> Array:
+        """Energy of the residual of an experiment that each order explains, beyond what chance does, shape (2, orders).
+
+        First piece by piece, then with one phase for the whole of it.
+        """
+        if not isinstance(e, TimeExperiment) or self.turning is None or len(e.time) < 2 * PIECE:
+            return np.zeros((2, len(orders)))
+        rows, interval = e.evenly(np.column_stack([self._angle(e), self.problem.residual(self.x, e)]))
+        angle, residual = rows[:, 0], rows[:, 1:]
+        step = np.abs(np.gradient(angle))[:, None]
+        waves = np.where(step * np.asarray(orders) < FASTEST, np.exp(1j * angle[:, None] * np.asarray(orders)), 0.0)
+        response = self._response(2 * len(angle), interval) / e.sigma
+        spectrum = scipy.fft.fft(waves, 2 * len(angle), axis=0)
+        pieces, whole = np.zeros(len(orders)), np.zeros(len(orders))
+        for k in range(residual.shape[1]):
+            answers = scipy.fft.ifft(spectrum * response[:, k, None], axis=0)[: len(angle)]
+            columns = np.column_stack([residual[:, k], answers.real, answers.imag])
+            white = scipy.fft.idct(
+                scipy.fft.dct(columns, axis=0, norm="ortho") * _white(e, residual[:, k]), axis=0, norm="ortho"
+            )
+            for length, found in ((PIECE, pieces), (len(white), whole)):
+                cut = white[: len(white) // length * length].reshape(-1, length, white.shape[1])
+                found += _explained(cut[:, :, :1], cut[:, :, 1 : 1 + len(orders)], cut[:, :, 1 + len(orders) :])
+        return np.array([pieces, whole])
+
+    def _angle(self, e: TimeExperiment) -> Array:
+        """The angle of the shaft at the samples: as an encoder on it was read, else as simulated."""
+        members = next((rows for rows in groups(self.problem).values() if self.flange in rows), [self.flange])
+        for k, variable in enumerate(self.problem.model.outputs):
+            flange, _, quantity = variable.name.rpartition(".")
+            y = e.measured[:, k]
+            if quantity == "angle" and flange in members and np.isfinite(y).mean() > 0.5:
+                known = np.isfinite(y)
+                there = np.interp(e.time, np.asarray(e.time)[known], y[known])
+                return np.asarray(there * ratio(self.problem, flange, self.flange))
+        assert self.turning is not None
+        parameters, starts = self.problem.values(self.x, e)
+        known_ones = {p.name for p in self.turning.parameters}
+        rows = e.outputs(
+            self.turning,
+            {name: value for name, value in parameters.items() if name in known_ones},
+            starts,
+            self.problem.internal_step,
+        )
+        return np.asarray(e.sampled(rows)[:, 0])
+
+    def _response(self, count: int, interval: float) -> Array:
+        """Outputs per torque at the frequencies of a discrete transform, shape (count, outputs); none at rest."""
+        w = 2j * np.pi * scipy.fft.fftfreq(count, interval)
+        half = w[1 : count // 2 + 1]
+        gains = self.C @ np.linalg.solve(half[:, None, None] * np.eye(len(self.A)) - self.A, self.B) + self.D
+        made = np.zeros((count, len(self.C)), dtype=complex)
+        made[1 : count // 2 + 1] = gains[:, :, 0]
+        made[count // 2 + 1 :] = made[1 : (count + 1) // 2][::-1].conj()
+        return made
+
+
+def _white(e: TimeExperiment, residual: Array) -> Array:
+    """Weights of the cosines with which a residual is white, shape (samples, 1)."""
+    power, weights = e.components(residual[:, None])[:, 0] ** 2, np.ones(len(residual))
+    for _, part in e.bands(FEWEST):
+        weights[part] = max(float(np.mean(power[part])), 1.0) ** -0.5
+    return weights[:, None]
+
+
+def _explained(rest: Array, cosines: Array, sines: Array) -> Array:
+    """What the best sum of a cosine and a sine explains of each piece, summed, less what chance does; shape (orders,).
+
+    Args:
+        rest: shape (pieces, samples, 1).
+        cosines: shape (pieces, samples, orders).
+        sines: shape (pieces, samples, orders).
+    """
+    cc, ss, cs = (np.sum(a * b, axis=1) for a, b in ((cosines, cosines), (sines, sines), (cosines, sines)))
+    rc, rs = np.sum(rest * cosines, axis=1), np.sum(rest * sines, axis=1)
+    whole = cc * ss - cs**2
+    able = whole > 1e-6 * np.maximum(cc, ss) ** 2
+    gains = np.where(able, (ss * rc**2 - 2 * cs * rc * rs + cc * rs**2) / np.where(able, whole, 1.0), 0.0)
+    return np.asarray(np.sum(np.where(able, gains - 2.0, 0.0), axis=0))

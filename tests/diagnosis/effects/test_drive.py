@@ -1,0 +1,204 @@
+"""What models of drives leave out: where it is proposed, and that it is found in recordings of independent code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.random import default_rng
+
+from benchmarks.concealed.case import draw
+from benchmarks.concealed.drawing import Options
+from benchmarks.concealed.effects import Concealed
+from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.recording import record
+from benchmarks.concealed.scenario import write
+from diagnosis.api import diagnose, gather, possible_effects
+from diagnosis.effects.effect import Candidate
+from diagnosis.effects.orders import explained_energy, standing_out
+from diagnosis.estimation.problem import Problem
+from diagnosis.problems import problem
+from scenarios.amend import AtFlange, InSignal, Set, Wire, amended
+from scenarios.load import load
+from tests.diagnosis.effects.test_effects import mount, rig, spring
+
+MOTOR = "{type: DCMotor, resistance: 2 ohm, torque_constant: 0.05 N.m/A, rotor_inertia: 1e-3 kg.m2}"
+ARM = "  arm: {type: Inertia, inertia: 0.1 kg.m2}\n"
+
+
+def proposed(path: Path, effect: str) -> list[Candidate]:
+    return [c for c in possible_effects(path) if c.effect == effect]
+
+
+def geared(folder: Path, more: str = "", joined: str = "", wires: str = "") -> Path:
+    """A motor, a gear and an arm, with further blocks on the arm's shaft."""
+    blocks = f"  motor: {MOTOR}\n  gear: {{type: Gear, ratio: 20}}\n{ARM}{more}"
+    connect = f"  - [motor.shaft, gear.input]\n  - [gear.output, arm.shaft{joined}]\n{wires}"
+    made: Path = rig(folder, blocks, connect, ("motor.voltage", "V"), ("arm.shaft.angle", "rad"))
+    return made
+
+
+# -- friction that grows with the load ---------------------------------------------------------------------------------
+
+
+def test_friction_grows_with_what_a_block_tells_of_the_load(tmp_path: Path) -> None:
+    """At the motor's shaft with the motor's torque, at the weight's with the weight's; a level beside it."""
+    weight = "  weight: {type: GravityTorque, mass: 1 kg, radius: 0.2 m}\n"
+    found = proposed(geared(tmp_path, weight, ", weight.shaft"), "load_dependent_friction")
+    assert [c.place for c in found] == ["motor.shaft", "weight.shaft"]
+    assert len({c.name for c in found}) == 2, "both may be missing at once"
+    assert [p.name for p in found[0].parameters] == ["coefficient", "coulomb_friction"]
+    attached, wire = found[0].edits(found[0].starts[0])
+    assert isinstance(attached, AtFlange)
+    assert (attached.type, attached.target) == ("LoadDependentFriction", "motor.shaft")
+    assert isinstance(wire, Wire)
+    assert wire.ends == ("motor.torque", f"{found[0].name}.load")
+
+
+def test_a_level_that_the_model_has_is_not_put_in_twice(tmp_path: Path) -> None:
+    bearing = "  bearing: {type: BearingFriction, coulomb_friction: 10 mN.m}\n"
+    (found,) = proposed(geared(tmp_path, bearing, ", bearing.shaft"), "load_dependent_friction")
+    assert [p.name for p in found.parameters] == ["coefficient"]
+
+
+def test_where_nothing_tells_a_load_there_is_none_to_grow_with(tmp_path: Path) -> None:
+    """A rigid gear tells no torque, a drag and a ripple carry none."""
+    more = (
+        "  drag: {type: QuadraticDrag, drag: 1 mN.m.s2/rad2}\n"
+        "  ripple: {type: TorqueRipple, amplitude: 1 mN.m, order: 3}\n"
+    )
+    found = proposed(geared(tmp_path, more, ", drag.shaft, ripple.shaft"), "load_dependent_friction")
+    assert [c.place for c in found] == ["motor.shaft"]
+
+
+@pytest.mark.parametrize(
+    ("make", "kind"), [(spring, "LoadDependentFriction"), (mount, "TranslationalLoadDependentFriction")]
+)
+def test_a_torque_that_is_given_and_the_torque_of_a_spring_load_too(tmp_path: Path, make: Any, kind: str) -> None:
+    """What drives is an input, which cannot be read: what stands before it can. The amended file is a scenario."""
+    joint = "{type: SpringDamper, stiffness: 20 N.m/rad}"
+    path = make(
+        tmp_path, joint if make is spring else joint.replace("Spring", "TranslationalSpring", 1).replace(".m/rad", "/m")
+    )
+    found = proposed(path, "load_dependent_friction")
+    assert [c.block for c in found] == ["torque", "joint", "joint"]
+    edits = found[0].edits(found[0].starts[0])
+    assert [type(e) for e in edits] == [InSignal, AtFlange, Wire]
+    assert edits[1].type == kind  # type: ignore[union-attr]
+    for c in found:
+        written = tmp_path / f"{c.place}.yaml"
+        written.write_text(amended(path.read_text(), c.edits(c.starts[0])), encoding="utf-8")
+        load(str(written))
+
+
+# -- the limit of a current --------------------------------------------------------------------------------------------
+
+
+def test_a_limit_of_the_current_needs_a_winding(tmp_path: Path) -> None:
+    (found,) = proposed(geared(tmp_path), "current_limit")
+    limiter, wire = found.edits(found.starts[0])
+    assert isinstance(limiter, InSignal)
+    assert limiter.parameters["resistance"] == "2 ohm"
+    assert limiter.parameters["back_emf_constant"] == "0.05 V.s/rad"
+    assert isinstance(wire, Wire)
+    assert wire.ends == ("motor.shaft.speed", f"{found.name}.speed")
+    assert not found.held, "resistance and back-emf are known as well as the motor's"
+    folder = tmp_path / "torque"
+    folder.mkdir()
+    assert not proposed(spring(folder, "{type: SpringDamper, stiffness: 20 N.m/rad}"), "current_limit")
+
+
+def test_a_limiter_that_is_there_gets_another_limit(tmp_path: Path) -> None:
+    """A limiter before the motor, under control, whose limit is never reached."""
+    more = (
+        "  source: {type: Step, height: 1 rad}\n  pid: {type: PID, proportional_gain: 5 V/rad}\n"
+        "  limit: {type: CurrentLimiter, current_limit: 100 A, resistance: 2 ohm, back_emf_constant: 0.05 V.s/rad}\n"
+    )
+    wires = (
+        "  - [source.out, pid.reference]\n  - [arm.shaft.angle, pid.measurement]\n  - [pid.out, limit.in]\n"
+        "  - [motor.shaft.speed, limit.speed]\n  - [limit.out, motor.voltage]\n"
+    )
+    path = geared(tmp_path, more, "", wires)
+    text = path.read_text().replace(
+        "drive: {motor.voltage: {column: u, unit: V}}",
+        "drive: {pid.reference: {column: u, unit: rad}}\n    loop: reference",
+    )
+    path.write_text(text)
+    (found,) = proposed(path, "current_limit")
+    (edit,) = found.edits({"current_limit": 1.5})
+    assert edit == Set("limit", "current_limit", "1.5 A")
+
+
+# -- cogging -----------------------------------------------------------------------------------------------------------
+
+
+def cogging(folder: Path, order: int, amplitude: float) -> tuple[Problem, Path]:
+    """The geared two-mass plant with true parameters, and recordings of one that cogs as well."""
+    plant = PLANTS["geared-two-mass"]
+    case = draw(plant, [], [], 5, Options(nuisance=0.0, exact=True))
+    there = Concealed("cogging", "motor.shaft", {"amplitude": amplitude, "order": float(order), "phase": 0.7})
+    truth = replace(case.truth, concealed=(there,))
+    kinds = [r.kind for r in case.recordings]
+    made = replace(case, recordings=record(case.bench, truth, case.sensors, kinds, default_rng(1)))
+    write(made, folder / "case", folder / "answers")
+    path = folder / "case" / "scenario.yaml"
+    scenario = load(str(path))
+    return problem(scenario, gather(scenario, [], [])), path
+
+
+@pytest.mark.parametrize("order", [13, 24, 60, 84, 100])
+def test_the_order_of_a_cogging_stands_out(tmp_path: Path, order: int) -> None:
+    """To a hundred waves per revolution of the motor, whose speed changes all the time and reverses."""
+    made, _ = cogging(tmp_path, order, 3e-4)
+    found = standing_out(made, np.zeros(len(made.free)), "motor.shaft", range(13, 101), 5)
+    assert order in found[:3]
+
+
+def test_cogging_is_proposed_where_something_drives(tmp_path: Path) -> None:
+    """Not at the gear or the load behind the spring; and of orders that a torque ripple does not have."""
+    _, path = cogging(tmp_path, 36, 3e-4)
+    found = proposed(path, "cogging")
+    assert [c.place for c in found] == ["motor.shaft"]
+    orders = {start["order"] for start in found[0].starts}
+    assert 36.0 in orders
+    assert len(orders) <= 5
+    assert not orders & {float(k) for k in range(13)}
+    lower = {s["order"] for c in possible_effects(path) if c.effect == "torque_ripple" for s in c.starts}
+    assert max(lower) == 12.0
+
+
+def test_nothing_stands_out_of_noise(tmp_path: Path) -> None:
+    """A wave that explains no more than chance is not proposed, or has nothing to explain."""
+    made, _ = cogging(tmp_path, 36, 0.0)
+    answer = explained_energy(made, np.zeros(len(made.free)), "motor.shaft", range(13, 101))
+    loud, _ = cogging(tmp_path / "loud", 36, 3e-4)
+    assert answer.max() < 0.01 * explained_energy(loud, np.zeros(len(loud.free)), "motor.shaft", range(13, 101)).max()
+
+
+# -- found -------------------------------------------------------------------------------------------------------------
+
+QUIET = Options(nuisance=0.0, seconds=2.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effect", "size", "true"),
+    [
+        ("load_dependent_friction", 100.0, "coefficient"),
+        ("current_limit", 5.0, "current_limit"),
+        ("cogging", 30.0, "amplitude"),
+    ],
+)
+def test_it_is_named_where_it_is_concealed(tmp_path: Path, effect: str, size: float, true: str) -> None:
+    """The truth is integrated by a code that shares nothing with ours; friction and saturation are tried too."""
+    case = draw("geared-two-mass", [effect], [size], 3, QUIET)
+    write(case, tmp_path / "case", tmp_path / "answers")
+    found = diagnose(tmp_path / "case" / "scenario.yaml", workers=1)
+    assert found.verdict == "named"
+    (finding,) = found.findings
+    assert finding["effect"] == effect
+    there = finding["parameters"][true]
+    assert there["low"] <= case.truth.concealed[0].parameters[true] <= there["high"]
