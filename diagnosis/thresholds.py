@@ -286,10 +286,11 @@ class Evidence:
         "the noise of random rigs is wrong by up to 30 %",
     )
     share: float = number(
-        0.005,
+        0.002,
         "1",
-        "What an effect must account for, as a share of all that any model explains: nuisances are that large.",
-        "nuisances of random rigs, 3 % of an effect or less",
+        "What an effect must account for, as a share of all that any model explains: a nuisance of 3 % of an effect is "
+        "a thousandth of its energy.",
+        "nuisances of random rigs, 3 % of an effect or less, several at once",
     )
     rough: float = number(
         0.05,
