@@ -165,7 +165,7 @@ def _score(folder: Path, result: Path) -> Score:
         odds=tuple(
             (f["probability"], any(f["effect"] == name and _at(f["place"], allowed) for name, allowed in targets))
             for f in found["findings"]
-            if f["status"] in ("named", "wrong_parameter", "tie")
+            if f["status"] in ("named", "wrong_parameter", "tie") and "probability" in f
         ),
         converged=_converged(found),
         claims=tuple(any(_meets(row, t) for t in targets) for row in reported if _is_claim(*row)),

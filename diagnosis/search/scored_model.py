@@ -54,6 +54,11 @@ class ScoredModel:
         return float(sum((x / f.spread) ** 2 for f, x in pairs if f.prior and not f.recording))
 
     @property
+    def bent(self) -> bool:
+        """Whether the user's own parameters are farther off than a right model's, a tolerance each on average."""
+        return self.strain > sum(1 for f in self.fit.problem.free if f.prior and not f.recording)
+
+    @property
     def room(self) -> float:
         """By how much the evidence could rise at most: what is unexplained, and what the parameters cost."""
         return self.left.unexplained + 0.5 * self.strain

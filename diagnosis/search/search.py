@@ -17,7 +17,7 @@ from diagnosis.search.evidence import leftover
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import PartialFit, ended, standing
-from diagnosis.search.posterior import believed, complete, energy, misses, price, probabilities, value
+from diagnosis.search.posterior import believed, complete, energy, misses, price, probabilities, settled, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, together
 from diagnosis.search.study import Study
@@ -100,11 +100,6 @@ class _Search:
         """The believed model of greatest worth."""
         return max(believed(self.models, self.refit), key=self.worth)
 
-    @property
-    def _declared(self) -> int:
-        """Parameters that the user's model has a tolerance for."""
-        return sum(1 for f in self.fitter.base.free if f.prior and not f.recording)
-
     def worth(self, model: ScoredModel) -> float:
         """Evidence less price."""
         return value(model, self.tried)
@@ -121,7 +116,7 @@ class _Search:
             before = self.best if count == 1 else self._confirmed(self.best)
             if before.room < self.price + SEARCH.effort or complete(before, self.refit):
                 return
-            if count > 1 and not before.effects and not misses(self.refit):
+            if count > 1 and (settled(before) or not (before.effects or misses(self.refit))):
                 return
             if count > 1 and before.effects and before.left.varying < self.price + SEARCH.effort:
                 # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is.
@@ -227,9 +222,9 @@ class _Search:
 
         Args:
             parents: parameters to begin from. Effects are looked at around the first, and around all where the refit
-                is bent: a right model's parameters are a tolerance off each, on average.
+                is bent.
         """
-        around = parents if self.refit.strain > self._declared else parents[:1]
+        around = parents if self.refit.bent else parents[:1]
         origins = [o for values in around if (o := self.fitter.origin((), values)) is not None]
         self._order = self._screened(origins, self.listed)
         able = [c for c in self._order if self._pays(origins, c)]

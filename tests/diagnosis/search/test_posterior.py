@@ -51,6 +51,7 @@ def model(*effects: Candidate, excess: float, held_out: float | None = None, **m
         hold_out=float(unseen.energy[0]) / COUNT,
         log_evidence=given["log_evidence"],
         strain=given["strain"],
+        bent=given["strain"] > 10,
         fit=SimpleNamespace(converged=given["converged"]),
     )
 
@@ -70,8 +71,8 @@ def test_a_law_that_owes_little_to_its_richer_part_is_not_believed(gained: float
 
 @pytest.mark.parametrize(("gained", "kept"), [(0.4 * EVIDENCE.share, False), (1.5 * EVIDENCE.share, True)])
 def test_nor_is_a_model_that_owes_little_to_a_further_effect(gained: float, kept: bool) -> None:
-    simple = model(FRICTION, excess=1e3)
-    both = model(FRICTION, LAG, excess=1e3 - gained * 1e5)
+    simple = model(FRICTION, excess=5e3)
+    both = model(FRICTION, LAG, excess=5e3 - gained * 1e5)
     assert (both in believed([REFIT, simple, both], REFIT)) == kept
 
 
@@ -82,6 +83,15 @@ def test_nor_is_a_small_effect_alone_where_another_explains_nearly_all() -> None
     assert small not in believed([REFIT, small, model(FRICTION, excess=1e3)], REFIT)
 
 
+@pytest.mark.parametrize(("left_over", "strain", "kept"), [(0.5, 0.0, False), (1.5, 0.0, True), (0.5, 40.0, True)])
+def test_nothing_is_added_to_a_model_that_leaves_no_more_than_noise(
+    left_over: float, strain: float, kept: bool
+) -> None:
+    one = model(FRICTION, excess=left_over * COUNT, strain=strain)
+    both, refit = model(FRICTION, LAG, excess=0.0, strain=strain), model(excess=10 * COUNT)
+    assert (both in believed([refit, one, both], refit)) == kept
+
+
 def test_a_richer_law_elsewhere_is_no_richer_law() -> None:
     """It stands on its own: only at the same place is the simple law its special case."""
     simple = model(FRICTION, excess=1e3)
@@ -90,10 +100,10 @@ def test_a_richer_law_elsewhere_is_no_richer_law() -> None:
 
 
 def test_what_worsens_held_out_recordings_is_not_believed() -> None:
-    simple = model(FRICTION, excess=3e4, held_out=1e3)
-    both = model(FRICTION, LAG, excess=1e3, held_out=2e3)
+    simple = model(FRICTION, excess=3e4, held_out=5e3)
+    both = model(FRICTION, LAG, excess=1e3, held_out=6e3)
     assert both not in believed([REFIT, simple, both], REFIT)
-    better = model(FRICTION, LAG, excess=1e3, held_out=5e2)
+    better = model(FRICTION, LAG, excess=1e3, held_out=2e3)
     assert better in believed([REFIT, simple, better], REFIT)
 
 
