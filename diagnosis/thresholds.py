@@ -535,10 +535,10 @@ class Recovery:
         "drag against the back electromotive force",
     )
     places: int = number(
-        1,
+        2,
         "places",
-        "Places where a curve is tried.",
-        "suite 'withheld' (b68ec5a)",
+        "Places where a curve is tried: the effect that does best may be one that bends parameters elsewhere.",
+        "suite 'withheld' (b68ec5a), and a drag beside a limit of the current",
     )
     curves: int = number(
         2,
