@@ -20,8 +20,8 @@ from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
 from diagnosis.verdict.wording import finding_sentence, nothing_sentence, traits, warnings_of
 
-_GAINS = ("sensor_scale", "rectified_sensor", "uneven_gain")
-"""Effects that make up for a wrong unit, sign or size of a column."""
+_GAINS = ("sensor_scale", "uneven_gain")
+"""Effects that make up for a wrong unit, sign or size of a column whatever it holds."""
 
 WEAKEST = ("unknown", "tie", "wrong_parameter", "named")
 """Statuses of findings, the weakest first."""
