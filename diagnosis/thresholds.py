@@ -286,11 +286,10 @@ class Evidence:
         "the noise of random rigs is wrong by up to 30 %",
     )
     share: float = number(
-        0.002,
+        0.005,
         "1",
-        "What an effect must account for, as a share of all that any model explains: a nuisance of 3 % of an effect is "
-        "a thousandth of its energy.",
-        "nuisances of random rigs, 3 % of an effect or less, several at once",
+        "What an effect must account for, as a share of all that any model explains: nuisances are that large.",
+        "nuisances of random rigs, 3 % of an effect; a ripple of the proof's plants has 0.6 % of the energy",
     )
     rough: float = number(
         0.05,

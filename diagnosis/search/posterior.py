@@ -3,8 +3,7 @@
 A model is as probable as its evidence and its price say: each effect was chosen from as many as were tried, and costs
 the logarithm of that number. A model that owes to one of its effects, or to the richer one of two laws, less than
 `EVIDENCE.share` of what can be explained at all is not believed: nuisances that nobody asks for are that large. Nor is
-one that an effect makes worse on recordings that were not fitted, or with an effect beside others that leave no more
-than the sensors' noise.
+one that an effect makes worse on recordings that were not fitted.
 """
 
 from __future__ import annotations
@@ -59,8 +58,6 @@ def believed(models: Sequence[ScoredModel], refit: ScoredModel) -> list[ScoredMo
 def _owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:
     if not _simpler(simpler, model):
         return False
-    if simpler.keys < model.keys and settled(simpler):
-        return True
     relief = 0.5 * max(simpler.strain - model.strain, 0.0)
     unlikelier = model.unseen.log_likelihood < simpler.unseen.log_likelihood - relief
     worse = unlikelier and float(model.unseen.energy.sum()) >= float(simpler.unseen.energy.sum())
@@ -86,11 +83,6 @@ def misses(model: ScoredModel) -> bool:
         if (energy > EVIDENCE.stated * left.noise[own[0]] * count).any():
             return True
     return False
-
-
-def settled(model: ScoredModel) -> bool:
-    """Whether a model with effects leaves no more than noise, and does not bend the user's parameters for that."""
-    return bool(model.effects) and not misses(model) and not model.bent
 
 
 def _simpler(one: ScoredModel, other: ScoredModel) -> bool:

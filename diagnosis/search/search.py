@@ -17,7 +17,7 @@ from diagnosis.search.evidence import leftover
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import PartialFit, ended, standing
-from diagnosis.search.posterior import believed, complete, energy, misses, price, probabilities, settled, value
+from diagnosis.search.posterior import believed, complete, energy, misses, price, probabilities, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, together
 from diagnosis.search.study import Study
@@ -116,7 +116,7 @@ class _Search:
             before = self.best if count == 1 else self._confirmed(self.best)
             if before.room < self.price + SEARCH.effort or complete(before, self.refit):
                 return
-            if count > 1 and (settled(before) or not (before.effects or misses(self.refit))):
+            if count > 1 and not before.effects and not misses(self.refit):
                 return
             if count > 1 and before.effects and before.left.varying < self.price + SEARCH.effort:
                 # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is.
