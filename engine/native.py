@@ -163,12 +163,17 @@ class Way:
         code: makes the byte code; None for a model that it cannot serve.
         source: makes the C.
         load: compiles and loads the C.
+        known: whether it is compiled already.
     """
 
     def __init__(
-        self, code: Callable[[], bytecode.Code | None], source: Callable[[], str], load: Callable[[str], Any]
+        self,
+        code: Callable[[], bytecode.Code | None],
+        source: Callable[[], str],
+        load: Callable[[str], Any],
+        known: Callable[[str], bool],
     ) -> None:
-        self._source, self._load = source, load
+        self._source, self._load, self._known = source, load, known
         self._lock = threading.Lock()
         self._spent = 0.0
         self._looked = False
@@ -188,7 +193,7 @@ class Way:
                 if enough or (not self._looked and self._spent > LOOK):
                     self._looked = True
                     source = self._source()
-                    if enough or known(source):
+                    if enough or self._known(source):
                         self.own = self._load(source)
             return self.own is not None
 
@@ -244,7 +249,9 @@ def run(model: Model, job: Job) -> Outcome:
     Raises:
         CompilerUnavailable: no compiler runs.
     """
-    found = way(model.signature, lambda: Way(lambda: bytecode.simulation_code(model), lambda: _source(model), _loaded))
+    found = way(
+        model.signature, lambda: Way(lambda: bytecode.simulation_code(model), lambda: _source(model), _loaded, known)
+    )
     if found.chosen(job):
         return call(model, job, lambda c: found.own(ctypes.byref(c), None))
     function, code = interpreter(None, _loaded), found.code
@@ -264,11 +271,11 @@ def call(model: Model, job: Job, function: Callable[[Any], int], code: bytecode.
         SimulationError: an external function cannot be made.
     """
     rows, keep = job.outputs + 1, _Keep()
-    y = np.zeros((rows, len(model.outputs)))
-    states = np.zeros((rows, len(model.states))) if job.record_states else None
-    modes = np.zeros((rows, len(model.modes))) if job.record_states else None
+    y = np.empty((rows, len(model.outputs)))
+    states = np.empty((rows, len(model.states))) if job.record_states else None
+    modes = np.empty((rows, len(model.modes))) if job.record_states else None
     x1, d1, m1 = np.zeros(len(model.states)), np.zeros(len(model.memories)), np.zeros(len(model.modes))
-    log = np.zeros((job.log_capacity, 3))
+    log = np.empty((job.log_capacity, 3))
     c = _Job()
     c.p, c.x0, c.d0, c.m0 = (keep.address(part, np.float64) for part in (job.p, job.x0, job.d0, job.m0))
     c.period, c.offset = keep.address(job.period, np.int64), keep.address(job.offset, np.int64)

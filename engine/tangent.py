@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from engine import bytecode, native
 from engine.codegen import tangent_source
-from engine.compile import library
+from engine.compile import known, library
 from engine.errors import ParameterError, SimulationError, nearest
 from engine.model import Model, Vector
 from engine.simulate import Drive, Result, as_result, explain, prepare
@@ -55,7 +55,7 @@ class Tangents:
 
 
 def _entry(source: str) -> Any:
-    function = library(source).fa_simulate_tangents
+    function = library(source, in_lines=True).fa_simulate_tangents
     function.argtypes = [ctypes.c_void_p, *[POINTER(c_double)] * 4]
     function.restype = ctypes.c_int
     return function
@@ -68,6 +68,7 @@ def _way(model: Model, indices: tuple[int, ...], directions: int) -> native.Way:
             lambda: bytecode.tangent_code(model, indices, directions),
             lambda: tangent_source(model, indices, directions),
             _entry,
+            lambda source: known(source, in_lines=True),
         ),
     )
 
