@@ -1,4 +1,4 @@
-"""Command line: ``python -m benchmarks.proof run | show | page | one | freeze | settle``."""
+"""Command line: ``python -m benchmarks.proof run | show | page | rigs | drives | one | freeze | settle``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.plants import PLANTS
 from benchmarks.concealed.rigs.hard import HARD
-from benchmarks.proof import data, frozen, page, rigs, settle
+from benchmarks.proof import data, drives, frozen, page, rigs, settle
 from benchmarks.proof.run import one, plan, run
 from benchmarks.proof.score import Score, scores
 from benchmarks.proof.suites import SUITES, Spec, from_json
@@ -51,6 +51,13 @@ def main(arguments: list[str] | None = None) -> int:
     rigging.add_argument("--page", type=Path, default=rigs.PAGE)
     rigging.add_argument("--data", type=Path, default=rigs.DATA)
     rigging.set_defaults(act=_rigs)
+    driving = commands.add_parser("drives", help="score the suite of drives, and write its page and data file")
+    driving.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="folder of the results; absent: the data file"
+    )
+    driving.add_argument("--page", type=Path, default=drives.PAGE)
+    driving.add_argument("--data", type=Path, default=drives.DATA)
+    driving.set_defaults(act=_drives)
     single = commands.add_parser("one", help="diagnose one case before your eyes, then open its answer")
     single.add_argument("name", nargs="?", help="such as core-15e1e2a691, of the page or of the folder given by -o")
     single.add_argument("--plant", choices=sorted(PLANTS))
@@ -155,6 +162,16 @@ def _rigs(given: argparse.Namespace) -> int:
     return 0
 
 
+def _drives(given: argparse.Namespace) -> int:
+    if given.output:
+        data.save(data.gather(given.output), given.data)
+    proof = data.load(given.data)
+    drives.write(proof, given.page)
+    ran = [r for r in proof.rows if r.outcome != "not run"]
+    print(f"{given.page}: {len(ran)} of {len(proof.rows)} ran, {sum(r.right for r in ran)} right; data in {given.data}")
+    return 0
+
+
 def _one(given: argparse.Namespace) -> int:
     spec = _spec(given)
     with tempfile.TemporaryDirectory(prefix="proof-") as place:
@@ -186,7 +203,7 @@ def _spec(given: argparse.Namespace) -> Spec:
         sizes = (given.size,) * len(given.effect)
         return Spec("one", given.plant, tuple(given.effect), sizes, given.seed, Options())
     known = plan(given.output) if given.output else {}
-    for kept in (data.DATA, rigs.DATA):
+    for kept in (data.DATA, rigs.DATA, drives.DATA):
         if given.name not in known and kept.exists():
             known |= {row.name: row.spec for row in data.load(kept).rows}
     if given.name not in known:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 
-from diagnosis.effects.drive import at_driven_shaft, at_loaded_shaft, at_motor_input
+from diagnosis.effects.drive import at_driven_shaft, at_gear, at_loaded_shaft, at_motor_input
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.joint import at_joint
 from diagnosis.effects.link import at_link
@@ -55,6 +55,7 @@ EFFECTS = (
     "load_dependent_friction",
     "current_limit",
     "cogging",
+    "transmission_error",
 )
 """Machine names of the catalogue's own effects."""
 
@@ -65,7 +66,7 @@ MECHANICAL: tuple[tuple[str, tuple[Rule, ...]], ...] = (
     (SHAFT, (at_shaft, at_loaded_shaft, at_driven_shaft)),
     (JOINT, (at_joint,)),
     (BLOCK, (at_mount,)),
-    (BLOCK, (at_link, at_spring)),
+    (BLOCK, (at_link, at_spring, at_gear)),
 )
 """What lies in front of a sensor: kind of place, and the rules that say what may be missing there."""
 

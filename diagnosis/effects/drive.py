@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +31,9 @@ COGGING = range(13, 101)
 
 MOST_ORDERS = 5
 """Of these, the orders that are tried: each costs a model of its own."""
+
+GEAR_ORDERS = (1.0, 2.0, 4.0)
+"""Waves of a transmission error per revolution of a gear's input; the first two of its output too."""
 
 NO_LIMIT_KNOWN = 10.0
 """Widening of the prior of a limit: how far an amplifier goes is not known before."""
@@ -136,3 +139,46 @@ def at_motor_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]
         resistance=with_unit(resistance, "ohm"),
         back_emf_constant=with_unit(back_emf, "V.s/rad"),
     )
+
+
+def at_gear(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
+    """A transmission error, only of a gear that is elastic, can have one and has none: a rigid one hands no wave on.
+
+    Its orders are those of eccentric pinions and of both sides of a wave generator, and of an eccentric wheel.
+    """
+    name, block = place.target, scales.system.blocks[place.target]
+    if "error_waves" not in block.options or block.values["error_waves"] or not block.values["stiffness"]:
+        return
+    torque = max((torque for flange, torque in scales.torque.items() if slow_side(scales, name, flange)), default=1.0)
+    twist, ratio = torque / block.values["stiffness"], abs(block.values["ratio"])
+    keys = {key: f"error_{key}[1]" for key in ("amplitude", "order", "phase")}
+    orders = [*GEAR_ORDERS, *(order / ratio for order in GEAR_ORDERS[:2])]
+
+    def edits(values: Sizes) -> list[Edit]:
+        units = {"amplitude": "rad", "order": "1", "phase": "rad"}
+        given = [Set(name, f"error_{key}", [with_unit(values[own], units[key])]) for key, own in keys.items()]
+        return [Set(name, "error_waves", 1), *given]
+
+    def sizes(*amplitudes: float, phases: Sequence[float]) -> tuple[Sizes, ...]:
+        values = {"order": orders, "amplitude": shares(twist, *amplitudes), "phase": phases}
+        return combinations(**{keys[key]: rows for key, rows in values.items()})
+
+    yield Candidate(
+        "transmission_error",
+        name,
+        name,
+        name,
+        edits,
+        (
+            EffectParameter(keys["order"], 1.0, fixed=True),
+            EffectParameter(keys["amplitude"], twist),
+            EffectParameter(keys["phase"], 1.0, signed=True),
+        ),
+        sizes(2e-3, 0.05, 0.5, phases=PHASES),
+        wave=Wave(keys["amplitude"], keys["phase"], sizes(HARDLY, phases=(0.0,))),
+    )
+
+
+def slow_side(scales: OperatingScales, name: str, flange: str) -> bool:
+    """Whether a group of flanges, told by one of them, holds the output of a gear."""
+    return f"{name}.output" in scales.groups[flange]

@@ -62,10 +62,12 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     amplitude, phase = made.free[a], made.free[p]
     J[:, a] *= amplitude.value(x[a]) / amplitude.slope(x[a])
     J[:, p] /= phase.slope(x[p])
-    mine = [i for i, name in enumerate(names) if name.startswith(f"{effect.name}.") and i not in (a, p)]
+    own = {f"{effect.name}.{k.name}" for k in effect.parameters}
+    mine = [i for i, name in enumerate(names) if name in own and i not in (a, p)]
     J[:, mine] = 0.0  # a frequency has no slope where the amplitude is nothing
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     step = -np.linalg.lstsq(J / size, r, rcond=1e-9)[0] / size
+    step[mine] = 0.0
     there = x + np.clip(step, -SEARCH.farthest, SEARCH.farthest)
     there[a] = amplitude.position(amplitude.value(x[a]) * math.hypot(1 + step[a], step[p]))
     there[p] = phase.position(phase.value(x[p]) + math.atan2(step[p], 1 + step[a]))

@@ -34,6 +34,7 @@ WORDS = {
     "stray_spring": "a stray spring",
     "load_dependent_friction": "friction that grows with the load",
     "current_limit": "a limit of the current",
+    "transmission_error": "a transmission error",
 }
 
 SCALES = {

@@ -16,6 +16,9 @@ from scenarios.amend import Edit, Feed, Set, amended, relocated, with_readings, 
 EXPERIMENT = "next_experiment"
 """Name of the block that plays the proposed input."""
 
+NEARLY_NOTHING = 1e-9
+"""Share of its given value at which a parameter is written that a fit has ended at zero."""
+
 THINNED = 5
 """Every fifth row of the rivals' predictions is written."""
 
@@ -48,6 +51,8 @@ def amended_text(found: Diagnosis) -> str:
         if name not in given or name in written or "[" in key:
             continue
         unit = given[name].unit
+        # Exactly nothing would take a law out of the model, and what is declared about it would have no meaning.
+        value = value or NEARLY_NOTHING * given[name].value
         told = f"{value:.8g} {unit}" if unit not in ("1", "*") else float(f"{value:.8g}")
         if not block:
             common[name] = told  # a parameter of the scenario, which several blocks may share

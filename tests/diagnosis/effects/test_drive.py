@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.random import default_rng
+from scipy.integrate import solve_ivp
 
 from benchmarks.concealed.case import draw
 from benchmarks.concealed.drawing import Options
@@ -21,6 +23,8 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.effects.orders import explained_energy, standing_out
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem
+from diagnosis.verdict.verdict import Diagnosis
+from diagnosis.verdict.write import amended_text
 from scenarios.amend import AtFlange, InSignal, Set, Wire, amended
 from scenarios.load import load
 from tests.diagnosis.effects.test_effects import mount, rig, spring
@@ -178,7 +182,91 @@ def test_nothing_stands_out_of_noise(tmp_path: Path) -> None:
     assert answer.max() < 0.01 * explained_energy(loud, np.zeros(len(loud.free)), "motor.shaft", range(13, 101)).max()
 
 
+# -- transmission error ------------------------------------------------------------------------------------------------
+
+ROTOR, LOAD, RATIO, STIFF, LOSS = 2e-5, 0.05, 30.0, 90.0, 0.6
+ERROR, ERROR_ORDER, ERROR_PHASE = 6e-5, 2.0, 0.6
+
+JOINT = f"""\
+schema: 1
+name: joint
+blocks:
+  torque: {{type: Torque}}
+  rotor: {{type: Inertia, inertia: {ROTOR} kg.m2}}
+  drive: {{type: HarmonicDrive, ratio: {RATIO}, stiffness: {STIFF} N.m/rad, damping: {LOSS} N.m.s/rad}}
+  arm: {{type: Inertia, inertia: {LOAD} kg.m2}}
+connect:
+  - [torque.shaft, rotor.shaft, drive.input]
+  - [drive.output, arm.shaft]
+simulate: {{stop: 2 s, step: 2 ms}}
+recordings:
+"""
+
+
+def joint(folder: Path, error: float) -> Path:
+    """A joint whose gear has a wave, integrated by scipy: rotor and arm, torque in, both angles out."""
+
+    def rates(t: float, y: Any, torque: Any) -> list[float]:
+        a, v, b, w = y
+        wave, slope = ERROR_ORDER * a + ERROR_PHASE, 1 / RATIO
+        twist = a / RATIO + error * np.sin(wave) - b
+        slope += error * ERROR_ORDER * np.cos(wave)
+        spring = STIFF * twist + LOSS * (slope * v - w)
+        return [v, (torque(t) - spring * slope) / ROTOR, w, spring / LOAD]
+
+    rng, text, t = default_rng(4), JOINT, np.arange(0.0, 2.0, 2e-3)
+    for k, role in enumerate(("train", "train", "hold_out")):
+        rate, other = 7.0 + 3.0 * k, 11.0 + 2.0 * k
+
+        def torque(at: float, rate: float = rate, other: float = other) -> float:
+            at = 2e-3 * math.floor(at / 2e-3 + 1e-6)
+            return 0.015 * (math.sin(rate * at) + math.sin(other * at))
+
+        made = solve_ivp(rates, (0, 2), [0.0] * 4, t_eval=t, args=(torque,), rtol=1e-9, atol=1e-10, max_step=2e-3)
+        angles = made.y[[0, 2]].T + rng.normal(0, 1, (len(t), 2)) * [1e-3, 2e-5]
+        rows = np.column_stack([t, [torque(at) for at in t], angles])
+        np.savetxt(folder / f"r{k}.csv", rows, delimiter=",", header="t,u,a,b", comments="")
+        text += (
+            f"  r{k}:\n    file: r{k}.csv\n    time: {{column: t, unit: s}}\n    role: {role}\n"
+            "    drive: {torque.torque: {column: u, unit: N.m, hold: zero_order}}\n    measurements:\n"
+            "      rotor.shaft.angle: {column: a, unit: rad, noise: 1e-3}\n"
+            "      arm.shaft.angle: {column: b, unit: rad, noise: 2e-5}\n"
+        )
+    (folder / "joint.yaml").write_text(text, encoding="utf-8")
+    return folder / "joint.yaml"
+
+
+def test_a_transmission_error_needs_a_gear_that_gives(tmp_path: Path) -> None:
+    (found,) = proposed(joint(tmp_path, 0.0), "transmission_error")
+    assert {start["error_order[1]"] for start in found.starts} == {1.0, 2.0, 4.0, 1 / RATIO, 2 / RATIO}
+    folder = tmp_path / "rigid"
+    folder.mkdir()
+    assert not proposed(geared(folder), "transmission_error")
+
+
+@pytest.mark.slow
+def test_a_transmission_error_is_named(tmp_path: Path) -> None:
+    """Beside a ripple of the motor, which a wave of the same order resembles."""
+    others = ("extra_mode", "outside_vibration", "sensor_scale", "sensor_lag", "hysteresis", "delay", "wrong_parameter")
+    found = diagnose(joint(tmp_path, ERROR), workers=1, without=others)
+    (finding,) = found.findings
+    assert (finding["status"], finding["effect"], finding["place"]) == ("named", "transmission_error", "drive")
+    assert finding["parameters"]["error_amplitude[1]"]["value"] == pytest.approx(ERROR, rel=0.02)
+    assert finding["parameters"]["error_order[1]"]["value"] == ERROR_ORDER
+    assert_reproduced(found, tmp_path / "amended.yaml")
+
+
 # -- found -------------------------------------------------------------------------------------------------------------
+
+
+def assert_reproduced(found: Diagnosis, path: Path) -> None:
+    """The amended file makes the error that was reported, whatever else of an inserted block was fitted beside it."""
+    path.write_text(amended_text(found), encoding="utf-8")
+    scenario = load(str(path))
+    made = problem(scenario, gather(scenario, [], []))
+    chi2 = made.chi2(np.zeros(len(made.free)), made.held_out)
+    assert chi2 == pytest.approx(found.study.chosen.hold_out, rel=1e-3)
+
 
 QUIET = Options(nuisance=0.0, seconds=2.0)
 
@@ -196,9 +284,14 @@ def test_it_is_named_where_it_is_concealed(tmp_path: Path, effect: str, size: fl
     """The truth is integrated by a code that shares nothing with ours; friction and saturation are tried too."""
     case = draw("geared-two-mass", [effect], [size], 3, QUIET)
     write(case, tmp_path / "case", tmp_path / "answers")
-    found = diagnose(tmp_path / "case" / "scenario.yaml", workers=1)
+    path = tmp_path / "case" / "scenario.yaml"
+    resistance = f"{case.nominal['motor.resistance']!r} ohm"
+    text = path.read_text().replace(f"resistance: {resistance}", "resistance: $winding")
+    path.write_text(text.replace("\nblocks:", f"\nparameters: {{winding: {resistance}}}\nblocks:", 1), encoding="utf-8")
+    found = diagnose(path, workers=1)
     assert found.verdict == "named"
     (finding,) = found.findings
     assert finding["effect"] == effect
     there = finding["parameters"][true]
+    assert_reproduced(found, tmp_path / "case" / "amended.yaml")
     assert there["low"] <= case.truth.concealed[0].parameters[true] <= there["high"]

@@ -24,7 +24,7 @@ EFFECTS = {
     *("direction_dependent_friction", "viscous_friction", "quadratic_drag", "extra_mode", "gravity", "payload"),
     *("stray_spring", "torque_ripple", "outside_vibration", "sensor_bias", "sensor_scale", "sensor_lag"),
     *("rectified_sensor", "backlash", "joint_flexibility", "hardening_spring", "hysteresis"),
-    *("load_dependent_friction", "current_limit", "cogging"),
+    *("load_dependent_friction", "current_limit", "cogging", "transmission_error"),
 }
 FRICTION, DEAD = 4.0e-4, 0.15
 

@@ -28,7 +28,7 @@ TRUTH: dict[str, Any] = {"coulomb": 4.0e-4, "seed": 3}
 LEFT_OUT = (
     *("inductance", "gravity", "torque_ripple", "extra_mode", "outside_vibration", "stray_spring", "payload"),
     *("sensor_scale", "sensor_lag", "sensor_bias", "rectified_sensor", "wrong_parameter", "delay"),
-    *("load_dependent_friction", "current_limit", "cogging"),
+    *("load_dependent_friction", "current_limit", "cogging", "transmission_error"),
 )
 FITS = 3
 """Fits that are done when the command is stopped."""

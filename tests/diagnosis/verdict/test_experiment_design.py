@@ -33,7 +33,7 @@ OTHERS = (
     *("stribeck_friction", "direction_dependent_friction", "viscous_friction", "quadratic_drag", "saturation"),
     *("uneven_gain", "lag", "delay", "inductance", "stray_spring", "payload", "outside_vibration", "extra_mode"),
     *("gravity", "torque_ripple", "sensor_scale", "sensor_lag", "sensor_bias", "rectified_sensor", "wrong_parameter"),
-    *("load_dependent_friction", "current_limit", "cogging"),
+    *("load_dependent_friction", "current_limit", "cogging", "transmission_error"),
 )
 
 
