@@ -38,6 +38,10 @@ integrates (`tests/diagnosis/effects/test_drive.py`): 60 microradians of two wav
 ripple of the motor of the same order is the nearest rival. With 0.2 mrad, ten times the noise of the arm's encoder, the
 fit of the right law ended elsewhere: this joint turns freely, and the refit without the error ends too far away.
 
+Of the cases with Coulomb friction, nine ran after this table was made, and their ties are not confirmed: alone, seven
+of eight were named, one tied with load-dependent friction at a spring; with a limit of the current beside it, one ended
+as unknown at the motor's input.
+
 Not in the catalogue yet: a rate limit, steps of the command, a supply that sags, a belt that goes slack, end stops,
 warm-up. Play of a belt or a screw is `backlash`, which is tried at every spring of a slide.
 """

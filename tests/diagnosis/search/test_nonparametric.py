@@ -16,7 +16,16 @@ from scenarios.load import load
 from tests.diagnosis import plants
 
 FRICTION = ("coulomb_friction", "stribeck_friction", "direction_dependent_friction", "load_dependent_friction")
-LIKE_IT = (*FRICTION, "dead_zone", "saturation", "uneven_gain", "offset", "viscous_friction", "quadratic_drag")
+LIKE_IT = (
+    *FRICTION,
+    "dead_zone",
+    "saturation",
+    "current_limit",
+    "uneven_gain",
+    "offset",
+    "viscous_friction",
+    "quadratic_drag",
+)
 DRAG, LEVEL, NOISE = 4.0e-8, 4.0e-4, 0.3
 
 
