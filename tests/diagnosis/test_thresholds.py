@@ -21,6 +21,7 @@ NO_RULES = {
     ("verdict/figures.py", "FAINT"),
     ("verdict/figures.py", "PLACES"),
     ("verdict/write.py", "THINNED"),
+    ("verdict/write.py", "NEARLY_NOTHING"),
     ("estimation/time_experiment.py", "WINDOW"),
     ("estimation/initial_states.py", "_INDEPENDENT"),
     ("estimation/initial_states.py", "_ROUNDS"),
