@@ -435,6 +435,12 @@ class Search:
         "The same from the largest size, where the model's own parameters have to make room first.",
         "second mode of a real arm",
     )
+    drawn: float = number(
+        2.0,
+        "tolerances",
+        "Parameters that are bent for want of an effect are drawn back to this before another is put in.",
+        "parameters are believed to be about a tolerance off",
+    )
     finished: int = number(
         8,
         "models",

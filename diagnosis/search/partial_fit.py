@@ -74,6 +74,15 @@ def standing(made: Fit) -> dict[str, float]:
     return {place_of(f): f.value(x) for f, x in zip(made.problem.free, made.x, strict=True)}
 
 
+def drawn_back(made: Fit, far: float) -> dict[str, float]:
+    """The same with the user's own parameters no farther from their values than so many tolerances."""
+    x = [
+        min(max(x, -far * f.spread), far * f.spread) if f.prior and not f.recording else x
+        for f, x in zip(made.problem.free, made.x, strict=True)
+    ]
+    return {place_of(f): f.value(v) for f, v in zip(made.problem.free, x, strict=True)}
+
+
 def place_of(free: FreeParameter) -> str:
     """What `standing` calls a parameter or a starting value."""
     return f"{free.recording}: {free.name}" if free.recording else free.name

@@ -3,7 +3,8 @@
 A model is as probable as its evidence and its price say: each effect was chosen from as many as were tried, and costs
 the logarithm of that number. A model that owes to one of its effects, or to the richer one of two laws, less than
 `EVIDENCE.share` of what can be explained at all is not believed: nuisances that nobody asks for are that large. Nor is
-one that an effect makes worse on recordings that were not fitted.
+one that an effect makes worse on recordings that were not fitted. What brings down to the sensors' noise what another
+model leaves above it is believed, however little that is beside a strong effect.
 """
 
 from __future__ import annotations
@@ -61,7 +62,9 @@ def _owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> 
     relief = 0.5 * max(simpler.strain - model.strain, 0.0)
     unlikelier = model.unseen.log_likelihood < simpler.unseen.log_likelihood - relief
     worse = unlikelier and float(model.unseen.energy.sum()) >= float(simpler.unseen.energy.sum())
-    return worse or energy(simpler) - energy(model) < EVIDENCE.share * explained
+    little = energy(simpler) - energy(model) < EVIDENCE.share * explained
+    # Nuisances are several: one effect does not bring them down to the noise.
+    return worse or (little and not (misses(simpler) and not misses(model)))
 
 
 def complete(model: ScoredModel, refit: ScoredModel) -> bool:

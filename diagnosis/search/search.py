@@ -16,7 +16,7 @@ from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.evidence import leftover
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
-from diagnosis.search.partial_fit import PartialFit, ended, standing
+from diagnosis.search.partial_fit import PartialFit, drawn_back, ended, standing
 from diagnosis.search.posterior import believed, complete, energy, misses, price, probabilities, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, together
@@ -114,18 +114,20 @@ class _Search:
     def _grow(self, most: int) -> None:
         for count in range(1, most + 1):
             before = self.best if count == 1 else self._confirmed(self.best)
-            if before.room < self.price + SEARCH.effort or complete(before, self.refit):
+            done = complete(before, self.refit)
+            if before.room < self.price + SEARCH.effort or (done and not misses(before)):
                 return
             if count > 1 and not before.effects and not misses(self.refit):
                 return
-            if count > 1 and before.effects and before.left.varying < self.price + SEARCH.effort:
-                # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is.
+            if count > 1 and before.effects and (done or before.left.varying < self.price + SEARCH.effort):
+                # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is;
+                # what is little beside the effects that are in is a nuisance, or one weak effect more.
                 kept = tuple(ended(before, c) for c in before.effects)
-                self._beside(kept, before, SEARCH.fitted_beside, self._order[: SEARCH.beside])
+                self._beside(kept, before, SEARCH.fitted_beside, self.listed if done else self._order[: SEARCH.beside])
                 if self.best.keys == before.keys:
                     return
             elif count == 1:
-                self._first([standing(self.refit.fit), {}])
+                self._first([standing(self.refit.fit), *([{}] if self.refit.bent else [])])
             else:
                 self._deepen(count)
             self._vary(self.best)
@@ -186,7 +188,7 @@ class _Search:
         for number, parent in enumerate(self._parents(count - 1)):
             kept = tuple(ended(parent, c) for c in parent.effects)
             # What promised little beside the user's model may promise most beside the best one.
-            among = self.listed if number == 0 else self._order[: SEARCH.beside]
+            among = self.listed if count == 2 and number == 0 else self._order[: SEARCH.beside]
             self._beside(kept, parent, SEARCH.fitted_beside, among)
 
     def _parents(self, count: int) -> list[ScoredModel]:
@@ -221,11 +223,9 @@ class _Search:
         """Put every effect into the user's model, and fit those that promise most.
 
         Args:
-            parents: parameters to begin from. Effects are looked at around the first, and around all where the refit
-                is bent.
+            parents: parameters to begin from.
         """
-        around = parents if self.refit.bent else parents[:1]
-        origins = [o for values in around if (o := self.fitter.origin((), values)) is not None]
+        origins = [o for values in parents if (o := self.fitter.origin((), values)) is not None]
         self._order = self._screened(origins, self.listed)
         able = [c for c in self._order if self._pays(origins, c)]
         self._fit([((c,), parents) for c in able[: SEARCH.fitted]], SEARCH.finished)
@@ -238,16 +238,17 @@ class _Search:
 
         Args:
             kept: effects that stay, each at the one size that it starts from.
-            than: the model that is to be bettered, whose parameters are begun from.
+            than: the model that is to be bettered, whose parameters are begun from; where they are bent to make up for
+                what is missing, drawn back as well, and effects are looked at from there.
             most: number of models that are fitted.
             among: effects to put in.
         """
-        values = standing(than.fit)
-        origins = [o for o in [self.fitter.origin(kept, values)] if o is not None]
+        parents = [drawn_back(than.fit, SEARCH.drawn), standing(than.fit)] if than.bent else [standing(than.fit)]
+        origins = [o for o in [self.fitter.origin(kept, parents[0])] if o is not None]
         names, blocks = {c.key for c in kept}, {c.name for c in kept}
         able = self._screened(origins, [c for c in among if c.key not in names and c.name not in blocks])[:most]
         for few in range(0, len(able), SEARCH.few):
-            found = self._fit([((*kept, c), [values]) for c in able[few : few + SEARCH.few]], 1)
+            found = self._fit([((*kept, c), parents) for c in able[few : few + SEARCH.few]], 1)
             if found and all(self.worth(m) < self.worth(than) for m in found):
                 break
         self.fitter.forget(kept)

@@ -82,6 +82,14 @@ def test_nor_is_a_small_effect_alone_where_another_explains_nearly_all() -> None
     assert small not in believed([REFIT, small, model(FRICTION, excess=1e3)], REFIT)
 
 
+@pytest.mark.parametrize(("left_over", "kept"), [(0.5 * COUNT, True), (1.5 * COUNT, False)])
+def test_what_comes_down_to_the_noise_is_believed_beside_a_strong_effect(left_over: float, kept: bool) -> None:
+    """Of ten thousand floors 5 are left, a twentieth of a per cent, and no nuisance if one effect ends it."""
+    refit, one = model(excess=1e4 * COUNT), model(FRICTION, excess=5 * COUNT)
+    both = model(FRICTION, LAG, excess=left_over)
+    assert (both in believed([refit, one, both], refit)) == kept
+
+
 def test_a_richer_law_elsewhere_is_no_richer_law() -> None:
     """It stands on its own: only at the same place is the simple law its special case."""
     simple = model(FRICTION, excess=1e3)
