@@ -15,10 +15,10 @@ from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, rec
 from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, relieved, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import LEAST_ODDS, Study
-from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH, WORDING
+from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH
 from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
-from diagnosis.verdict.wording import finding_sentence, nothing_sentence, traits, warnings_of
+from diagnosis.verdict.wording import far_off, finding_sentence, nothing_sentence, traits, warnings_of
 
 _GAINS = ("sensor_scale", "uneven_gain")
 """Effects that make up for a wrong unit, sign or size of a column whatever it holds."""
@@ -157,9 +157,7 @@ def _remarks(study: Study) -> list[Remark]:
     """
     chosen = study.chosen
     again = screen(chosen.fit.problem, chosen.fit.x)
-    pairs = zip(chosen.fit.problem.free, chosen.fit.x, strict=True)
-    bent = any(f.prior and not f.recording and abs(x) > WORDING.far * f.spread for f, x in pairs)
-    if chosen.effects and not bent and not any(c.effect in _GAINS or c.freed for c in chosen.effects):
+    if chosen.effects and not far_off(chosen.fit) and not any(c.effect in _GAINS or c.freed for c in chosen.effects):
         return again
     stays = [remark for remark in screen(study.refit.fit.problem) if not remark.refutable]
     return list(dict.fromkeys([*stays, *(remark for remark in again if remark.refutable)]))

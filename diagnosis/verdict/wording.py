@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.time_experiment import over_time
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
@@ -115,6 +116,11 @@ def traits(trial: ScoredModel) -> tuple[str, str]:
     return e.where_residual_is_large(problem.residual(trial.fit.x, e), [v.name for v in problem.model.outputs])
 
 
+def far_off(made: Fit) -> list[str]:
+    """Parameters of the user's own that a fit has put farther from their values than `WORDING.far` tolerances."""
+    return [f.name for f, x in zip(made.problem.free, made.x, strict=True) if f.prior and abs(x) > WORDING.far]
+
+
 def warnings_of(study: Study) -> tuple[str, ...]:
     """What makes a verdict less sure, in sentences."""
     rows: list[str] = []
@@ -135,9 +141,7 @@ def warnings_of(study: Study) -> tuple[str, ...]:
         rows.append("the fit of the model's own parameters did not converge")
     if not study.chosen.fit.converged:
         rows.append("the fit of the chosen model did not converge")
-    pairs = zip(study.chosen.fit.problem.free, study.chosen.fit.x, strict=True)
-    far = [f.name for f, x in pairs if f.prior and abs(x) > WORDING.far]
-    if far:
+    if far := far_off(study.chosen.fit):
         rows.append(f"more than {WORDING.far:g} tolerances from the given value: {', '.join(far)}")
     return tuple(rows)
 
