@@ -58,14 +58,14 @@ class Fitting:
     )
     settled: float = number(
         0.1,
-        "mean squared residuals",
+        "-2 ln likelihood",
         "A fit has converged when a full step would gain less than this: the evidence would change by a twentieth.",
         "evidence of one recorded value",
     )
     stalled: float = number(
         0.0001,
         "1",
-        "Where no step gains anything, a fit has converged if it promised less than this share of the cost.",
+        "Where no step gains anything, a fit has converged if it promised less than this for each recorded value.",
         "first cases of the truth generator (09d7d5d)",
     )
     radius: float = number(
@@ -454,10 +454,10 @@ class Search:
         "random rigs 20 to 44",
     )
     slow: float = number(
-        0.0005,
-        "1",
-        "A fit is left where a step lowers its cost by a smaller share, until its model turns out to be the best.",
-        "random rigs 0 to 29",
+        1.0,
+        "-2 ln likelihood",
+        "A fit is left where a step lowers its cost by less, until its model turns out to be the best.",
+        "half a unit of evidence; odds of twenty to one are six of these",
     )
     settled: int = number(
         4,

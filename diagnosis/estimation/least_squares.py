@@ -14,6 +14,7 @@ from diagnosis.estimation.covariance import Flat, covariance
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.whitened import WhitenedResiduals
 from diagnosis.thresholds import FITTING
 from engine.errors import SimulationError
 from engine.threads import Threads
@@ -61,7 +62,7 @@ class Fit:
     Attributes:
         problem: what was fitted.
         x: search vector.
-        cost: sum of squared residuals over the training recordings, plus the prior.
+        cost: of the training recordings, as of `Problem.cost`.
         chi2: mean squared residual over the training recordings; 1 is the noise floor.
         converged: whether the last step was small.
         covariance: of the search vector; see `diagnosis.estimation.covariance`.
@@ -114,10 +115,17 @@ def descend(
     *,
     only: Sequence[int] | None = None,
     iterations: int = 25,
-    relative_drop: float = 0.0,
+    least_gain: float = 0.0,
     accelerated: bool = True,
+    coloured: bool = True,
 ) -> tuple[Array, float, bool]:
     """Gauss-Newton steps within a trust region, with geodesic acceleration, from ``x``.
+
+    What is made small is minus twice the logarithm of the likelihood, with noise as strong in each band of frequency as
+    the model leaves it. Each step solves the least-squares problem of the residual whitened by what was left before it;
+    since a logarithm lies below its tangents, what lowers that sum lowers the cost as much at least [Hunter 2004]. Far
+    from the recordings, or where physics is missing, the noise is strong and the tolerances hold the parameters; the
+    closer the model comes, the more the samples count.
 
     A step is damped only where it would leave the region, a ball in units of the tolerances. So a direction of which
     the recordings say nothing, such as all torques and inertias scaled together, is decided by the prior in one step,
@@ -131,49 +139,53 @@ def descend(
         pool: threads.
         only: numbers of the search variables that may move; all if None.
         iterations: at most.
-        relative_drop: stop when a step reduces the cost by less than this fraction.
+        least_gain: stop when a step reduces the cost by less than this.
         accelerated: whether steps are bent by geodesic acceleration.
+        coloured: whether what is left over is taken for coloured noise; as white noise of unknown strength the largest
+            errors count most, which leads out of places where one error is as good as another.
 
     Returns:
-        Search vector, cost, and whether it converged: a full step would gain no more than `FITTING.settled` of what
-        one recorded value contributes to the cost on average, or no step gains anything and it promises little.
+        Search vector, cost, as of `Problem.cost` with this noise, and whether it converged: a full step would gain no
+        more than `FITTING.settled`, or no step gains anything and it promises little.
     """
-    stack = _StackedResiduals(problem, experiments, pool, None if only is None else list(only))
+    stack = WhitenedResiduals(problem, experiments, pool, only, coloured=coloured)
     try:
-        r, J = stack.linearised(x)
+        rows, slopes = stack.linearised(x)
     except SimulationError:
         return x, math.inf, False
-    cost, radius = float(r @ r), FITTING.radius
+    cost, radius = stack.cost(x, rows), FITTING.radius
     for _ in range(iterations):
+        weights = stack.weights(rows)
+        r, J = stack.whitened(x, rows, weights), stack.whitened_slopes(x, slopes, weights)
         local = _LocalModel(r, J, stack.stuck(x, J.T @ r))
         full = local.step(math.inf)
         promised = local.gain(full)
-        enough = FITTING.settled * max(cost / len(r), 1.0)
-        if promised < enough:
+        little = promised < max(1.0, FITTING.stalled * len(r))
+        if promised < FITTING.settled:
             return x, cost, True
         for _ in range(12):
             step = local.step(radius)
             if accelerated:
-                bend = local.bent(stack.curvature(x, r, J, step))
+                bend = local.bent(stack.curvature(x, r, J, step, weights))
                 if np.linalg.norm(bend) < 0.75 * np.linalg.norm(step):
                     step = step + bend / 2
             moved = stack.moved(x, step)
-            there = stack.residual(moved)
-            if float(there @ there) < cost:
+            there = stack.cost(moved, stack.residual(moved))
+            if there < cost:
                 break
             radius = 0.25 * min(radius, float(np.linalg.norm(step)))
         else:
-            return x, cost, promised < max(1.0, FITTING.stalled * cost)
-        if cost - float(there @ there) > 0.5 * local.gain(step):
+            return x, cost, little
+        if cost - there > 0.5 * local.gain(step):
             radius = max(radius, 2 * float(np.linalg.norm(step)))
         x = moved
         try:
-            r, J = stack.linearised(x)
+            rows, slopes = stack.linearised(x)
         except SimulationError:
-            return x, float(there @ there), False
-        gain, cost = cost - float(r @ r), float(r @ r)
-        if gain < relative_drop * cost:
-            return x, cost, promised < max(1.0, FITTING.stalled * cost)
+            return x, there, False
+        before, cost = cost, stack.cost(x, rows)
+        if before - cost < least_gain:
+            return x, cost, little
     return x, cost, False
 
 
@@ -228,55 +240,6 @@ class _LocalModel:
         return np.asarray(whole)
 
 
-@dataclass(frozen=True)
-class _StackedResiduals:
-    """Residuals of experiments and the prior, stacked, as functions of the search variables that may move."""
-
-    problem: Problem
-    experiments: Sequence[Experiment]
-    pool: Threads
-    only: list[int] | None
-
-    @property
-    def numbers(self) -> list[int]:
-        """Of the search variables that may move."""
-        return list(range(len(self.problem.free))) if self.only is None else self.only
-
-    def moved(self, x: Array, step: Array) -> Array:
-        """The search vector after a step of the variables that may move, kept within its bounds."""
-        there = x.copy()
-        for i, change in zip(self.numbers, step, strict=True):
-            low, high = self.problem.free[i].ends
-            there[i] = min(max(x[i] + change, low), high)
-        return there
-
-    def stuck(self, x: Array, gradient: Array) -> list[int]:
-        """Which of the variables that may move stand at a bound that they would leave."""
-        found = []
-        for k, i in enumerate(self.numbers):
-            low, high = self.problem.free[i].ends
-            if (x[i] <= low and gradient[k] > 0) or (x[i] >= high and gradient[k] < 0):
-                found.append(k)
-        return found
-
-    def residual(self, x: Array) -> Array:
-        parts = list(self.pool.map(lambda e: self.problem.residual(x, e).ravel(), self.experiments))
-        return np.concatenate([*parts, self.problem.prior(x)[0]])
-
-    def linearised(self, x: Array) -> tuple[Array, Array]:
-        """Residual and Jacobian; raises SimulationError where the model cannot be differentiated."""
-        parts = list(self.pool.map(lambda e: self.problem.linearised(x, e), self.experiments))
-        parts.append(self.problem.prior(x))
-        r, J = np.concatenate([r for r, _ in parts]), np.vstack([J for _, J in parts])
-        return r, J if self.only is None else J[:, self.only]
-
-    def curvature(self, x: Array, r: Array, J: Array, step: Array) -> Array:
-        """Second derivative of the residual along a step, from one residual a tenth of the way along it."""
-        h = 0.1
-        along = self.residual(self.moved(x, h * step))
-        return np.asarray(2 / h * ((along - r) / h - J @ step))
-
-
 def fit(
     problem: Problem,
     *,
@@ -287,12 +250,12 @@ def fit(
     workers: int | None = None,
     progress: Progress | None = None,
     iterations: int = 25,
-    relative_drop: float = 0.0,
+    least_gain: float = 0.0,
 ) -> Fit:
     """Fit the free parameters to the training recordings.
 
     Every start is first fitted to the beginning of each recording, then to all of it: over a short horizon the phase of
-    a lightly damped oscillation cannot slip by a whole cycle.
+    a lightly damped oscillation cannot slip by a whole cycle. What is left over counts as coloured noise at last only.
 
     Args:
         problem: what to fit.
@@ -303,7 +266,7 @@ def fit(
         workers: threads.
         progress: told what is being done.
         iterations: at most, per horizon.
-        relative_drop: as of `descend`.
+        least_gain: as of `descend`.
 
     Returns:
         The best fit over all starts.
@@ -320,12 +283,14 @@ def fit(
                 progress(f"start {number + 1} of {len(begin)}")
             for share in horizons:
                 part = [e.cut(share) for e in training]
-                x, cost, converged = descend(problem, x, part, pool, iterations=iterations, relative_drop=relative_drop)
+                x, cost, converged = descend(
+                    problem, x, part, pool, iterations=iterations, least_gain=least_gain, coloured=share == horizons[-1]
+                )
             if best is None or cost < best[0]:
                 best = (cost, x, converged)
         assert best is not None
         cost, x, converged = best
-    made = Fit(problem, x, cost, problem.fitted_chi2(x, cost), converged, np.zeros((n, n)))
+    made = Fit(problem, x, cost, problem.chi2(x, training), converged, np.zeros((n, n)))
     return with_covariance(made, (problem.chi2(x, problem.held_out) if problem.held_out else made.chi2) - 1)
 
 

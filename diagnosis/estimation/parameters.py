@@ -62,7 +62,7 @@ class FreeParameter:
         elif self.may_vanish and x < 0:
             raw = self.start * (1 + self.scale * x)
         else:
-            raw = self.start * math.exp(min(self.scale * x, 50.0))
+            raw = self.start * math.exp(min(max(self.scale * x, -50.0), 50.0))
         return min(max(raw, self.low), self.high)
 
     def slope(self, x: float) -> float:

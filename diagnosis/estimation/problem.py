@@ -11,6 +11,7 @@ import numpy as np
 
 from diagnosis.estimation import parameters
 from diagnosis.estimation.experiment import TRAINING, Experiment
+from diagnosis.estimation.leftover import Bands, Leftover, left_by, misfit
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.time_experiment import over_time
 from diagnosis.thresholds import FITTING
@@ -124,18 +125,20 @@ class Problem:
         """Cost of the prior: squared distances from the values given, in tolerances."""
         return float(np.sum(self.prior(x)[0] ** 2))
 
-    def cost(self, x: Array, experiments: Sequence[Experiment]) -> float:
-        """Sum of squared residuals of experiments, without the prior."""
-        return sum(float(np.sum(self.residual(x, e) ** 2)) for e in experiments)
+    def leftover(self, x: Array, experiments: Sequence[Experiment]) -> Leftover:
+        """What the model leaves over of experiments, each band of a signal summed over all of them."""
+        return left_by(experiments, [self.residual(x, e) for e in experiments])
+
+    def cost(self, x: Array, experiments: Sequence[Experiment], *, coloured: bool = True) -> float:
+        """What a fit makes small: the misfit of what is left over of experiments, and the cost of the prior."""
+        bands = Bands(experiments, coloured=coloured)
+        energies = bands.energies([e.components(self.residual(x, e)) for e in experiments])
+        return misfit(energies.sum(axis=0), bands.count) + self.prior_cost(x)
 
     def chi2(self, x: Array, experiments: Sequence[Experiment]) -> float:
         """Mean of the squared residuals of experiments, as `Experiment.squares` counts them; 1 is the noise."""
         total = sum(float(np.sum(e.squares(self.residual(x, e)))) for e in experiments)
         return total / max(counted(experiments), 1)
-
-    def fitted_chi2(self, x: Array, cost: float) -> float:
-        """Mean squared residual of the fitted experiments, given the cost of a fit with its prior."""
-        return (cost - self.prior_cost(x)) / max(counted(self.training), 1)
 
     def by_signal(self, x: Array, experiments: Sequence[Experiment]) -> dict[str, SignalFit]:
         """How well each signal that was recorded is met, by name."""

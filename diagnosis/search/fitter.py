@@ -71,9 +71,9 @@ class CandidateFitter:
         def compute() -> PartialFit:
             rough = coarse(self.base, np.zeros(len(self.base.free)))
             drop = SEARCH.slow
-            made = fit(rough, random_starts=2, seed=self.seed, workers=self.workers, relative_drop=drop)
+            made = fit(rough, random_starts=2, seed=self.seed, workers=self.workers, least_gain=drop)
             with Threads(self.workers) as pool:
-                x, cost, converged = descend(self.base, made.x, self.base.training, pool, relative_drop=drop)
+                x, cost, converged = descend(self.base, made.x, self.base.training, pool, least_gain=drop)
             return PartialFit((), StartingPoint(cost, self.base, x, (), ()), converged)
 
         return self._trial(self._kept("refit", (), compute))
@@ -111,7 +111,7 @@ class CandidateFitter:
         """A partial fit as it is, scored."""
         made, x = partial.point.problem, partial.point.x
         n = len(x)
-        chi2 = made.fitted_chi2(x, partial.point.cost)
+        chi2 = made.chi2(x, made.training)
         found = Fit(made, x, partial.point.cost, chi2, partial.converged, np.zeros((n, n)))
         return scored(found, partial.effects, partial.point.sizes)
 
@@ -222,7 +222,7 @@ class CandidateFitter:
                 steps = SEARCH.first_steps if number < SEARCH.starts else SEARCH.bold_steps
                 there = point.problem
                 x, cost, converged = descend(
-                    there, point.x, there.training, pool, iterations=steps, relative_drop=SEARCH.slow
+                    there, point.x, there.training, pool, iterations=steps, least_gain=SEARCH.slow, coloured=False
                 )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
         # A size that is only chosen takes no steps, and would stand where it began among others that did.
@@ -239,7 +239,7 @@ class CandidateFitter:
             elif all(len(c.starts) == 1 for c in effects):
                 only = tuple(c.starts[0] for c in effects)
                 for made, x, sizes in self.placed(effects, [only], values):
-                    cost = made.cost(x, made.training) + made.prior_cost(x)
+                    cost = made.cost(x, made.training, coloured=False)
                     points.append(StartingPoint(cost, made, x, sizes, only))
             else:
                 origin = self.origin(tuple(before), values)
@@ -275,31 +275,37 @@ class CandidateFitter:
                 if cost < best.cost:
                     best = replace(made, x=x, cost=cost)
             lowest, second, *_ = sorted(ends)
-            return PartialFit(model.effects, best, second - lowest < max(1.0, FITTING.stalled * lowest))
+            return PartialFit(model.effects, best, second - lowest < 1.0)
 
         return self._trial(self._kept(f"retried {model.label} {_mark(made.x)}", model.effects, compute))
 
     def compute_finish(self, partial: PartialFit) -> PartialFit:
         """The work of `finish`, done anew whatever is kept and not scored."""
-        return self._descended(self._refined(partial))
+        there = self._descended(self._descended(partial, coloured=False))
+        finer = self._refined(there, coloured=True)
+        whole = self.coarse is not self.base
+        return self._descended(finer, whole=whole) if whole or finer is not there else there
 
-    def _descended(self, partial: PartialFit) -> PartialFit:
-        """The partial fit fitted until it converges or hardly gains: to coarse recordings, then to all."""
-        for whole in [False] if self.coarse is self.base else [False, True]:
-            point = partial.point
-            if partial.converged and not whole:
-                continue
-            made = self.build(partial.effects, point.built, whole=True) if whole else point.problem
-            made = resolved(made, point.x) or made
-            with Threads(1) as pool:
-                x, cost, converged = descend(
-                    made, point.x, made.training, pool, iterations=SEARCH.most_steps, relative_drop=SEARCH.slow
-                )
-            if math.isfinite(cost):  # else it stands where the model cannot be differentiated
-                partial = PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
-        return partial
+    def _descended(self, partial: PartialFit, *, whole: bool = False, coloured: bool = True) -> PartialFit:
+        """The partial fit fitted until it converges or hardly gains: to coarse recordings, or to all."""
+        point = partial.point
+        made = self.build(partial.effects, point.built, whole=True) if whole else point.problem
+        made = resolved(made, point.x) or made
+        with Threads(1) as pool:
+            x, cost, converged = descend(
+                made,
+                point.x,
+                made.training,
+                pool,
+                iterations=SEARCH.most_steps,
+                least_gain=SEARCH.slow,
+                coloured=coloured,
+            )
+        if not math.isfinite(cost):  # it stands where the model cannot be differentiated
+            return partial
+        return PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
 
-    def _refined(self, partial: PartialFit, only: Candidate | None = None) -> PartialFit:
+    def _refined(self, partial: PartialFit, only: Candidate | None = None, *, coloured: bool = False) -> PartialFit:
         """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""
         for k, effect in enumerate(partial.effects):
             if only not in (None, effect):
@@ -311,7 +317,9 @@ class CandidateFitter:
                     built = tuple(sizes if j == k else s for j, s in enumerate(best.built))
                     made = self.build(partial.effects, built)
                     with Threads(1) as pool:
-                        x, cost, converged = descend(made, best.x, made.training, pool, iterations=SEARCH.first_steps)
+                        x, cost, converged = descend(
+                            made, best.x, made.training, pool, iterations=SEARCH.first_steps, coloured=coloured
+                        )
                     if cost < partial.point.cost:
                         partial = PartialFit(partial.effects, StartingPoint(cost, made, x, chosen, built), converged)
         return partial

@@ -149,12 +149,12 @@ def floor(model: ScoredModel) -> float:
 
 
 def relieved(refit: ScoredModel, model: ScoredModel) -> float:
-    """Share of the strain of the user's own parameters that a model relieves them of."""
-    return max(1 - model.strain / refit.strain, 0.0) if refit.strain > 0 else 0.0
+    """Share of what the refitted model leaves unexplained, and of what its parameters cost, that a model takes away."""
+    return max(1 - model.room / refit.room, 0.0) if refit.room > 0 else 0.0
 
 
 def explained(refit: ScoredModel, model: ScoredModel) -> float:
-    """Share of the held-out excess that a model explains, or of the strain that it relieves if that is more."""
+    """Share of the held-out excess that a model explains, or of `relieved` if that is more."""
     excess = refit.hold_out - floor(model)
     of_excess = (refit.hold_out - model.hold_out) / excess if excess > 0 else 0.0
     return min(max(of_excess, relieved(refit, model), 0.0), 1.0)

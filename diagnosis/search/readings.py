@@ -17,12 +17,13 @@ import numpy as np
 from diagnosis.binding import jumping
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.least_squares import Fit, descend, fit, with_held_out_starts
+from diagnosis.estimation.leftover import left_by
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import over_time
 from diagnosis.problems import problem
 from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Assumed, Recorded, Recording
-from diagnosis.search.evidence import evidence, left_by
+from diagnosis.search.evidence import evidence
 from diagnosis.search.fitter import CandidateFitter, end_of
 from diagnosis.search.partial_fit import place_of, standing
 from diagnosis.search.study import Study
@@ -109,7 +110,7 @@ def as_they_were_taken(scenario: Scenario, recordings: Sequence[Recorded], worke
         if not _differ(other, kept):
             continue
         if best is None:
-            best = _judged(fit(problem(scenario, kept), workers=workers, relative_drop=SEARCH.slow))
+            best = _judged(fit(problem(scenario, kept), workers=workers, least_gain=SEARCH.slow))
         found = _fitted(_with_noise_of(best.problem, problem(scenario, other)), best, workers)
         if _likelier(found, best):
             kept, best = other, found
@@ -150,7 +151,7 @@ def _fitted(made: Problem, near: Fit, workers: int) -> Fit:
     ended = standing(near)
     begin = np.array([f.position(ended.get(place_of(f), f.start)) for f in made.free])
     with Threads(workers) as pool:
-        x, cost, converged = descend(made, begin, made.training, pool, relative_drop=SEARCH.slow)
+        x, cost, converged = descend(made, begin, made.training, pool, least_gain=SEARCH.slow)
     return _judged(replace(near, problem=made, x=x, cost=cost, converged=converged))
 
 

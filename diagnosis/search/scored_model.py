@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.least_squares import Fit, with_held_out_starts
-from diagnosis.search.evidence import Leftover, evidence, leftover
+from diagnosis.estimation.leftover import Leftover
+from diagnosis.search.evidence import evidence
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ class ScoredModel:
 def scored(made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, float], ...] = ()) -> ScoredModel:
     """A fit judged on all recordings, with the starting values of those that are held out fitted."""
     problem, x = made.problem, with_held_out_starts(made.problem, made.x)
-    left = leftover(problem, x, problem.experiments)
+    left = problem.leftover(x, problem.experiments)
     found = evidence(problem, x, left)
-    unseen = leftover(problem, x, problem.judged)
+    unseen = problem.leftover(x, problem.judged)
     return ScoredModel(effects, replace(made, x=x), sizes, problem.chi2(x, problem.judged), left, unseen, found)

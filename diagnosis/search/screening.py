@@ -18,7 +18,6 @@ from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
-from diagnosis.search.evidence import leftover
 from diagnosis.search.partial_fit import Builder, StartingPoint, place_of
 from diagnosis.thresholds import EVIDENCE, FITTING, SEARCH
 from engine.errors import FlexarmError
@@ -30,17 +29,17 @@ class Course:
 
     Attributes:
         effect, sizes: which.
-        values: change of the residual, training recordings and prior stacked, less what the parameters can make good.
-        gain: how much of the cost it takes away, its size multiplied by the best factor in reach of `SEARCH.factor`.
-        likelihood: logarithm of the likelihood that it would reach, with coloured noise as of the evidence.
-        change: of the search vector that goes with the first.
+        values: change of the whitened residual, training recordings and prior stacked, less what the parameters can
+            make good.
+        likelihood: logarithm of the likelihood that it would reach, with coloured noise as of the evidence, its size
+            multiplied by the best factor in reach of `SEARCH.factor`.
+        change: of the search vector that goes with it.
         least: whether no size of the effect does less: smaller ones are taken to answer in proportion.
     """
 
     effect: Candidate
     sizes: Sizes
     values: Array
-    gain: float
     likelihood: float
     change: Array
     least: bool = False
@@ -48,16 +47,15 @@ class Course:
 
 @dataclass(frozen=True)
 class _Added:
-    """What a size adds to the residual: as it is and whitened, the prior's rows at the end, which stay."""
+    """What a size adds to the whitened residual, the prior's rows at the end, which stay."""
 
     sizes: Sizes
-    plain: Array
-    white: Array
+    values: Array
 
     @property
     def power(self) -> float:
         """Sum of its squares."""
-        return float(self.plain @ self.plain)
+        return float(self.values @ self.values)
 
 
 class Origin:
@@ -82,40 +80,29 @@ class Origin:
         self.refused: dict[str, str] = {}
         """Effects that could not be put in here, and why."""
         self.every = max(1, sum(len(e.time) for e in problem.training) // SEARCH.samples)
-        strengths = leftover(problem, x, problem.training).by_band
+        strengths = problem.leftover(x, problem.training).by_band
         self._whitening = [Whitening(e, strengths, self.every) for e in problem.training]
-        plain, white = [], []
+        parts, self._residuals = [], list[Array]()
         for e, whitening in zip(problem.training, self._whitening, strict=True):
             r, J = problem.linearised(x, e)
             r, J = r.reshape(e.measured.shape), J.reshape(*e.measured.shape, -1)
-            plain.append((self._thinned(r), self._thinned(J).reshape(-1, J.shape[-1])))
+            self._residuals.append(r)
             columns = [whitening(J[:, :, k]) for k in range(J.shape[-1])]
-            white.append((whitening(r), np.column_stack(columns) if columns else np.zeros((len(whitening(r)), 0))))
+            white = whitening(r)
+            parts.append((white, np.column_stack(columns) if columns else np.zeros((len(white), 0))))
         self.own = problem.prior(x)
-        self.plain, self.white = _Linear(plain, self.own), _Linear(white, self.own)
+        self.white = _Linear(parts, self.own)
         self._bands = _Bands(self._whitening, strengths)
         self.likelihood = self._bands.likelihood(self.white.rest)
         """Logarithm of the likelihood that the model's own parameters reach, less what they cost."""
-
-    @property
-    def cost(self) -> float:
-        """What is left after a step of the model's own parameters."""
-        return self.plain.cost
-
-    def _thinned(self, rows: Array) -> Array:
-        """Some of the rows, each of which stands for several, stacked."""
-        kept = rows[:: self.every] * np.sqrt(self.every)
-        return np.asarray(kept.reshape(-1, *kept.shape[2:]))
 
     def freed(self, effect: Candidate) -> Course:
         """What it gains to free a parameter of its tolerance."""
         assert effect.freed is not None
         i, weaker = [f.name for f in self.problem.free].index(effect.freed.name), 1 / effect.freed.spread
-        gain, change = self.plain.with_weaker_prior(i, len(self.own[0]), weaker)
-        gained, _ = self.white.with_weaker_prior(i, len(self.own[0]), weaker)
+        gain, change = self.white.with_weaker_prior(i, len(self.own[0]), weaker)
         change = np.clip(change, -SEARCH.farthest, SEARCH.farthest)
-        nothing = np.zeros(len(self.plain.r))
-        return Course(effect, effect.starts[0], nothing, gain, self.likelihood + 0.5 * gained, change)
+        return Course(effect, effect.starts[0], np.zeros(len(self.white.r)), self.likelihood + 0.5 * gain, change)
 
     def added(self, made: Problem, x: Array, sizes: Sizes) -> _Added | None:
         """What a size adds; None where it cannot be simulated, or adds nothing.
@@ -126,12 +113,12 @@ class Origin:
             sizes: its own.
         """
         rows = [made.residual(x, e) for e in made.training]
-        plain = self.plain.added([self._thinned(r).ravel() for r in rows])
-        white = self.white.added([whitening(r) for whitening, r in zip(self._whitening, rows, strict=True)])
-        found = _Added(sizes, plain, white)
-        if np.abs(plain).max() > FITTING.huge / 10 * np.sqrt(self.every) or not found.power > 0:
+        apart = [np.abs(r - r0).max() for r, r0 in zip(rows, self._residuals, strict=True)]
+        if max(apart) > FITTING.huge / 10:
             return None
-        return found
+        values = self.white.added([whitening(r) for whitening, r in zip(self._whitening, rows, strict=True)])
+        found = _Added(sizes, values)
+        return found if found.power > 0 else None
 
     def course(self, effect: Candidate, added: _Added, least: bool) -> Course:
         """The course of an effect of some size.
@@ -141,11 +128,9 @@ class Origin:
             added: what it adds.
             least: whether no other size adds less.
         """
-        gain, factor, values = self.plain.gain(added.plain, least)
-        change = self.plain.change(factor * added.plain)
-        _, share, course = self.white.gain(added.white, least)
-        likelihood = self._bands.likelihood(self.white.rest + share * course)
-        return Course(effect, added.sizes, values, gain, likelihood, change, least)
+        factor, values = self.white.best(added.values, least)
+        likelihood = self._bands.likelihood(self.white.rest + factor * values)
+        return Course(effect, added.sizes, values, likelihood, self.white.change(factor * added.values), least)
 
 
 class _Linear:
@@ -168,8 +153,8 @@ class _Linear:
         there = np.concatenate(rows)
         return np.concatenate([there - self.r[: len(there)], np.zeros(len(self.r) - len(there))])
 
-    def gain(self, added: Array, least: bool) -> tuple[float, float, Array]:
-        """What a course takes away of the cost, its factor, and its part that the parameters cannot make good.
+    def best(self, added: Array, least: bool) -> tuple[float, Array]:
+        """The factor of a course that takes most of the cost away, and its part that the parameters cannot make good.
 
         Effects are in proportion to their size where they are small, so that the factor of the ``least`` may be any.
         """
@@ -177,7 +162,7 @@ class _Linear:
         power, pull = float(values @ values), -float(values @ self.rest)
         low = 0.0 if least else 0.1 / SEARCH.factor
         factor = min(max(pull / power if power > 0 else 1.0, low), SEARCH.factor)
-        return factor * (2 * pull - factor * power), factor, values
+        return factor, values
 
     def change(self, added: Array) -> Array:
         """The parameters' answer to a course."""
@@ -280,7 +265,7 @@ def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]
     found += [origin.course(effect, one, one.power <= SEARCH.alike * least) for one in added]
     if found:
         origin.refused.pop(effect.key, None)
-    origin.kept[key] = sorted(found, key=lambda course: -course.gain)
+    origin.kept[key] = sorted(found, key=lambda course: -course.likelihood)
     return origin.kept[key]
 
 
@@ -310,9 +295,7 @@ def begun(builder: Builder, origin: Origin, effect: Candidate, most: int, *, bol
             for f, change in zip(origin.problem.free, course.change, strict=True):
                 if (f.name, f.recording) in names:
                     moved[names.index((f.name, f.recording))] += change
-            able = [
-                (model.cost(there, model.training) + model.prior_cost(there), k) for k, there in enumerate((x, moved))
-            ]
+            able = [(model.cost(there, model.training, coloured=False), k) for k, there in enumerate((x, moved))]
             cost, k = min(able)
             rows.append(StartingPoint(cost, model, (x, moved)[k], sizes, sizes))
     return rows
@@ -329,7 +312,7 @@ def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[
     if len(found) < 2:
         return []
     table = np.column_stack([course.values for course in found])
-    gram, pull = table.T @ table, -table.T @ origin.plain.rest
+    gram, pull = table.T @ table, -table.T @ origin.white.rest
     low = np.array([0.0 if course.least else 1 / SEARCH.factor_of_two for course in found])
     return list(itertools.islice(_ranked(found, *_gains(gram, pull, low)), count))
 

@@ -13,7 +13,6 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import lookalikes
-from diagnosis.search.evidence import leftover
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import PartialFit, drawn_back, ended, standing
@@ -259,7 +258,7 @@ class _Search:
         return max(found, default=-math.inf) > origins[0].likelihood + self.price
 
     def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
-        """Effects, those first that promise the lowest cost, and the greatest likelihood, by turns."""
+        """Effects, those that promise most first."""
         first, later = _spoken_for(able)
         promise = dict(zip(map(id, first), self._promises(origins, first), strict=True))
         cuts = [_cut(c) for c in _ranked(first, promise) if _cut(c) in later][: SEARCH.cuts]
@@ -273,13 +272,12 @@ class _Search:
             found.setdefault(c.key, c)  # of several ways to put an effect in at a place, the one that promises most
         return list(found.values())
 
-    def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[tuple[float, float]]:
-        """The lowest cost that each effect promises, and the least unlikelihood."""
+    def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[float]:
+        """The greatest likelihood that each effect promises."""
 
-        def one(effect: Candidate) -> tuple[float, float]:
-            found = [(o, course) for o in origins for course in courses(self.fitter, o, effect)]
-            cost = min((o.cost - course.gain for o, course in found), default=math.inf)
-            return cost, min((-course.likelihood for _, course in found), default=math.inf)
+        def one(effect: Candidate) -> float:
+            found = [course.likelihood for o in origins for course in courses(self.fitter, o, effect)]
+            return max(found, default=-math.inf)
 
         found = []
         with Spread(self.fitter.workers, threads=True) as pool:
@@ -324,7 +322,7 @@ class _Search:
                     self.failures.append(found)
                 if self.progress:
                     self.progress("trying effects", done, len(tasks))
-            fitted = list(pool.map(self.fitter.finish, self._able(partials, finish)))
+            fitted = list(pool.map(self.fitter.finish, self._able(partials)[:finish]))
         kept = [made for made in fitted if self._has_meaning(made)]
         for made in kept:
             self._keep(made)
@@ -340,16 +338,16 @@ class _Search:
             return False
         return True
 
-    def _able(self, partials: Sequence[PartialFit], finish: int) -> list[PartialFit]:
-        """The partial fits of the lowest cost, and of the greatest likelihood of coloured noise, by turns."""
-        cost = sorted(partials, key=lambda partial: partial.point.cost)
-        likely = sorted(partials, key=self._unlikely)
-        found = {id(p): p for both in zip(cost, likely, strict=True) for p in both}
-        return list(found.values())[:finish]
+    def _able(self, partials: Sequence[PartialFit]) -> list[PartialFit]:
+        """Partial fits, those first that leave least, as of white noise and as of coloured noise by turns."""
 
-    def _unlikely(self, partial: PartialFit) -> float:
-        made, x = partial.point.problem, partial.point.x
-        return 0.5 * made.prior_cost(x) - leftover(made, x, made.training).log_likelihood
+        def coloured(partial: PartialFit) -> float:
+            made = partial.point.problem
+            return made.cost(partial.point.x, made.training)
+
+        orders = (sorted(partials, key=lambda partial: partial.point.cost), sorted(partials, key=coloured))
+        found = {id(p): p for both in zip(*orders, strict=True) for p in both}
+        return list(found.values())
 
     def _keep(self, made: ScoredModel) -> None:
         known = self._models.get(made.keys)
@@ -380,11 +378,10 @@ def _spoken_for(able: Sequence[Candidate]) -> tuple[list[Candidate], dict[tuple[
     return first, laws
 
 
-def _ranked(able: Sequence[Candidate], promise: dict[int, tuple[float, float]]) -> list[Candidate]:
-    """Effects that can be put in: the lowest cost and the greatest likelihood, by turns."""
-    orders = [sorted(able, key=lambda c: promise[id(c)][which]) for which in (0, 1)]
-    found = {id(c): c for both in zip(*orders, strict=True) for c in both}
-    return [c for c in found.values() if promise[id(c)][0] < math.inf]
+def _ranked(able: Sequence[Candidate], promise: dict[int, float]) -> list[Candidate]:
+    """Effects that can be put in, those that promise most first."""
+    found = sorted(able, key=lambda c: -promise[id(c)])
+    return [c for c in found if promise[id(c)] > -math.inf]
 
 
 def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tuple[list[Recorded], str] | None:
@@ -399,9 +396,9 @@ def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tupl
         price: what a further effect costs.
     """
     base, x, problem = fitter.base, model.fit.x, model.fit.problem
-    if len(base.held_out) < 2 or leftover(problem, x, problem.training).unexplained > price:
+    if len(base.held_out) < 2 or problem.leftover(x, problem.training).unexplained > price:
         return None
-    shown = {e.name: leftover(problem, x, [e]).unexplained for e in problem.held_out}
+    shown = {e.name: problem.leftover(x, [e]).unexplained for e in problem.held_out}
     worst = max(shown, key=lambda name: shown[name])
     if shown[worst] < price + SEARCH.effort:
         return None

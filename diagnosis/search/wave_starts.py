@@ -16,9 +16,11 @@ import numpy as np
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.whitened import WhitenedResiduals
 from diagnosis.search.partial_fit import Builder, StartingPoint
 from diagnosis.thresholds import SEARCH
 from engine.errors import SimulationError
+from engine.threads import Threads
 
 
 def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[str, float]) -> list[StartingPoint]:
@@ -43,7 +45,7 @@ def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[
 
 
 def _cost(made: Problem, x: Array) -> float:
-    return made.cost(x, made.training) + made.prior_cost(x)
+    return made.cost(x, made.training, coloured=False)
 
 
 def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
@@ -54,17 +56,21 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     assert effect.wave is not None
     names = [f.name for f in made.free]
     a, p = (names.index(f"{effect.name}.{key}") for key in (effect.wave.amplitude, effect.wave.phase))
-    try:
-        parts = [*(made.linearised(x, e) for e in made.training), made.prior(x)]
-    except SimulationError:
-        return None
-    r, J = np.concatenate([r for r, _ in parts]), np.vstack([J for _, J in parts])
+    with Threads(1) as pool:
+        stack = WhitenedResiduals(made, made.training, pool, coloured=False)
+        try:
+            rows, slopes = stack.linearised(x)
+        except SimulationError:
+            return None
+    weights = stack.weights(rows)
+    r, J = stack.whitened(x, rows, weights), stack.whitened_slopes(x, slopes, weights)
     amplitude, phase = made.free[a], made.free[p]
     J[:, a] *= amplitude.value(x[a]) / amplitude.slope(x[a])
     J[:, p] /= phase.slope(x[p])
     own = {f"{effect.name}.{k.name}" for k in effect.parameters}
     mine = [i for i, name in enumerate(names) if name in own and i not in (a, p)]
     J[:, mine] = 0.0  # a frequency has no slope where the amplitude is nothing
+    J[len(r) - len(made.prior(x)[0]) :, [a, p]] = 0.0  # nor has the amplitude's logarithm a prior there
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     step = -np.linalg.lstsq(J / size, r, rcond=1e-9)[0] / size
     step[mine] = 0.0

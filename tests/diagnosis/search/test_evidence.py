@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal, norm
 
+from diagnosis.estimation.leftover import Leftover, left_by
 from diagnosis.estimation.time_experiment import TimeExperiment
-from diagnosis.search.evidence import Leftover, evidence, leftover
+from diagnosis.search.evidence import evidence
 from diagnosis.thresholds import EVIDENCE
 
 Array = NDArray[np.float64]
@@ -60,6 +61,9 @@ class Linear:
     def linearised(self, x: Array, e: TimeExperiment) -> tuple[Array, Array]:
         return self.residual(x, e).ravel(), -self.tables[e.name]
 
+    def leftover(self, x: Array, experiments: list[TimeExperiment]) -> Leftover:
+        return left_by(experiments, [self.residual(x, e) for e in experiments])
+
     def prior(self, x: Array) -> tuple[Array, Array]:
         return x / self.spreads, np.diag(1 / self.spreads)
 
@@ -71,7 +75,7 @@ class Linear:
 
 
 def found(problem: Any, x: Array) -> tuple[float, Leftover]:
-    left = leftover(problem, x, problem.experiments)
+    left = problem.leftover(x, problem.experiments)
     return evidence(problem, x, left), left
 
 
@@ -103,7 +107,7 @@ def test_the_likelihood_of_white_noise_is_that_of_its_samples(variance: float) -
     for _ in range(20):
         rows = random.normal(0.0, np.sqrt(variance), size=(1000, 1))
         problem: Any = Linear([recorded(rows)], [np.zeros((1000, 1))], np.ones(1))
-        left = leftover(problem, np.zeros(1), problem.experiments)
+        left = problem.leftover(np.zeros(1), problem.experiments)
         exact = float(np.sum(norm.logpdf(rows, scale=np.sqrt(variance)))) + 500 * np.log(2 * np.pi)
         gains.append(left.log_likelihood - exact)
     bands = len(left.count)
@@ -115,7 +119,7 @@ def test_below_the_stated_noise_the_likelihood_is_that_of_the_stated_noise() -> 
     """It is not credited without bound where the residual is small: half the energy, and no logarithm of it."""
     rows = 0.3 * np.random.default_rng(5).normal(size=(1000, 1))
     problem: Any = Linear([recorded(rows)], [np.zeros((1000, 1))], np.ones(1))
-    left = leftover(problem, np.zeros(1), problem.experiments)
+    left = problem.leftover(np.zeros(1), problem.experiments)
     assert left.strength.tolist() == [1.0] * len(left.count)
     exact = float(np.sum(norm.logpdf(rows))) + 500 * np.log(2 * np.pi)
     assert left.log_likelihood == pytest.approx(exact)
@@ -134,7 +138,7 @@ def test_what_no_model_explains_decides_nothing() -> None:
         for share in (0.0, 1.0):
             rows = fast + slow - share * 3 * np.sin(2 * np.pi * 80 * t)[:, None]
             problem: Any = Linear([recorded(rows)], [np.zeros((1000, 1))], np.ones(1))
-            pair.append(leftover(problem, np.zeros(1), problem.experiments).log_likelihood)
+            pair.append(problem.leftover(np.zeros(1), problem.experiments).log_likelihood)
         apart.append(pair[1] - pair[0])
     assert apart[0] > 30
     assert apart[1] == pytest.approx(apart[0], abs=0.5)
@@ -166,8 +170,7 @@ def test_coloured_noise_does_not_vary_and_a_mismatch_of_one_recording_does(seed:
 
     def left(amplitude: float) -> Leftover:
         told = [recorded(r + amplitude * (k == 4) * ring, f"run{k}") for k, r in enumerate(rows)]
-        problem: Any = Linear(told, [np.zeros((2000, 1))] * 5, np.ones(1))
-        return leftover(problem, np.zeros(1), problem.experiments)
+        return left_by(told, [e.measured for e in told])
 
     assert left(0.0).unexplained > 500
     assert left(0.0).varying < 5

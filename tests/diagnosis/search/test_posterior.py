@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from diagnosis.effects.effect import Candidate, EffectParameter
-from diagnosis.search.evidence import Leftover
+from diagnosis.estimation.leftover import Leftover
 from diagnosis.search.posterior import (
     believed,
     complete,

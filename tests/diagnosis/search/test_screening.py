@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.fft import dct
 
 from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
@@ -53,31 +54,53 @@ def test_courses_that_are_one_and_the_same_make_no_pair() -> None:
     assert _gains(table.T @ table, -table.T @ (-sensitivity), np.zeros(2))[0][0, 1] == 0.0
 
 
-def test_a_course_gains_what_least_squares_with_the_prior_gives(tmp_path: Path) -> None:
+def test_a_course_reaches_the_likelihood_that_whitened_least_squares_with_the_prior_gives(tmp_path: Path) -> None:
     """The residual of the model's tangents and of one course, by numpy; derivatives are differences of simulations."""
     fitter = bench(tmp_path, seed=3, coulomb=1.5e-4)
     origin = fitter.origin((), standing(fitter.refit.fit))
     assert origin is not None
     made, x = origin.problem, origin.x
     friction = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "coulomb_friction")
+    # Bands of all recordings that are fitted, each value of a cosine with the number of its band.
+    bands = np.concatenate(
+        [
+            np.repeat([b for b, _ in rows], [p.stop - p.start for _, p in rows])
+            for rows in (e.bands(4) for e in made.training)
+        ]
+    )
+
+    def cosines(problem: Any, there: Any) -> Any:
+        return np.concatenate([dct(problem.residual(there, e)[:, 0], norm="ortho") for e in problem.training])
+
+    def strengths(rows: Any) -> dict[int, float]:
+        return {int(b): max(float(np.mean(rows[bands == b] ** 2)), 1.0) for b in set(bands.tolist())}
+
+    def likelihood(rest: Any) -> float:
+        """Of a whitened residual with the prior at its end."""
+        rows, own = rest[: len(bands)] * noise, rest[len(bands) :]
+        each = np.array([strengths(rows)[int(b)] for b in bands])
+        return float(-0.5 * np.sum(np.log(each) + rows**2 / each) - 0.5 * own @ own)
+
+    begin = strengths(cosines(made, x))
+    noise = np.sqrt([begin[int(b)] for b in bands])
 
     def left(problem: Any, there: Any, n: int = len(x)) -> Any:
-        return np.concatenate([problem.residual(there, e).ravel() for e in problem.training] + [there[:n]])
+        return np.concatenate([cosines(problem, there) / noise, there[:n]])
 
     h = 1e-4
     tangents = np.column_stack([(left(made, x + d) - left(made, x - d)) / (2 * h) for d in h * np.eye(len(x))])
     r = left(made, x)
     without = r + tangents @ np.linalg.lstsq(tangents, -r, rcond=None)[0]
-    assert origin.cost == pytest.approx(float(without @ without), rel=1e-3)
+    assert origin.likelihood == pytest.approx(likelihood(without), abs=0.01)
     found = courses(fitter, origin, friction)
     assert len(found) > 2
-    assert [c.gain for c in found] == sorted((c.gain for c in found), reverse=True)
+    assert [c.likelihood for c in found] == sorted((c.likelihood for c in found), reverse=True)
     some = 0
     for course in found:
         amended = fitter.build((friction,), (course.sizes,))
         names = [f.name for f in amended.free]
         there = np.array([x[[f.name for f in made.free].index(n)] if n.startswith("motor.") else 0.0 for n in names])
-        added = left(amended, there)[: len(r) - len(x)] - r[: len(r) - len(x)]
+        added = left(amended, there)[: len(bands)] - r[: len(bands)]
         table = np.column_stack([tangents, np.concatenate([added, np.zeros(len(x))])])
         step = np.linalg.lstsq(table, -r, rcond=None)[0]
         low = 0.0 if course.least else 0.1 / SEARCH.factor
@@ -85,8 +108,13 @@ def test_a_course_gains_what_least_squares_with_the_prior_gives(tmp_path: Path) 
         # Where the factor is out of reach, it stands at the end of what is allowed.
         factor = min(max(step[-1], low), SEARCH.factor)
         beside = r + factor * table[:, -1]
-        rest = beside + tangents @ np.linalg.lstsq(tangents, -beside, rcond=None)[0]
-        assert course.gain == pytest.approx(float(without @ without - rest @ rest), rel=2e-3, abs=0.5)
+        course_only = without + factor * (
+            table[:, -1] + tangents @ np.linalg.lstsq(tangents, -table[:, -1], rcond=None)[0]
+        )
+        np.testing.assert_allclose(
+            beside + tangents @ np.linalg.lstsq(tangents, -beside, rcond=None)[0], course_only, atol=1e-6
+        )
+        assert course.likelihood == pytest.approx(likelihood(course_only), abs=0.5)
         some += inside
     assert some
     assert min(found, key=lambda c: float(c.values @ c.values)).least

@@ -1,4 +1,4 @@
-"""A ripple that no starting size on a grid leads to is solved for, alone and beside an offset."""
+"""A ripple is solved for from one that is hardly there, alone and beside an offset."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def strong(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return bench(tmp_path_factory.mktemp("strong"), 1, amplitude=3e-4, order=3.0, phase=2.4)
 
 
-def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong: Any) -> None:
+def test_a_strong_ripple_is_solved_for_from_one_that_is_hardly_there(strong: Any) -> None:
     fitter, listed = strong
     ripple, refit = listed["torque_ripple"], fitter.refit
     found = fitter.finish(fitter.partial_fit((ripple,), [standing(refit.fit)]))
@@ -67,8 +67,6 @@ def test_a_strong_ripple_is_solved_for_where_no_starting_size_leads_to_it(strong
     # Torque and inertia are known by their ratio.
     share = found.fit.parameters()["motor.rotor_inertia"] / plants.INERTIA
     assert sizes["torque_ripple.amplitude"] == pytest.approx(3e-4 * share, rel=0.01)
-    gridded = fitter.finish(fitter.partial_fit((replace(ripple, wave=None),), [standing(refit.fit)]))
-    assert gridded.fit.cost > 100 * found.fit.cost
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +87,7 @@ def test_an_order_is_solved_for_beside_another_effect(pushed: Any) -> None:
     assert pair.fit.chi2 < 1.2
     wrong = replace(ripple, starts=({"order": 4.0, "amplitude": 2e-5, "phase": 0.0},))
     held = fitter.finish(fitter.partial_fit((kept, wrong), [standing(alone.fit)]))
-    assert held.fit.cost > 2 * pair.fit.cost
+    assert held.fit.cost > pair.fit.cost + 1000
 
 
 def test_the_linear_solution_ranks_the_orders(pushed: Any) -> None:

@@ -1,0 +1,102 @@
+"""Residuals and tangents of a model as a fit sees them: whitened by what the model leaves over, the prior beside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.leftover import Bands, misfit, strength
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
+from engine.threads import Threads
+
+
+class WhitenedResiduals:
+    """Residuals of experiments, whitened by what a model leaves over, as functions of the variables that may move.
+
+    Args:
+        problem: what is fitted.
+        experiments: to what.
+        pool: threads.
+        only: numbers of the search variables that may move; all if None.
+        coloured: as of `Bands`.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        experiments: Sequence[Experiment],
+        pool: Threads,
+        only: Sequence[int] | None = None,
+        *,
+        coloured: bool = True,
+    ) -> None:
+        self.problem, self.experiments, self.pool = problem, experiments, pool
+        self.numbers = list(range(len(problem.free)) if only is None else only)
+        self.bands = Bands(experiments, coloured=coloured)
+
+    def moved(self, x: Array, step: Array) -> Array:
+        """The search vector after a step of the variables that may move, kept within its bounds."""
+        there = x.copy()
+        for i, change in zip(self.numbers, step, strict=True):
+            low, high = self.problem.free[i].ends
+            there[i] = min(max(x[i] + change, low), high)
+        return there
+
+    def stuck(self, x: Array, gradient: Array) -> list[int]:
+        """Which of the variables that may move stand at a bound that they would leave."""
+        found = []
+        for k, i in enumerate(self.numbers):
+            low, high = self.problem.free[i].ends
+            if (x[i] <= low and gradient[k] > 0) or (x[i] >= high and gradient[k] < 0):
+                found.append(k)
+        return found
+
+    def residual(self, x: Array) -> list[Array]:
+        """Components of the residual of each experiment, shape (samples, signals)."""
+        return list(self.pool.map(lambda e: e.components(self.problem.residual(x, e)), self.experiments))
+
+    def linearised(self, x: Array) -> tuple[list[Array], list[Array]]:
+        """The same, and their slopes, shape (samples, signals, variables).
+
+        Raises:
+            SimulationError: the model cannot be differentiated.
+        """
+
+        def one(e: Experiment) -> tuple[Array, Array]:
+            r, J = self.problem.linearised(x, e)
+            samples, signals = e.measured.shape
+            columns = J[:, self.numbers].reshape(samples, -1)
+            return e.components(r.reshape(samples, signals)), e.components(columns).reshape(samples, signals, -1)
+
+        parts = list(self.pool.map(one, self.experiments))
+        return [r for r, _ in parts], [J for _, J in parts]
+
+    def cost(self, x: Array, rows: Sequence[Array]) -> float:
+        """What is made small, given the components of the residuals."""
+        energy = self.bands.energies(rows).sum(axis=0)
+        return misfit(energy, self.bands.count) + self.problem.prior_cost(x)
+
+    def weights(self, rows: Sequence[Array]) -> list[Array]:
+        """What makes residuals white that are like these."""
+        return self.bands.weights(strength(self.bands.energies(rows).sum(axis=0), self.bands.count))
+
+    def whitened(self, x: Array, rows: Sequence[Array], weights: Sequence[Array]) -> Array:
+        """The residual, shape (rows,), that of the prior at its end."""
+        parts = [(r * w).ravel() for r, w in zip(rows, weights, strict=True)]
+        return np.concatenate([*parts, self.problem.prior(x)[0]])
+
+    def whitened_slopes(self, x: Array, slopes: Sequence[Array], weights: Sequence[Array]) -> Array:
+        """Its Jacobian, shape (rows, variables)."""
+        n = len(self.numbers)
+        parts = [(J * w[:, :, None]).reshape(-1, n) for J, w in zip(slopes, weights, strict=True)]
+        return np.vstack([*parts, self.problem.prior(x)[1][:, self.numbers]])
+
+    def curvature(self, x: Array, r: Array, J: Array, step: Array, weights: Sequence[Array]) -> Array:
+        """Second derivative of the residual along a step, from one residual a tenth of the way along it."""
+        h = 0.1
+        there = self.moved(x, h * step)
+        along = self.whitened(there, self.residual(there), weights)
+        return np.asarray(2 / h * ((along - r) / h - J @ step))
