@@ -90,12 +90,12 @@ def _bounds(problem: Problem, x: Array, flat: Sequence[int]) -> Flat:
 
 def _end(problem: Problem, x: Array, i: int, sign: float) -> float:
     """Where the cost has risen by `INTERVALS.rise`; infinite if it does not within `INTERVALS.reach`."""
-    here = problem.cost(x, problem.training)
+    here = problem.misfit(x, problem.training)
 
     def rise(distance: float) -> float:
         there = x.copy()
         there[i] += sign * distance
-        return problem.cost(there, problem.training) - here - INTERVALS.rise
+        return problem.misfit(there, problem.training) - here - INTERVALS.rise
 
     inner, outer = 0.0, INTERVALS.close
     while not rise(outer) > 0:

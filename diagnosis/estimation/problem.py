@@ -129,11 +129,21 @@ class Problem:
         """What the model leaves over of experiments, each band of a signal summed over all of them."""
         return left_by(experiments, [self.residual(x, e) for e in experiments])
 
-    def cost(self, x: Array, experiments: Sequence[Experiment], *, coloured: bool = True) -> float:
-        """What a fit makes small: the misfit of what is left over of experiments, and the cost of the prior."""
+    def misfit(self, x: Array, experiments: Sequence[Experiment], *, coloured: bool = True) -> float:
+        """Minus twice the logarithm of the likelihood of experiments, with noise as strong as what is left over.
+
+        Args:
+            x: search vector, shape (n,).
+            experiments: of any role.
+            coloured: as of `Bands`.
+        """
         bands = Bands(experiments, coloured=coloured)
         energies = bands.energies([e.components(self.residual(x, e)) for e in experiments])
-        return misfit(energies.sum(axis=0), bands.count) + self.prior_cost(x)
+        return misfit(energies.sum(axis=0), bands.count)
+
+    def cost(self, x: Array, experiments: Sequence[Experiment], *, coloured: bool = True) -> float:
+        """What a fit makes small: the misfit of experiments and the cost of the prior; arguments as of `misfit`."""
+        return self.misfit(x, experiments, coloured=coloured) + self.prior_cost(x)
 
     def chi2(self, x: Array, experiments: Sequence[Experiment]) -> float:
         """Mean of the squared residuals of experiments, as `Experiment.squares` counts them; 1 is the noise."""

@@ -99,7 +99,11 @@ def curve(found: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     """Abscissas and heights of the curve that was put in."""
     rows = found.findings[0]["parameters"]
     heights = [rows[f"heights[{k + 1}]"] for k in range(RECOVERY.heights)]
-    assert all(row["unit"] == "N.m" and row["low"] <= row["value"] <= row["high"] for row in heights)
+    ends = [(row["low"], row["high"]) for row in heights]
+    assert all(row["unit"] == "N.m" for row in heights)
+    # Few samples are as fast as an end of the curve: its height may be said to be undetermined.
+    assert all(low <= row["value"] <= high for row, (low, high) in zip(heights, ends, strict=True) if low is not None)
+    assert all(low is not None for low, _ in ends[1:-1])
     law = put_in(found).system.blocks["found_law"]
     assert law.values["of"] == "speed"
     return np.linspace(law.values["lower"], law.values["upper"], RECOVERY.heights), np.array(
@@ -124,6 +128,8 @@ def test_the_curve_of_a_drag_bends_as_the_drag(slowed: Any) -> None:
     """What is linear in the speed may as well be the motor's; what bends is the drag's alone."""
     speed, torque = curve(slowed)
     law = -DRAG * speed * np.abs(speed) * in_its_scale(slowed)
+
+    speed, torque, law = speed[1:-1], torque[1:-1], law[1:-1]  # few samples are as fast as its ends
 
     def bent(y: Any) -> Any:
         return y - speed * (speed @ y) / (speed @ speed)

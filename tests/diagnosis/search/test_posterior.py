@@ -51,6 +51,7 @@ def model(*effects: Candidate, excess: float, held_out: float | None = None, **m
         hold_out=float(unseen.energy[0]) / COUNT,
         log_evidence=given["log_evidence"],
         strain=given["strain"],
+        room=left(excess).unexplained + 0.5 * given["strain"],
         fit=SimpleNamespace(converged=given["converged"]),
     )
 
