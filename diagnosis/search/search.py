@@ -204,7 +204,7 @@ class _Search:
         return list(found.values())[: SEARCH.beam]
 
     def _vary(self, model: ScoredModel) -> None:
-        """Take each effect of a model away, put others in its place, and put a known pair in the place of one."""
+        """Take each effect of a model away; put it elsewhere, others in its place, a known pair in the place of one."""
         singles = sorted((m for m in self.models if len(m.effects) == 1), key=self.worth, reverse=True)
         best = [*(m.effects[0] for m in singles), *self._order]
         pairs = [c for c in lookalikes(model, best) if len(c) <= SEARCH.most]
@@ -214,6 +214,8 @@ class _Search:
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             self._fit([(kept, [standing(model.fit)])], 1)
+            elsewhere = [c for c in self.listed if c.effect == effect.effect and c.key != effect.key]
+            self._beside(kept, model, SEARCH.few, elsewhere, finish=SEARCH.few)  # a few steps do not tell places apart
             alike = [c for c in self.listed if c.place == effect.place or c.effect == effect.effect]
             among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
             self._beside(kept, model, SEARCH.exchanged, among)
@@ -229,7 +231,14 @@ class _Search:
         able = [c for c in self._order if self._pays(origins, c)]
         self._fit([((c,), parents) for c in able[: SEARCH.fitted]], SEARCH.finished)
 
-    def _beside(self, kept: tuple[Candidate, ...], than: ScoredModel, most: int, among: Sequence[Candidate]) -> None:
+    def _beside(
+        self,
+        kept: tuple[Candidate, ...],
+        than: ScoredModel,
+        most: int,
+        among: Sequence[Candidate],
+        finish: int = 1,
+    ) -> None:
         """Put effects in beside others, and fit those that promise most, a few at a time.
 
         Where those few gain nothing, what promises less is left: little is left over that an effect could explain. None
@@ -241,13 +250,14 @@ class _Search:
                 what is missing, drawn back as well, and effects are looked at from there.
             most: number of models that are fitted.
             among: effects to put in.
+            finish: how many of those few are fitted to the end.
         """
         parents = [drawn_back(than.fit, SEARCH.drawn), standing(than.fit)] if than.bent else [standing(than.fit)]
         origins = [o for o in [self.fitter.origin(kept, parents[0])] if o is not None]
         names, blocks = {c.key for c in kept}, {c.name for c in kept}
         able = self._screened(origins, [c for c in among if c.key not in names and c.name not in blocks])[:most]
         for few in range(0, len(able), SEARCH.few):
-            found = self._fit([((*kept, c), parents) for c in able[few : few + SEARCH.few]], 1)
+            found = self._fit([((*kept, c), parents) for c in able[few : few + SEARCH.few]], finish)
             if found and all(self.worth(m) < self.worth(than) for m in found):
                 break
         self.fitter.forget(kept)
