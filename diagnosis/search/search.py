@@ -86,6 +86,7 @@ class _Search:
         self._order: list[Candidate] = []
         self._ended: set[frozenset[str]] = set()
         self._repeated: set[frozenset[str]] = set()
+        self._waiting: list[PartialFit] = []
         self._seen: list[Candidate] = []
         """Effects that were looked at beside the user's model alone."""
 
@@ -183,6 +184,10 @@ class _Search:
     def _deepen(self, count: int) -> None:
         """Add an effect to each of the best models that have one less, and try two at once."""
         if count == 2:
+            waiting, self._waiting = self._waiting, []
+            while waiting:
+                self._finished(waiting[: SEARCH.few])
+                waiting = waiting[SEARCH.few :]
             self._pairs()
         for number, parent in enumerate(self._parents(count - 1)):
             kept = tuple(ended(parent, c) for c in parent.effects)
@@ -332,10 +337,25 @@ class _Search:
                     self.failures.append(found)
                 if self.progress:
                     self.progress("trying effects", done, len(tasks))
-            fitted = list(pool.map(self.fitter.finish, self._able(partials)[:finish]))
-        kept = [made for made in fitted if self._has_meaning(made)]
-        for made in kept:
-            self._keep(made)
+        return self._finished(self._able(partials)[:finish])
+
+    def _finished(self, partials: Sequence[PartialFit]) -> list[ScoredModel]:
+        """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.
+
+        Beside a second effect what was far from the best may be part of the truth.
+        """
+        kept: list[ScoredModel] = []
+        for few in range(0, len(partials), SEARCH.few):
+            with Spread(self.fitter.workers, threads=True) as pool:
+                found = list(pool.map(self.fitter.finish, partials[few : few + SEARCH.few]))
+            able = [made for made in found if self._has_meaning(made)]
+            for made in able:
+                self._keep(made)
+            kept += able
+            near = self.worth(self.best) - self.price - SEARCH.effort
+            if not any(self.worth(made) > near and made.keys != self.best.keys for made in able):
+                self._waiting += partials[few + SEARCH.few :]
+                break
         return kept
 
     def _has_meaning(self, made: ScoredModel) -> bool:
