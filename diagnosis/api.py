@@ -25,6 +25,7 @@ from diagnosis.recordings.types import Recorded
 from diagnosis.search.dask_fitter import DaskFitter
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.readings import as_they_were_taken, taken_otherwise
+from diagnosis.search.reported import as_reported
 from diagnosis.search.search import Progress, study
 from diagnosis.verdict.recording_checks import screen
 from diagnosis.verdict.verdict import Diagnosis, judge
@@ -205,8 +206,9 @@ def diagnose(
             how.warn([remark.text for remark in screen(fitter.base)])
         found = study(fitter, without=how.without, progress=how.progress)
         if (anew := taken_otherwise(fitter, found)) is not None:
-            found = study(fitter.again(anew), without=how.without, progress=how.progress, told=found.notes)
-        return judge(found, how.seed)
+            fitter = fitter.again(anew)
+            found = study(fitter, without=how.without, progress=how.progress, told=found.notes)
+        return judge(as_reported(fitter, found), how.seed)
 
 
 def plan(

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from diagnosis.estimation.covariance import Flat, covariance
 from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.whitened import WhitenedResiduals
@@ -117,7 +118,7 @@ def descend(
     iterations: int = 25,
     least_gain: float = 0.0,
     accelerated: bool = True,
-    coloured: bool = True,
+    noise: Noise = "coloured",
 ) -> tuple[Array, float, bool]:
     """Gauss-Newton steps within a trust region, with geodesic acceleration, from ``x``.
 
@@ -139,16 +140,18 @@ def descend(
         pool: threads.
         only: numbers of the search variables that may move; all if None.
         iterations: at most.
-        least_gain: stop when a step reduces the cost by less than this.
+        least_gain: stop when a step reduces the cost by less than this, in units of what a recorded value contributes
+            to it on average, 1 at least.
         accelerated: whether steps are bent by geodesic acceleration.
-        coloured: whether what is left over is taken for coloured noise; as white noise of unknown strength the largest
-            errors count most, which leads out of places where one error is as good as another.
+        noise: what is left over is taken for, as of `Bands`. As white noise of unknown strength the largest errors
+            count most, which leads out of places where, as coloured noise, one error is as good as another.
 
     Returns:
         Search vector, cost, as of `Problem.cost` with this noise, and whether it converged: a full step would gain no
-        more than `FITTING.settled`, or no step gains anything and it promises little.
+        more than `FITTING.settled` of what a recorded value contributes on average, or no step gains anything and it
+        promises little.
     """
-    stack = WhitenedResiduals(problem, experiments, pool, only, coloured=coloured)
+    stack = WhitenedResiduals(problem, experiments, pool, only, noise=noise)
     try:
         rows, slopes = stack.linearised(x)
     except SimulationError:
@@ -160,8 +163,9 @@ def descend(
         local = _LocalModel(r, J, stack.stuck(x, J.T @ r))
         full = local.step(math.inf)
         promised = local.gain(full)
-        little = promised < max(1.0, FITTING.stalled * len(r))
-        if promised < FITTING.settled:
+        square = float(r @ r)
+        unit, little = max(square / len(r), 1.0), promised < max(1.0, FITTING.stalled * square)
+        if promised < FITTING.settled * unit:
             return x, cost, True
         for _ in range(12):
             step = local.step(radius)
@@ -184,7 +188,7 @@ def descend(
         except SimulationError:
             return x, there, False
         before, cost = cost, stack.cost(x, rows)
-        if before - cost < least_gain:
+        if before - cost < least_gain * unit:
             return x, cost, little
     return x, cost, False
 
@@ -251,11 +255,12 @@ def fit(
     progress: Progress | None = None,
     iterations: int = 25,
     least_gain: float = 0.0,
+    noise: Noise = "stated",
 ) -> Fit:
     """Fit the free parameters to the training recordings.
 
     Every start is first fitted to the beginning of each recording, then to all of it: over a short horizon the phase of
-    a lightly damped oscillation cannot slip by a whole cycle. What is left over counts as coloured noise at last only.
+    a lightly damped oscillation cannot slip by a whole cycle.
 
     Args:
         problem: what to fit.
@@ -267,6 +272,8 @@ def fit(
         progress: told what is being done.
         iterations: at most, per horizon.
         least_gain: as of `descend`.
+        noise: what is left over of whole recordings is taken for, as of `descend`; of their beginnings for white noise,
+            if not for noise as stated.
 
     Returns:
         The best fit over all starts.
@@ -284,7 +291,13 @@ def fit(
             for share in horizons:
                 part = [e.cut(share) for e in training]
                 x, cost, converged = descend(
-                    problem, x, part, pool, iterations=iterations, least_gain=least_gain, coloured=share == horizons[-1]
+                    problem,
+                    x,
+                    part,
+                    pool,
+                    iterations=iterations,
+                    least_gain=least_gain,
+                    noise=noise if share == horizons[-1] or noise == "stated" else "white",
                 )
             if best is None or cost < best[0]:
                 best = (cost, x, converged)
@@ -305,7 +318,7 @@ def with_covariance(made: Fit, left: float) -> Fit:
     return replace(made, covariance=found, weak=weak, flat=flat)
 
 
-def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20) -> Array:
+def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20, noise: Noise = "stated") -> Array:
     """The search vector with the starting values of held-out recordings fitted, everything else frozen.
 
     No other recording determines the state in which a held-out one begins, so that state is fitted to the whole of it:
@@ -315,11 +328,12 @@ def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20) -> Ar
         problem: with experiments of all roles.
         x: search vector.
         iterations: at most, per experiment.
+        noise: as of `descend`.
     """
     x = x.copy()
     for e in problem.held_out:
         mine = [i for i, f in enumerate(problem.free) if f.recording == e.name]
         if mine:
             with Threads(1) as pool:
-                x = descend(problem, x, [e], pool, only=mine, iterations=iterations)[0]
+                x = descend(problem, x, [e], pool, only=mine, iterations=iterations, noise=noise)[0]
     return x

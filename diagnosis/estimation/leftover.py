@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ from diagnosis.estimation.parameters import Array
 from diagnosis.thresholds import EVIDENCE
 
 Indices = NDArray[np.intp]
+
+Noise = Literal["coloured", "white", "stated"]
+"""What is left over is taken for; see `Bands`."""
 
 
 def strength(energy: Array, count: Array) -> Array:
@@ -36,16 +40,18 @@ class Bands:
 
     Args:
         experiments: of any role.
-        coloured: whether bands differ in strength; else each signal has one band, and its noise is white.
+        noise: ``coloured``: as strong in each band as what is left over; ``white``: as strong in all bands of a signal;
+            ``stated``: as strong as the sensor's was stated to be, so that a misfit is a sum of squares.
 
     Attributes:
         names: signal and number of each band.
         counts: independent values of each experiment in each band, shape (experiments, bands).
     """
 
-    def __init__(self, experiments: Sequence[Experiment], *, coloured: bool = True) -> None:
+    def __init__(self, experiments: Sequence[Experiment], *, noise: Noise = "coloured") -> None:
+        self.noise = noise
         whole = [[(0, slice(0, len(e.measured)))] for e in experiments]
-        bands = [e.bands(EVIDENCE.fewest) for e in experiments] if coloured else whole
+        bands = [e.bands(EVIDENCE.fewest) for e in experiments] if noise == "coloured" else whole
         found = [(rows, np.isfinite(e.measured).mean(axis=0)) for rows, e in zip(bands, experiments, strict=True)]
         names = {(k, band) for rows, known in found for band, _ in rows for k in np.flatnonzero(known).tolist()}
         self.names = tuple(sorted(names))
@@ -65,6 +71,14 @@ class Bands:
     def count(self) -> Array:
         """Independent values in each band, shape (bands,)."""
         return np.asarray(self.counts.sum(axis=0))
+
+    def strength(self, energies: Array) -> Array:
+        """Mean square of the noise in each band, shape (bands,), given `energies`."""
+        return np.ones(len(self.names)) if self.noise == "stated" else strength(energies.sum(axis=0), self.count)
+
+    def misfit(self, energies: Array) -> float:
+        """Minus twice the logarithm of the likelihood of what is left over, given `energies`."""
+        return float(energies.sum()) if self.noise == "stated" else misfit(energies.sum(axis=0), self.count)
 
     def energies(self, components: Sequence[Array]) -> Array:
         """Sum of squares in each band of residuals, given their `Experiment.components`; shape (experiments, bands)."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.estimation import parameters
 from diagnosis.estimation.experiment import TRAINING, Experiment
-from diagnosis.estimation.leftover import Bands, Leftover, left_by, misfit
+from diagnosis.estimation.leftover import Bands, Leftover, Noise, left_by
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.time_experiment import over_time
 from diagnosis.thresholds import FITTING
@@ -129,21 +129,20 @@ class Problem:
         """What the model leaves over of experiments, each band of a signal summed over all of them."""
         return left_by(experiments, [self.residual(x, e) for e in experiments])
 
-    def misfit(self, x: Array, experiments: Sequence[Experiment], *, coloured: bool = True) -> float:
-        """Minus twice the logarithm of the likelihood of experiments, with noise as strong as what is left over.
+    def misfit(self, x: Array, experiments: Sequence[Experiment], *, noise: Noise = "coloured") -> float:
+        """Minus twice the logarithm of the likelihood of experiments.
 
         Args:
             x: search vector, shape (n,).
             experiments: of any role.
-            coloured: as of `Bands`.
+            noise: as of `Bands`.
         """
-        bands = Bands(experiments, coloured=coloured)
-        energies = bands.energies([e.components(self.residual(x, e)) for e in experiments])
-        return misfit(energies.sum(axis=0), bands.count)
+        bands = Bands(experiments, noise=noise)
+        return bands.misfit(bands.energies([e.components(self.residual(x, e)) for e in experiments]))
 
-    def cost(self, x: Array, experiments: Sequence[Experiment], *, coloured: bool = True) -> float:
+    def cost(self, x: Array, experiments: Sequence[Experiment], *, noise: Noise = "coloured") -> float:
         """What a fit makes small: the misfit of experiments and the cost of the prior; arguments as of `misfit`."""
-        return self.misfit(x, experiments, coloured=coloured) + self.prior_cost(x)
+        return self.misfit(x, experiments, noise=noise) + self.prior_cost(x)
 
     def chi2(self, x: Array, experiments: Sequence[Experiment]) -> float:
         """Mean of the squared residuals of experiments, as `Experiment.squares` counts them; 1 is the noise."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagnosis.estimation.experiment import Experiment
-from diagnosis.estimation.leftover import Bands, misfit, strength
+from diagnosis.estimation.leftover import Bands, Noise
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from engine.threads import Threads
@@ -21,7 +21,7 @@ class WhitenedResiduals:
         experiments: to what.
         pool: threads.
         only: numbers of the search variables that may move; all if None.
-        coloured: as of `Bands`.
+        noise: as of `Bands`.
     """
 
     def __init__(
@@ -31,11 +31,11 @@ class WhitenedResiduals:
         pool: Threads,
         only: Sequence[int] | None = None,
         *,
-        coloured: bool = True,
+        noise: Noise = "coloured",
     ) -> None:
         self.problem, self.experiments, self.pool = problem, experiments, pool
         self.numbers = list(range(len(problem.free)) if only is None else only)
-        self.bands = Bands(experiments, coloured=coloured)
+        self.bands = Bands(experiments, noise=noise)
 
     def moved(self, x: Array, step: Array) -> Array:
         """The search vector after a step of the variables that may move, kept within its bounds."""
@@ -76,12 +76,11 @@ class WhitenedResiduals:
 
     def cost(self, x: Array, rows: Sequence[Array]) -> float:
         """What is made small, given the components of the residuals."""
-        energy = self.bands.energies(rows).sum(axis=0)
-        return misfit(energy, self.bands.count) + self.problem.prior_cost(x)
+        return self.bands.misfit(self.bands.energies(rows)) + self.problem.prior_cost(x)
 
     def weights(self, rows: Sequence[Array]) -> list[Array]:
         """What makes residuals white that are like these."""
-        return self.bands.weights(strength(self.bands.energies(rows).sum(axis=0), self.bands.count))
+        return self.bands.weights(self.bands.strength(self.bands.energies(rows)))
 
     def whitened(self, x: Array, rows: Sequence[Array], weights: Sequence[Array]) -> Array:
         """The residual, shape (rows,), that of the prior at its end."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.estimation.least_squares import Fit, descend, fit
+from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, resolved, variant
@@ -71,7 +72,7 @@ class CandidateFitter:
         def compute() -> PartialFit:
             rough = coarse(self.base, np.zeros(len(self.base.free)))
             drop = SEARCH.slow
-            made = fit(rough, random_starts=2, seed=self.seed, workers=self.workers, least_gain=drop)
+            made = fit(rough, random_starts=2, seed=self.seed, workers=self.workers, least_gain=drop, noise="coloured")
             with Threads(self.workers) as pool:
                 x, cost, converged = descend(self.base, made.x, self.base.training, pool, least_gain=drop)
             return PartialFit((), StartingPoint(cost, self.base, x, (), ()), converged)
@@ -90,6 +91,27 @@ class CandidateFitter:
 
         return self._trial(self._kept(f"settled {model.label} {_mark(point.x)}", model.effects, compute))
 
+    def closest(self, model: ScoredModel) -> ScoredModel:
+        """A model with its parameters at the least squared error near by, as evident as it was."""
+        point = end_of(model)
+
+        def compute() -> PartialFit:
+            made = point.problem
+            with Threads(self.workers) as pool:
+                x, cost, converged = descend(
+                    made, point.x, made.training, pool, iterations=SEARCH.most_steps, noise="stated"
+                )
+            if not model.effects:
+                anew = fit(made, random_starts=2, seed=self.seed, workers=self.workers)
+                x, cost, converged = min(
+                    (x, cost, converged), (anew.x, anew.cost, anew.converged), key=lambda end: end[1]
+                )
+            return PartialFit(model.effects, replace(point, x=x, cost=cost), converged)
+
+        kept = self._kept(f"closest {model.label} {_mark(point.x)}", model.effects, compute)
+        found = self._trial(kept, "stated")
+        return replace(found, log_evidence=model.log_evidence)
+
     def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:
         """What ``compute`` gives, or what it gave before under the same key."""
         key = f"{self.digest} {key}"
@@ -107,13 +129,13 @@ class CandidateFitter:
         point = StartingPoint(row["cost"], made, np.array(row["x"]), tuple(row["sizes"]), tuple(row["built"]))
         return PartialFit(effects, point, row["converged"])
 
-    def _trial(self, partial: PartialFit) -> ScoredModel:
-        """A partial fit as it is, scored."""
+    def _trial(self, partial: PartialFit, noise: Noise = "coloured") -> ScoredModel:
+        """A partial fit as it is, scored; ``noise`` as of `scored`."""
         made, x = partial.point.problem, partial.point.x
         n = len(x)
         chi2 = made.chi2(x, made.training)
         found = Fit(made, x, partial.point.cost, chi2, partial.converged, np.zeros((n, n)))
-        return scored(found, partial.effects, partial.point.sizes)
+        return scored(found, partial.effects, partial.point.sizes, noise)
 
     @functools.cached_property
     def coarse(self) -> Problem:
@@ -222,7 +244,7 @@ class CandidateFitter:
                 steps = SEARCH.first_steps if number < SEARCH.starts else SEARCH.bold_steps
                 there = point.problem
                 x, cost, converged = descend(
-                    there, point.x, there.training, pool, iterations=steps, least_gain=SEARCH.slow, coloured=False
+                    there, point.x, there.training, pool, iterations=steps, least_gain=SEARCH.slow, noise="white"
                 )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
         # A size that is only chosen takes no steps, and would stand where it began among others that did.
@@ -239,7 +261,7 @@ class CandidateFitter:
             elif all(len(c.starts) == 1 for c in effects):
                 only = tuple(c.starts[0] for c in effects)
                 for made, x, sizes in self.placed(effects, [only], values):
-                    cost = made.cost(x, made.training, coloured=False)
+                    cost = made.cost(x, made.training, noise="white")
                     points.append(StartingPoint(cost, made, x, sizes, only))
             else:
                 origin = self.origin(tuple(before), values)
@@ -281,12 +303,12 @@ class CandidateFitter:
 
     def compute_finish(self, partial: PartialFit) -> PartialFit:
         """The work of `finish`, done anew whatever is kept and not scored."""
-        there = self._descended(self._descended(partial, coloured=False))
-        finer = self._refined(there, coloured=True)
+        there = self._descended(self._descended(partial, noise="white"))
+        finer = self._refined(there, noise="coloured")
         whole = self.coarse is not self.base
         return self._descended(finer, whole=whole) if whole or finer is not there else there
 
-    def _descended(self, partial: PartialFit, *, whole: bool = False, coloured: bool = True) -> PartialFit:
+    def _descended(self, partial: PartialFit, *, whole: bool = False, noise: Noise = "coloured") -> PartialFit:
         """The partial fit fitted until it converges or hardly gains: to coarse recordings, or to all."""
         point = partial.point
         made = self.build(partial.effects, point.built, whole=True) if whole else point.problem
@@ -299,13 +321,13 @@ class CandidateFitter:
                 pool,
                 iterations=SEARCH.most_steps,
                 least_gain=SEARCH.slow,
-                coloured=coloured,
+                noise=noise,
             )
         if not math.isfinite(cost):  # it stands where the model cannot be differentiated
             return partial
         return PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
 
-    def _refined(self, partial: PartialFit, only: Candidate | None = None, *, coloured: bool = False) -> PartialFit:
+    def _refined(self, partial: PartialFit, only: Candidate | None = None, *, noise: Noise = "white") -> PartialFit:
         """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""
         for k, effect in enumerate(partial.effects):
             if only not in (None, effect):
@@ -318,7 +340,7 @@ class CandidateFitter:
                     made = self.build(partial.effects, built)
                     with Threads(1) as pool:
                         x, cost, converged = descend(
-                            made, best.x, made.training, pool, iterations=SEARCH.first_steps, coloured=coloured
+                            made, best.x, made.training, pool, iterations=SEARCH.first_steps, noise=noise
                         )
                     if cost < partial.point.cost:
                         partial = PartialFit(partial.effects, StartingPoint(cost, made, x, chosen, built), converged)

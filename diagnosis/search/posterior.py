@@ -149,8 +149,11 @@ def floor(model: ScoredModel) -> float:
 
 
 def relieved(refit: ScoredModel, model: ScoredModel) -> float:
-    """Share of what the refitted model leaves unexplained, and of what its parameters cost, that a model takes away."""
-    return max(1 - model.room / refit.room, 0.0) if refit.room > 0 else 0.0
+    """Share of what the refitted model leaves unexplained that a model explains, or of the strain if that is bent."""
+    shares = [1 - model.room / refit.room] if refit.room > 0 else [0.0]
+    if refit.bent:
+        shares.append(1 - model.strain / refit.strain)
+    return max(*shares, 0.0)
 
 
 def explained(refit: ScoredModel, model: ScoredModel) -> float:

@@ -110,7 +110,7 @@ def as_they_were_taken(scenario: Scenario, recordings: Sequence[Recorded], worke
         if not _differ(other, kept):
             continue
         if best is None:
-            best = _judged(fit(problem(scenario, kept), workers=workers, least_gain=SEARCH.slow))
+            best = _judged(fit(problem(scenario, kept), workers=workers, least_gain=SEARCH.slow, noise="coloured"))
         found = _fitted(_with_noise_of(best.problem, problem(scenario, other)), best, workers)
         if _likelier(found, best):
             kept, best = other, found
@@ -157,7 +157,7 @@ def _fitted(made: Problem, near: Fit, workers: int) -> Fit:
 
 def _judged(made: Fit) -> Fit:
     """A fit with the starting values of held-out recordings fitted too."""
-    return replace(made, x=with_held_out_starts(made.problem, made.x))
+    return replace(made, x=with_held_out_starts(made.problem, made.x, noise="coloured"))
 
 
 def _evidence(made: Fit, instants: Sequence[Experiment]) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.least_squares import Fit, with_held_out_starts
-from diagnosis.estimation.leftover import Leftover
+from diagnosis.estimation.leftover import Leftover, Noise
 from diagnosis.search.evidence import evidence
 
 
@@ -82,9 +82,11 @@ class ScoredModel:
         return rows
 
 
-def scored(made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, float], ...] = ()) -> ScoredModel:
-    """A fit judged on all recordings, with the starting values of those that are held out fitted."""
-    problem, x = made.problem, with_held_out_starts(made.problem, made.x)
+def scored(
+    made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, float], ...] = (), noise: Noise = "coloured"
+) -> ScoredModel:
+    """A fit judged on all recordings, the starting values of those that are held out fitted; ``noise`` as there."""
+    problem, x = made.problem, with_held_out_starts(made.problem, made.x, noise=noise)
     left = problem.leftover(x, problem.experiments)
     found = evidence(problem, x, left)
     unseen = problem.leftover(x, problem.judged)

@@ -295,7 +295,7 @@ def begun(builder: Builder, origin: Origin, effect: Candidate, most: int, *, bol
             for f, change in zip(origin.problem.free, course.change, strict=True):
                 if (f.name, f.recording) in names:
                     moved[names.index((f.name, f.recording))] += change
-            able = [(model.cost(there, model.training, coloured=False), k) for k, there in enumerate((x, moved))]
+            able = [(model.cost(there, model.training, noise="white"), k) for k, there in enumerate((x, moved))]
             cost, k = min(able)
             rows.append(StartingPoint(cost, model, (x, moved)[k], sizes, sizes))
     return rows

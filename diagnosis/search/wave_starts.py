@@ -45,7 +45,7 @@ def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[
 
 
 def _cost(made: Problem, x: Array) -> float:
-    return made.cost(x, made.training, coloured=False)
+    return made.cost(x, made.training, noise="white")
 
 
 def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
@@ -57,7 +57,7 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     names = [f.name for f in made.free]
     a, p = (names.index(f"{effect.name}.{key}") for key in (effect.wave.amplitude, effect.wave.phase))
     with Threads(1) as pool:
-        stack = WhitenedResiduals(made, made.training, pool, coloured=False)
+        stack = WhitenedResiduals(made, made.training, pool, noise="white")
         try:
             rows, slopes = stack.linearised(x)
         except SimulationError:

@@ -35,11 +35,11 @@ class Bench:
             given: begin from the values given too, as a diagnosis does where the refit went astray.
         """
         parents = [standing(self.refit.fit), {}] if given else [standing(self.refit.fit)]
-        return self.fitter.finish(self.fitter.partial_fit(effects, parents))
+        return self.fitter.closest(self.fitter.finish(self.fitter.partial_fit(effects, parents)))
 
 
 def bench(name: str, *overrides: str) -> Bench:
     """Prepare a shipped scenario with all its recordings."""
     scenario = load(name, overrides)
     fitter = CandidateFitter(scenario, gather(scenario, (), ()), 2, 0)
-    return Bench(fitter, fitter.refit, candidates(operating_scales(fitter.base)))
+    return Bench(fitter, fitter.closest(fitter.refit), candidates(operating_scales(fitter.base)))

@@ -52,6 +52,7 @@ def model(*effects: Candidate, excess: float, held_out: float | None = None, **m
         log_evidence=given["log_evidence"],
         strain=given["strain"],
         room=left(excess).unexplained + 0.5 * given["strain"],
+        bent=given["strain"] > 10,
         fit=SimpleNamespace(converged=given["converged"]),
     )
 
