@@ -268,15 +268,21 @@ def growth() -> Iterator[Row]:
     for modes in (2, 4, 8, 16, 32):
         model = load("reference-a", [f"link.modes={modes}"]).build()
         yield f"model A with {modes} modes: time per RK4 step", f"{_per_step(model):.2f} us", "-"
-    for links in (1, 2, 4, 8, 16, 32):
+    actions, ready = [], []
+    for links in _LINKS:
         started = time.perf_counter()
         model = load("reference-c", text=_ARM.format(links=links)).build()
         native.entry(model)
+        ready.append(time.perf_counter() - started)
+        actions.append(inner(model, 0.2))
+    costs = dict(zip(_LINKS, least(15, *(action for action, _ in actions)), strict=True))
+    for (links, seconds), (_, last), spent in zip(costs.items(), actions, ready, strict=True):
         what = f"serial arm of {links} links with 2 modes each: time per RK4 step"
-        ready = time.perf_counter() - started
-        yield what, f"{_per_step(model):.2f} us (ready in {ready:.1f} s)", "-"
+        yield what, f"{seconds / last[0].steps * 1e6:.2f} us (ready in {spent:.1f} s)", "-"
+    yield "serial arm: cost of a step from 16 to 32 links", f"{costs[32] / costs[16]:.2f} x", "<= 2.1 x"
 
 
+_LINKS = (1, 2, 4, 8, 16, 32)
 _ARM = """
 schema: 1
 name: arm
