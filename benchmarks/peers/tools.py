@@ -39,7 +39,7 @@ def _flexarm(how: str, text: str, output: str, initial: dict[str, float] | None 
     return simulators.made("flexarm", how, make, runs=_COMPILED)
 
 
-_COMPILED = 60
+_COMPILED = 150
 """Runs after which flexarm has compiled a model, rather than carry on with byte code."""
 
 
