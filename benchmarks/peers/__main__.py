@@ -199,7 +199,7 @@ def _table(rows: list[dict[str, Any]]) -> str:
     for row in rows:
         milliseconds, ratio = 1e3 * row["seconds"], row["seconds"] / ours
         told = f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.2g}"
-        setup = "-" if row.get("setup") is None else f"{row['setup']:.2g} s"
+        setup = "-" if row.get("setup") is None else f"{row['setup']:.2g} s" if row["setup"] >= 0.01 else "< 0.01 s"
         took = f"{milliseconds:.3g} ms"
         cells = (row["tool"], row["how"], took, told, f"{row['error']:.1e}", setup, str(row["repeats"]))
         lines.append("| " + " | ".join(cells) + " |")
