@@ -102,7 +102,7 @@ class Arm:
 
 
 def run(stop: float, method: str, rtol: float, begin: float = 0.0) -> tuple[Vector, float]:
-    """Motor speed (rad/s) at each sample up to ``stop``, and the processor time (s) of the samples from ``begin`` on."""
+    """Motor speed (rad/s) at each sample up to ``stop``, and the processor time (s) from ``begin`` on."""
     arm, x, integral = Arm(), np.zeros(13), 0.0
     guards: list[Callable[..., Any]] = []
     for name in ("friction_guard", "contact_guard"):

@@ -50,8 +50,9 @@ def test_sliding_problem() -> None:
 
 def test_two_links() -> None:
     exact = problems.links_solution()
-    # They hang down in the end, and swing about that before.
-    assert abs(exact[-2000:]).max() < 0.5 < abs(exact[:2000]).max()
+    # They are let go at their highest, and friction takes from every swing.
+    assert abs(exact[-2000:]).max() < 0.7 * abs(exact).max()
+    assert abs(exact).max() == exact[0] == problems.RAISED[0]
     chosen = tools.two_links()
     for name, bound in (("hand-written C", 1e-8), ("flexarm", 1e-8), ("scipy solve_ivp", 1e-7)):
         assert apart(named(chosen, name).run(), exact) < bound, name
