@@ -118,11 +118,11 @@ def main() -> None:
     """Measure, print, keep."""
     found = measure()
     print(f"outputs: FMU and hand-written C differ by {found['difference_from_hand_written']:.1e} after 1 s")
-    print(f"1 ms doStep / the same step in hand-written C: {found['ratio_to_hand_written']:.3f} (bound 1.0)")
+    print(f"1 ms doStep / the same step in hand-written C: {found['ratio_to_hand_written']:.3f} (bound 0.9)")
     print(f"saving and restoring the state / a 1 ms doStep: {found['states_in_steps']:.2f} (bound 2)")
     print(f"1 ms doStep of a pythonfmu FMU / of ours: {found['pythonfmu_ratio']:.0f}")
     print(f"export with a warm cache: {found['export_warm_s_per_platform']:.2f} s a platform (bound 1)")
-    print(f"archive for two platforms: {found['two_platforms_kB']:.0f} kB (bound 200)")
+    print(f"archive for two platforms: {found['two_platforms_kB']:.0f} kB (bound 120)")
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     assert found["difference_from_hand_written"] < 1e-9

@@ -102,7 +102,7 @@ class Arm:
 
 
 def run(stop: float, method: str, rtol: float, begin: float = 0.0) -> tuple[Vector, float]:
-    """Motor speed (rad/s) at each sample up to ``stop``, and the seconds that the samples from ``begin`` on took."""
+    """Motor speed (rad/s) at each sample up to ``stop``, and the processor time (s) from ``begin`` on."""
     arm, x, integral = Arm(), np.zeros(13), 0.0
     guards: list[Callable[..., Any]] = []
     for name in ("friction_guard", "contact_guard"):
@@ -113,11 +113,11 @@ def run(stop: float, method: str, rtol: float, begin: float = 0.0) -> tuple[Vect
         guard.terminal, guard.direction = True, 1  # type: ignore[attr-defined]
         guards.append(guard)
     samples = round(stop / PERIOD)
-    speed, started = np.zeros(samples + 1), time.perf_counter()
+    speed, started = np.zeros(samples + 1), time.process_time()
     for k in range(samples + 1):
         now = k * PERIOD
         if k == round(begin / PERIOD):
-            started = time.perf_counter()
+            started = time.process_time()
         speed[k] = RATIO * x[6]
         error = TACHOMETER * RATIO * _velocity(now) - x[12]
         command = PROPORTIONAL * error + INTEGRAL * integral
@@ -131,4 +131,4 @@ def run(stop: float, method: str, rtol: float, begin: float = 0.0) -> tuple[Vect
             now, x = float(found.t[-1]), found.y[:, -1].copy()
             if found.status == 1:
                 arm.switch(x, *(len(times) > 0 for times in found.t_events))
-    return speed, time.perf_counter() - started
+    return speed, time.process_time() - started

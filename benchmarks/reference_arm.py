@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,9 @@ from blocks.actuators.gear import Gear
 from blocks.links.assumed_modes import AssumedModesLink
 from engine.assemble import build
 from engine.block import Block
-from engine.compile import library
 from engine.model import Model
 from engine.system import Connection, System
+from fmu.build import library
 
 FOLDER = Path(__file__).parent / "reference"
 OUTPUTS = ("link.hub.angle", "link.tip.deflection", "link.tip.acceleration", "motor.current")
@@ -61,7 +62,11 @@ class ByHand:
     def __init__(self, payload: float = 0.0) -> None:
         text = (FOLDER / "arm8.c").read_text(encoding="utf-8")
         exported = '__attribute__((visibility("default"))) void arm8_'
-        self._library = library(text.replace("\nvoid arm8_", "\n" + exported))
+        made = library({"arm8.c": text.replace("\nvoid arm8_", "\n" + exported)}, "linux64")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "arm8.so"
+            path.write_bytes(made)
+            self._library = ctypes.CDLL(str(path))
         self._library.arm8_run.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double, ctypes.c_long]
         self._library.arm8_outputs.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p]
         values = (

@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 
 from engine.codegen import (
-    BINARY,
     CALLED,
     INCLUDES,
-    UNARY,
     Emitter,
     Jacobian,
     rings_of,
@@ -26,6 +24,7 @@ from engine.codegen import (
     tangent_emitter,
 )
 from engine.model import FRICTION, SWITCH, TIME, Model
+from engine.operations import BINARY, UNARY
 
 MOST, MOST_LINE, MOST_PLACES = 128, 2048, 1 << 16
 """Values of a kind, values in delay lines, and places in the file of a model that byte code can serve."""

@@ -17,64 +17,12 @@ from typing import Any
 import casadi as ca
 
 from engine.model import FRICTION, SWITCH, TIME, Model
+from engine.operations import BINARY, COSTLY, UNARY, literal
 from engine.ports import Expression
+from engine.statements import Shelf, Statements
 
 _RUNTIME = Path(__file__).parent / "runtime"
 
-BINARY = {
-    ca.OP_ADD: "{0} + {1}",
-    ca.OP_SUB: "{0} - {1}",
-    ca.OP_MUL: "{0} * {1}",
-    ca.OP_DIV: "{0} / {1}",
-    ca.OP_POW: "pow({0}, {1})",
-    ca.OP_CONSTPOW: "pow({0}, {1})",
-    ca.OP_LT: "(double)({0} < {1})",
-    ca.OP_LE: "(double)({0} <= {1})",
-    ca.OP_EQ: "(double)({0} == {1})",
-    ca.OP_NE: "(double)({0} != {1})",
-    ca.OP_AND: "(double)({0} != 0 && {1} != 0)",
-    ca.OP_OR: "(double)({0} != 0 || {1} != 0)",
-    ca.OP_IF_ELSE_ZERO: "({0} != 0 ? {1} : 0.0)",
-    ca.OP_FMIN: "fa_min({0}, {1})",
-    ca.OP_FMAX: "fa_max({0}, {1})",
-    ca.OP_FMOD: "fmod({0}, {1})",
-    ca.OP_REMAINDER: "remainder({0}, {1})",
-    ca.OP_COPYSIGN: "copysign({0}, {1})",
-    ca.OP_ATAN2: "atan2({0}, {1})",
-    ca.OP_HYPOT: "hypot({0}, {1})",
-}
-UNARY = {
-    ca.OP_ASSIGN: "{0}",
-    ca.OP_NEG: "-{0}",
-    ca.OP_SQ: "{0} * {0}",
-    ca.OP_TWICE: "2.0 * {0}",
-    ca.OP_INV: "1.0 / {0}",
-    ca.OP_NOT: "(double)({0} == 0)",
-    ca.OP_FABS: "fabs({0})",
-    ca.OP_SIGN: "fa_sign({0})",
-    ca.OP_SQRT: "sqrt({0})",
-    ca.OP_EXP: "exp({0})",
-    ca.OP_LOG: "log({0})",
-    ca.OP_SIN: "sin({0})",
-    ca.OP_COS: "cos({0})",
-    ca.OP_TAN: "tan({0})",
-    ca.OP_ASIN: "asin({0})",
-    ca.OP_ACOS: "acos({0})",
-    ca.OP_ATAN: "atan({0})",
-    ca.OP_SINH: "sinh({0})",
-    ca.OP_COSH: "cosh({0})",
-    ca.OP_TANH: "tanh({0})",
-    ca.OP_ASINH: "asinh({0})",
-    ca.OP_ACOSH: "acosh({0})",
-    ca.OP_ATANH: "atanh({0})",
-    ca.OP_ERF: "erf({0})",
-    ca.OP_LOG1P: "log1p({0})",
-    ca.OP_EXPM1: "expm1({0})",
-    ca.OP_FLOOR: "floor({0})",
-    ca.OP_CEIL: "ceil({0})",
-}
-_COSTLY = frozenset(UNARY) - {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_NOT, ca.OP_FABS, ca.OP_SIGN}
-_COSTLY |= {ca.OP_DIV, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_ATAN2, ca.OP_HYPOT}
 _INLINED = 600
 """Statements up to which the derivative is compiled into every stage of a step, so that stages share what they can."""
 _CONSTANT, _PARAMETER, _MODE, _STATE = range(4)
@@ -174,14 +122,6 @@ class Emitter:
             used |= {o for o in operands if self.levels[o] == level and self.nodes[o][0] != "input"}
         return sorted(used)
 
-    def _operand(self, node: int, stored: dict[int, str], local: set[int]) -> str:
-        key = self.nodes[node]
-        if key[0] == "const":
-            return _literal(key[1])
-        if key[0] == "input":
-            return "t" if key[1] == "t" else f"{key[1]}[{key[2]}]"
-        return f"v{node}" if node in local else stored[node]
-
     def is_computed(self, node: int) -> bool:
         """Whether a node is the result of an operation."""
         return self.nodes[node][0] not in ("const", "input")
@@ -199,28 +139,8 @@ class Emitter:
         computed = [node for node in nodes if self.is_computed(node)]
         for conditions, run in itertools.groupby(computed, lambda node: wanted.get(node, frozenset())):
             group = list(run)
-            costly = conditions and any(self.nodes[node][0] in _COSTLY for node in group)
+            costly = conditions and any(self.nodes[node][0] in COSTLY for node in group)
             yield (conditions if costly else frozenset()), group
-
-    def _body(self, nodes: list[int], stored: dict[int, str], results: Sequence[int] | None = None) -> list[str]:
-        """Statements that compute the nodes; given the results, costly ones only where a mode or phase needs them."""
-        lines: list[str] = []
-        local = {node for node in nodes if self.is_computed(node)}
-        for conditions, group in self.groups(nodes, results):
-            texts = {}
-            for node in group:
-                key = self.nodes[node]
-                form = UNARY.get(key[0]) or BINARY[key[0]]
-                texts[node] = form.format(*[self._operand(o, stored, local) for o in key[1:]])
-            if conditions:
-                tests = " && ".join(f"{self._operand(c, stored, local)} != 0" for c in sorted(conditions))
-                lines.append("  double " + ", ".join(f"v{node} = 0" for node in group) + ";")
-                lines.append(f"  if ({tests}) {{")
-                lines += [f"    v{node} = {text};" for node, text in texts.items()]
-                lines.append("  }")
-            else:
-                lines += [f"  const double v{node} = {text};" for node, text in texts.items()]
-        return lines
 
     def _wanted(self, nodes: list[int], results: Sequence[int]) -> dict[int, frozenset[int]]:
         """For each node the conditions, known at the last switch, without which nothing uses it."""
@@ -263,15 +183,25 @@ class Emitter:
     def text(self) -> str:
         """C source of the preparations and of every function added."""
         plan = self.plan()
-        wanted_p, wanted_m, state_nodes = [*plan.constant, *plan.parameter], plan.mode, plan.state
-        stored = {node: f"cp[{i}]" for i, node in enumerate(wanted_p)}
-        stored |= {node: f"cm[{i}]" for i, node in enumerate(wanted_m)}
-        parts = [f"#define FA_NCP {len(wanted_p)}\n#define FA_NCM {len(wanted_m)}\n"]
-        body = self._body(plan.parameters, {})
-        body += [f"  cp[{i}] = v{node};" for i, node in enumerate(wanted_p)]
+        cp, cm = Shelf("cp"), Shelf("cm")
+
+        def shelf(node: int) -> Shelf:
+            return cm if self.levels[node] == _MODE else cp
+
+        bodies = {
+            name: Statements(self, plan.state[name], shelf, results, rolled=len(plan.state[name]) > _INLINED)
+            for name, results in self.functions.items()
+        }
+        modes = Statements(self, plan.modes, shelf, rolled=len(plan.modes) > _INLINED)
+        parameters = Statements(self, plan.parameters, rolled=len(plan.parameters) > _INLINED)
+        for statements in (*bodies.values(), modes):
+            statements.reserve()
+        cp.put([*plan.constant, *plan.parameter])
+        cm.put(plan.mode)
+        parts = [f"#define FA_NCP {len(cp.order)}\n#define FA_NCM {len(cm.order)}\n"]
+        body = parameters.text([("cp", node) for node in cp.order])
         parts.append(_function("fa_prepare_parameters", "const double *p, double *cp", body))
-        body = self._body(plan.modes, stored)
-        body += [f"  cm[{i}] = v{node};" for i, node in enumerate(wanted_m)]
+        body = modes.text([("cm", node) for node in cm.order])
         arguments = "const double *m, const double *p, const double *cp, double *cm"
         parts.append(_function("fa_prepare_modes", arguments, body))
         arguments = (
@@ -285,10 +215,8 @@ class Emitter:
                 # What both share is worked out twice; compiling it twice costs more.
                 parts.append(_function("fa_full", arguments, _both(len(self.functions["derivative"]))))
                 continue
-            body = self._body(state_nodes[name], stored, results)
-            local = set(state_nodes[name])
-            body += [f"  r[{i}] = {self._operand(node, stored, local)};" for i, node in enumerate(results)]
-            inlined = name == "derivative" and len(body) <= _INLINED
+            body = bodies[name].text([("r", node) for node in results])
+            inlined = name == "derivative" and len(bodies[name]) + len(results) <= _INLINED
             large = large or (name == "derivative" and not inlined)
             parts.append(_function(f"fa_{name}", arguments, body, inlined))
         return "\n".join(parts)
@@ -303,15 +231,6 @@ def _both(states: int) -> list[str]:
 def _function(name: str, arguments: str, body: list[str], inlined: bool = False) -> str:
     inline = "inline __attribute__((always_inline)) " if inlined else ""
     return f"static {inline}void {name}({arguments}) {{\n" + "\n".join(body) + "\n}\n"
-
-
-def _literal(value: float) -> str:
-    if value != value:
-        return "(0.0/0.0)"
-    if value in (float("inf"), float("-inf")):
-        return "(1.0/0.0)" if value > 0 else "(-1.0/0.0)"
-    text = repr(value)
-    return f"({text})" if value < 0 else text
 
 
 def _array(ctype: str, name: str, values: list[str]) -> str:
@@ -394,8 +313,8 @@ def _sizes(model: Model, *, called: bool = False) -> str:
     lines.append(_array("int", "fa_table_length", [str(len(t.times)) for t in model.tables]))
     lines.append(_array("int", "fa_table_linear", [str(int(t.hold == "linear")) for t in model.tables]))
     for i, table in enumerate(model.tables):
-        lines.append(_array("double", f"fa_table_t{i}", [_literal(float(t)) for t in table.times]))
-        lines.append(_array("double", f"fa_table_v{i}", [_literal(float(v)) for v in table.values]))
+        lines.append(_array("double", f"fa_table_t{i}", [literal(float(t)) for t in table.times]))
+        lines.append(_array("double", f"fa_table_v{i}", [literal(float(v)) for v in table.values]))
     for field in ("clock", "first_input", "first_output") if model.externals else ():
         values = [str(getattr(external, field)) for external in model.externals]
         lines.append(_array("int", f"fa_external_{field}", values))

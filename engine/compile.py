@@ -119,25 +119,20 @@ _NO_LOOPS, _NO_LINES = "-fno-vectorize", "-fno-slp-vectorize"
 """Without the search for vector instructions in loops, and in lines that follow one another; only clang knows these."""
 
 
-def flags(source: str) -> tuple[str, ...]:
-    """Flags for a source. What a large one leaves out, which only clang knows, changes no result."""
-    if len(source) > _LARGE and "clang" in version():
-        return (*FLAGS, _NO_LOOPS, _NO_LINES)
-    return FLAGS
-
-
-def own_flags(source: str, in_lines: bool) -> tuple[str, ...]:
-    """Flags for a source that this machine runs.
+def flags(source: str, *, in_lines: bool = False) -> tuple[str, ...]:
+    """Flags for a source. What is left out beside `FLAGS`, which only clang knows, changes no result.
 
     Lines that happen to be alike wait for one another in a vector: runs take up to 9 % less time without. Tangents are
-    vectors in the source already; theirs take less if loops are left as they are. No result changes.
+    vectors in the source already; theirs take less if loops are left as they are. A large source has neither.
 
     Args:
         source: C.
         in_lines: whether vectors are looked for in lines rather than loops.
     """
-    if len(source) > _LARGE or "clang" not in version():
-        return flags(source)
+    if "clang" not in version():
+        return FLAGS
+    if len(source) > _LARGE:
+        return (*FLAGS, _NO_LOOPS, _NO_LINES)
     return (*FLAGS, _NO_LOOPS if in_lines else _NO_LINES)
 
 
@@ -228,7 +223,7 @@ def known(source: str, *, in_lines: bool = False) -> bool:
         CompilerUnavailable: no compiler runs.
     """
     try:
-        return (cache.folder() / _library_name(source, own_flags(source, in_lines))).is_file()
+        return (cache.folder() / _library_name(source, flags(source, in_lines=in_lines))).is_file()
     except OSError:
         return False
 
@@ -238,12 +233,12 @@ def library(source: str, *, in_lines: bool = False) -> ctypes.CDLL:
 
     Args:
         source: C.
-        in_lines: see `own_flags`.
+        in_lines: see `flags`.
 
     Raises:
         CompilerUnavailable: no compiler runs, or it fails.
     """
-    chosen = own_flags(source, in_lines)
+    chosen = flags(source, in_lines=in_lines)
     name = _library_name(source, chosen)
     try:
         target = cache.folder() / name

@@ -1,7 +1,8 @@
-/* The two problems of benchmarks/peers, written by hand: RK4 with four stages a step, doubles, no library.
+/* The problems of benchmarks/peers, written by hand: RK4 with four stages a step, doubles, no library.
  *
  * linear: x' = A x + b u(t), y = c x, u = 1 from rows `on` to `off`; A of order n <= 16, by rows.
- * sliding: J w' = T sin(2 pi f t) - k q - d w - F, dry friction of level F that sticks, its switches located to 1e-13. */
+ * sliding: J w' = T sin(2 pi f t) - k q - d w - F, dry friction of level F that sticks, its switches located to 1e-13.
+ * two_links: two uniform rods hinged in a vertical plane, with a spring between them. */
 
 #include <math.h>
 #include <stdint.h>
@@ -90,4 +91,37 @@ __attribute__((visibility("default"))) int64_t sliding(double J, double k, doubl
     }
   }
   return events;
+}
+
+typedef struct { double shared, m22, fixed, g1, g2, k, d; } rods;
+
+static void swing(const rods *p, const double *x, double *r) {
+  const double s2 = sin(x[1]), c = p->shared * cos(x[1]), s = p->shared * s2;
+  const double m12 = p->m22 + c, m11 = p->fixed + 2 * c, pull = p->g2 * sin(x[0] + x[1]);
+  const double f1 = s * (2 * x[2] * x[3] + x[3] * x[3]) - p->g1 * sin(x[0]) - pull - p->d * x[2];
+  const double f2 = -s * x[2] * x[2] - pull - p->d * x[3] - p->k * x[1];
+  const double size = 1 / (m11 * p->m22 - m12 * m12);
+  r[0] = x[2];
+  r[1] = x[3];
+  r[2] = (p->m22 * f1 - m12 * f2) * size;
+  r[3] = (m11 * f2 - m12 * f1) * size;
+}
+
+__attribute__((visibility("default"))) void two_links(double l1, double l2, double m1, double m2, double g, double k,
+                                                      double d, double q1, double q2, int64_t rows, double h, double *y) {
+  const double m22 = m2 * l2 * l2 / 3;
+  const rods p = {m2 * l1 * l2 / 2, m22, m1 * l1 * l1 / 3 + m2 * l1 * l1 + m22, g * (m1 / 2 + m2) * l1, g * m2 * l2 / 2,
+                  k, d};
+  double x[4] = {q1, q2, 0, 0}, z[4], k1[4], k2[4], k3[4], k4[4];
+  for (int64_t row = 0; row <= rows; row++) {
+    y[row] = x[0];
+    swing(&p, x, k1);
+    for (int i = 0; i < 4; i++) z[i] = x[i] + h / 2 * k1[i];
+    swing(&p, z, k2);
+    for (int i = 0; i < 4; i++) z[i] = x[i] + h / 2 * k2[i];
+    swing(&p, z, k3);
+    for (int i = 0; i < 4; i++) z[i] = x[i] + h * k3[i];
+    swing(&p, z, k4);
+    for (int i = 0; i < 4; i++) x[i] += h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
+  }
 }

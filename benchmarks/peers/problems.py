@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -51,6 +54,20 @@ connect:
   - [source.out, drive.torque]
   - [drive.shaft, load.shaft, spring.shaft, bearing.shaft]
 simulate: {{stop: 10 s, step: 1 ms, record: [load.shaft.angle]}}
+"""
+
+LENGTHS, MASSES, GRAVITY = (0.4, 0.3), (1.2, 0.8), 9.81
+JOINT_SPRING, JOINT_DAMPING, RAISED = 3.0, 0.02, (1.2, -0.6)
+TWO_LINKS = f"""
+schema: 1
+name: two-links
+blocks:
+  arm: {{type: SerialArm, links: 2, modes: 0, length: [{LENGTHS[0]} m, {LENGTHS[1]} m],
+         mass: [{MASSES[0]} kg, {MASSES[1]} kg], viscous_friction: {JOINT_DAMPING} N.m.s/rad, gravity: true}}
+  spring: {{type: GroundSpring, stiffness: {JOINT_SPRING} N.m/rad}}
+connect:
+  - [spring.shaft, arm.joint2]
+simulate: {{stop: 10 s, step: 1 ms, record: [arm.joint1.angle]}}
 """
 
 
@@ -127,3 +144,41 @@ def by_events(method: str, rtol: float) -> Array:
 def sliding_solution() -> Array:
     """Angles at all rows by DOP853 at a relative tolerance of 1e-12."""
     return by_events("DOP853", 1e-12)
+
+
+def links_rates(x: Any, sin: Callable[[Any], Any], cos: Callable[[Any], Any]) -> list[Any]:
+    """Rates of the two links: x = angle of the first from the vertical, of the second against it, and their speeds.
+
+    Lagrange's equations of two uniform rods; ``sin`` and ``cos`` are those of whatever computes.
+    """
+    q1, q2, v1, v2 = x[0], x[1], x[2], x[3]
+    (l1, l2), (m1, m2) = LENGTHS, MASSES
+    shared = m2 * l1 * l2 / 2
+    m22 = m2 * l2**2 / 3
+    m12 = m22 + shared * cos(q2)
+    m11 = m1 * l1**2 / 3 + m2 * l1**2 + m22 + 2 * shared * cos(q2)
+    pull = GRAVITY * m2 * l2 / 2 * sin(q1 + q2)
+    f1 = shared * sin(q2) * (2 * v1 * v2 + v2 * v2) - GRAVITY * (m1 / 2 + m2) * l1 * sin(q1) - pull - JOINT_DAMPING * v1
+    f2 = -shared * sin(q2) * v1 * v1 - pull - JOINT_DAMPING * v2 - JOINT_SPRING * q2
+    size = m11 * m22 - m12 * m12
+    return [v1, v2, (m22 * f1 - m12 * f2) / size, (m11 * f2 - m12 * f1) / size]
+
+
+def links_by(method: str, rtol: float) -> Array:
+    """The first angle at all rows by scipy."""
+    instants = STEP * np.arange(ROWS + 1)
+    made = solve_ivp(
+        lambda t, x: links_rates(x, math.sin, math.cos),
+        (0, STOP),
+        [*RAISED, 0, 0],
+        method,
+        instants,
+        rtol=rtol,
+        atol=rtol * 1e-3,
+    )
+    return np.asarray(made.y[0])
+
+
+def links_solution() -> Array:
+    """The first angle at all rows by DOP853 at a relative tolerance of 1e-12."""
+    return links_by("DOP853", 1e-12)

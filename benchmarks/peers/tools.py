@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.util
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -16,34 +15,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from benchmarks.peers import problems as p
+from benchmarks.peers import simulators
+from benchmarks.peers.tool import SMOOTH, Tool, installed
 from engine.compile import library
 from engine.simulate import simulate
 
 Array = NDArray[np.float64]
-
-SMOOTH = 1e-4
-"""Speed (rad/s) over which friction is smoothed for tools that are given no events."""
-
-
-@dataclass(frozen=True)
-class Tool:
-    """A way to solve a problem.
-
-    Attributes:
-        name, how: of the tool, and what it was told.
-        run: solves it; all that can be prepared beforehand has been.
-        slow: takes seconds, so that it is repeated less often.
-    """
-
-    name: str
-    how: str
-    run: Callable[[], Array]
-    slow: bool = False
-
-
-def installed(package: str) -> bool:
-    """Whether a package can be imported."""
-    return importlib.util.find_spec(package) is not None
 
 
 def _loops() -> Any:
@@ -54,9 +31,21 @@ def _pointer(values: Array) -> Any:
     return values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
 
 
+def _flexarm(how: str, text: str, output: str, initial: dict[str, float] | None = None, step: float = p.STEP) -> Tool:
+    def make() -> Callable[[], Array]:
+        model = p.model(text)
+        return lambda: np.asarray(simulate(model, p.STOP, p.STEP, internal_step=step, initial=initial)[output])
+
+    return simulators.made("flexarm", how, make, runs=_COMPILED)
+
+
+_COMPILED = 150
+"""Runs after which flexarm has compiled a model, rather than carry on with byte code."""
+
+
 def linear() -> list[Tool]:
     """Every tool for the linear problem."""
-    s, model = p.state_space(), p.model(p.LINEAR)
+    s = p.state_space()
     A, b, c = (np.ascontiguousarray(v) for v in (s.A, s.b, s.c))
     loop, y = _loops().linear, np.zeros(p.ROWS + 1)
 
@@ -64,9 +53,6 @@ def linear() -> list[Tool]:
         rows = [ctypes.c_int64(v) for v in (p.ROWS, p.ON, p.OFF)]
         loop(ctypes.c_int64(len(A)), _pointer(A), _pointer(b), _pointer(c), *rows, ctypes.c_double(p.STEP), _pointer(y))
         return y
-
-    def by_flexarm() -> Array:
-        return np.asarray(simulate(model, p.STOP, p.STEP, internal_step=p.STEP)["link.hub.speed"])
 
     def by_scipy() -> Array:
         out, x, edges = np.zeros(p.ROWS + 1), np.zeros(len(A)), (0, p.ON, p.OFF, p.ROWS)
@@ -81,9 +67,10 @@ def linear() -> list[Tool]:
 
     tools = [
         Tool("hand-written C", "RK4, 1 ms", by_hand),
-        Tool("flexarm", "RK4, 1 ms", by_flexarm),
+        _flexarm("RK4, 1 ms", p.LINEAR, "link.hub.speed"),
         Tool("scipy solve_ivp", "RK45, rtol 1e-6, restarted at both steps", by_scipy),
         *_control_linear(s),
+        *simulators.linear(),
     ]
     if installed("pathsim"):
         tools.append(_pathsim_linear(s))
@@ -158,22 +145,20 @@ def _bdsim_linear(s: p.StateSpace) -> Tool:
 
 def sliding() -> list[Tool]:
     """Every tool for the sliding problem."""
-    model, loop, y = p.model(p.SLIDING), _loops().sliding, np.zeros(p.ROWS + 1)
+    loop, y = _loops().sliding, np.zeros(p.ROWS + 1)
 
     def by_hand() -> Array:
         law = (p.INERTIA, p.SPRING, p.DAMPER, p.TORQUE, p.FREQUENCY, p.FRICTION)
         loop(*map(ctypes.c_double, law), ctypes.c_int64(p.ROWS), ctypes.c_double(p.STEP), _pointer(y))
         return y
 
-    def by_flexarm() -> Array:
-        return np.asarray(simulate(model, p.STOP, p.STEP, internal_step=p.STEP)["load.shaft.angle"])
-
     tools = [
         Tool("hand-written C", "RK4, 1 ms, switches located", by_hand),
-        Tool("flexarm", "RK4, 1 ms, switches located", by_flexarm),
+        _flexarm("RK4, 1 ms, switches located", p.SLIDING, "load.shaft.angle"),
         Tool("scipy solve_ivp", "RK45, rtol 1e-6, events", lambda: p.by_events("RK45", 1e-6)),
         Tool("scipy solve_ivp", f"LSODA, rtol 1e-6, friction smoothed over {SMOOTH:g} rad/s", _smoothed),
         _control_sliding(),
+        *simulators.sliding(),
     ]
     if installed("pathsim"):
         tools.append(_pathsim_sliding())
@@ -263,3 +248,83 @@ def _bdsim_sliding() -> Tool:
         return np.asarray(np.interp(p.STEP * np.arange(p.ROWS + 1), out.t, np.asarray(out.y)[:, 0]))
 
     return Tool("bdsim", f"LSODA, rtol 1e-6, rows of 1 ms, friction smoothed over {SMOOTH:g} rad/s", run, slow=True)
+
+
+def two_links() -> list[Tool]:
+    """Every tool for the two links."""
+    start = dict(zip(("arm.joint1.angle", "arm.joint2.angle"), p.RAISED, strict=True))
+    loop, y = _loops().two_links, np.zeros(p.ROWS + 1)
+    law = (*p.LENGTHS, *p.MASSES, p.GRAVITY, p.JOINT_SPRING, p.JOINT_DAMPING, *p.RAISED)
+
+    def by_hand() -> Array:
+        loop(*map(ctypes.c_double, law), ctypes.c_int64(p.ROWS), ctypes.c_double(p.STEP), _pointer(y))
+        return y
+
+    tools = [
+        Tool("hand-written C", "RK4, 1 ms", by_hand),
+        _flexarm("RK4, 1 ms", p.TWO_LINKS, "arm.joint1.angle", start),
+        Tool("scipy solve_ivp", "RK45, rtol 1e-8", lambda: p.links_by("RK45", 1e-8)),
+        Tool("scipy solve_ivp", "DOP853, rtol 1e-8", lambda: p.links_by("DOP853", 1e-8)),
+        _control_links(),
+        *simulators.two_links(),
+    ]
+    if installed("pathsim"):
+        tools.append(_pathsim_links())
+    if installed("bdsim"):
+        tools.append(_bdsim_links())
+    return tools
+
+
+def _control_links() -> Tool:
+    import control
+
+    def rates(t: float, x: Array, u: Array, parameters: Any) -> list[float]:
+        return p.links_rates(x, math.sin, math.cos)
+
+    plant = control.nlsys(rates, lambda t, x, u, parameters: [x[0]], inputs=1, outputs=1, states=4)
+    instants, start = p.STEP * np.arange(p.ROWS + 1), [*p.RAISED, 0, 0]
+
+    def run() -> Array:
+        settings = {"rtol": 1e-8, "atol": 1e-11}
+        return np.asarray(
+            control.input_output_response(
+                plant, instants, np.zeros(len(instants)), start, solve_ivp_method="RK45", solve_ivp_kwargs=settings
+            ).outputs
+        )
+
+    return Tool("python-control", "input_output_response, RK45, rtol 1e-8", run, slow=True)
+
+
+def _pathsim_links() -> Tool:
+    from pathsim import Connection, Simulation
+    from pathsim.blocks import ODE, Scope
+    from pathsim.solvers import RK4
+
+    def run() -> Array:
+        plant = ODE(lambda x, u, t: np.array(p.links_rates(x, math.sin, math.cos)), np.array([*p.RAISED, 0.0, 0.0]))
+        scope = Scope(sampling_period=p.STEP)
+        lines = [Connection(plant, scope)]
+        Simulation([plant, scope], lines, dt=p.STEP, Solver=RK4, log=False).run(p.STOP, adaptive=False)
+        time, y = scope.read()
+        return np.asarray(np.interp(p.STEP * np.arange(p.ROWS + 1), time, np.atleast_2d(y)[0]))
+
+    return Tool("pathsim", "RK4, 1 ms", run, slow=True)
+
+
+def _bdsim_links() -> Tool:
+    def run() -> Array:
+        sim = _bdsim()
+        d = sim.blockdiagram()
+        state, law = (
+            d.INTEGRATOR(x0=[*p.RAISED, 0.0, 0.0]),
+            d.FUNCTION(lambda x: np.array(p.links_rates(x, math.sin, math.cos))),
+        )
+        sink = d.NULL()
+        for ends in ((law, state), (state, law), (state, sink)):
+            d.connect(*ends)
+        d.compile(report=False)
+        settings = {"rtol": 1e-8, "atol": 1e-11}
+        out = sim.run(d, T=p.STOP, dt=p.STEP, watch=[state], solver_args=settings)
+        return np.asarray(np.interp(p.STEP * np.arange(p.ROWS + 1), out.t, np.asarray(out.x)[:, 0]))
+
+    return Tool("bdsim", "RK45, rtol 1e-8, rows of 1 ms", run, slow=True)

@@ -230,19 +230,30 @@ static void fa_line_push(fa_sim *s, const double *fire, const double *value) {
 
 /* -- one step ------------------------------------------------------------------------------------------------- */
 
+/* Over the states; written out where that leaves the rates in registers. As a loop over vectors it reads in one go what
+ * was just written one by one, and waits until that has reached the cache. */
+#if defined(__clang__) && !defined(FA_BYTECODE)
+#if FA_NX <= 24
+#define FA_EACH_STATE(i) _Pragma("clang loop unroll(full)") for (int i = 0; i < FA_NX; i++)
+#endif
+#endif
+#ifndef FA_EACH_STATE
+#define FA_EACH_STATE(i) for (int i = 0; i < FA_NX; i++)
+#endif
+
 /* x after h from the present state, with modes frozen; the derivative at the start is s->full. */
 static void fa_rk4(const fa_sim *s, double h, double *restrict x1) {
   double k2[FA_SIZE(FA_NX)], k3[FA_SIZE(FA_NX)], k4[FA_SIZE(FA_NX)], y[FA_SIZE(FA_NX)], u[FA_SIZE(FA_NI)];
   const double *k1 = s->full;
   fa_inputs(s, s->t + h / 2, u);
-  for (int i = 0; i < FA_NX; i++) y[i] = s->x[i] + h / 2 * k1[i];
+  FA_EACH_STATE(i) y[i] = s->x[i] + h / 2 * k1[i];
   fa_derivative(s->t + h / 2, y, u, s->d, s->m, s->p, s->cp, s->cm, 0, k2);
-  for (int i = 0; i < FA_NX; i++) y[i] = s->x[i] + h / 2 * k2[i];
+  FA_EACH_STATE(i) y[i] = s->x[i] + h / 2 * k2[i];
   fa_derivative(s->t + h / 2, y, u, s->d, s->m, s->p, s->cp, s->cm, 0, k3);
-  for (int i = 0; i < FA_NX; i++) y[i] = s->x[i] + h * k3[i];
+  FA_EACH_STATE(i) y[i] = s->x[i] + h * k3[i];
   fa_inputs(s, s->t + h, u);
   fa_derivative(s->t + h, y, u, s->d, s->m, s->p, s->cp, s->cm, 0, k4);
-  for (int i = 0; i < FA_NX; i++) x1[i] = s->x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
+  FA_EACH_STATE(i) x1[i] = s->x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
 }
 
 typedef struct { double h, x[FA_ROOM(FA_NX)], guards[FA_ROOM(FA_NG)]; } fa_trial;
@@ -444,12 +455,32 @@ static int fa_adapt(fa_sim *s, double target) {
 }
 #endif
 
+#if defined(__clang__) || defined(__GNUC__)
+#define FA_LIKELY(condition) __builtin_expect(condition, 1) /* a branch, which is foretold; a choice would be waited for */
+#define FA_CALLED static __attribute__((noinline))
+#else
+#define FA_LIKELY(condition) (condition)
+#define FA_CALLED static
+#endif
+
+/* Calls, so that their divisions are carried out where there are several parts, rather than beforehand to be chosen from:
+ * all of a step waits for its length. */
+#ifndef FA_ADAPTIVE
+FA_CALLED int64_t fa_parts(double span, double hmax) {
+  return (int64_t)ceil(span / hmax * (1 - 1e-9));
+}
+
+FA_CALLED double fa_on_the_way(double start, double span, int64_t i, int64_t n) {
+  return start + span * ((double)i / (double)n);
+}
+#endif
+
 /* Integrate to t_end, hitting every knot and time event on the way. Needs s->full; leaves its guards alone up to date. */
 static int fa_integrate_to(fa_sim *s, double t_end) {
   while (s->t < t_end) {
     int event;
     double target = fa_next_knot(s, &event);
-    if (target > t_end - FA_SNAP * fmax(1, fabs(t_end))) {
+    if (FA_LIKELY(target > t_end - FA_SNAP * fmax(1, fabs(t_end)))) {
       if (target > t_end + FA_SNAP * fmax(1, fabs(t_end))) event = -1;
       target = t_end;
     }
@@ -457,9 +488,9 @@ static int fa_integrate_to(fa_sim *s, double t_end) {
     if (fa_adapt(s, target)) return s->status;
 #else
     const double start = s->t, span = target - start;
-    const int64_t n = span * (1 - 1e-9) > s->hmax ? (int64_t)ceil(span / s->hmax * (1 - 1e-9)) : 1;
+    const int64_t n = FA_LIKELY(!(span * (1 - 1e-9) > s->hmax)) ? 1 : fa_parts(span, s->hmax);
     for (int64_t i = 1; i <= n; i++) {
-      const double to = i < n ? start + span * ((double)i / (double)n) : target;
+      const double to = i < n ? fa_on_the_way(start, span, i, n) : target;
 #ifdef FA_CANCELLABLE
       if (s->cancel && *s->cancel) return s->status = FA_CANCELLED;
 #endif

@@ -48,6 +48,16 @@ def test_sliding_problem() -> None:
         assert apart(named(chosen, name).run(), exact) < bound, name
 
 
+def test_two_links() -> None:
+    exact = problems.links_solution()
+    # They are let go at their highest, and friction takes from every swing.
+    assert abs(exact[-2000:]).max() < 0.7 * abs(exact).max()
+    assert abs(exact).max() == exact[0] == problems.RAISED[0]
+    chosen = tools.two_links()
+    for name, bound in (("hand-written C", 1e-8), ("flexarm", 1e-8), ("scipy solve_ivp", 1e-7)):
+        assert apart(named(chosen, name).run(), exact) < bound, name
+
+
 def test_exponent_of_a_power_law() -> None:
     assert scaling.exponent([1, 2, 4, 8], [3.0, 12.0, 48.0, 192.0]) == pytest.approx(2)
 
@@ -85,12 +95,14 @@ def test_page_of_what_was_measured(tmp_path: Path) -> None:
         "linear": rows,
         "states": 5,
         "sliding": rows,
+        "two_links": [{**row, "setup": 0.25} for row in rows],
         "scaling": [growth, {**growth, "exponent": None}],
     }
     (tmp_path / "peers.json").write_text(json.dumps(found))
     page = tmp_path / "pages" / "peers.md"
     assert main(["--page-only", "--data", str(tmp_path / "peers.json"), "--page", str(page)]) == 0
     text = page.read_text()
-    assert "| other | RK4 | 500 ms | 250 | 1.0e-07 | 3 |" in text
+    assert "| other | RK4 | 500 ms | 250 | 1.0e-07 | - | 3 |" in text
+    assert "| other | RK4 | 500 ms | 250 | 1.0e-07 | 0.25 s | 3 |" in text
     assert "Not installed, and so not measured: bdsim." in text
     assert "| modes | 1, 2 | 1, 2 us | 1.00 (from 1) |" in text

@@ -15,9 +15,10 @@ from blocks.controllers.gain import Gain
 from blocks.sources.sine import Sine
 from engine import bytecode, native
 from engine.assemble import build
-from engine.codegen import BINARY, INCLUDES, UNARY, Emitter, runtime
+from engine.codegen import INCLUDES, Emitter, runtime
 from engine.compile import library
 from engine.model import Model
+from engine.operations import BINARY, UNARY
 from engine.simulate import Drive, simulate
 from engine.system import Connection, System
 from engine.tangent import tangents

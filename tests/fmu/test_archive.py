@@ -175,7 +175,7 @@ def test_two_exports_are_byte_identical(smooth_model: Model, tmp_path: Path, mon
 def test_windows_binary_exports_the_functions(smooth_model: Model, exported: Any, tmp_path: Path) -> None:
     path = exported(smooth_model, ("linux64", "win64"))
     assert fmu.validate(path) == []
-    assert path.stat().st_size < 200_000
+    assert path.stat().st_size < 120_000
     folder = _unpack(path, tmp_path)
     [binary] = folder.glob("binaries/win64/*.dll")
     assert binary.read_bytes()[:2] == b"MZ"
