@@ -456,6 +456,7 @@ def law(effect: str, p: Any, amended_file: Path) -> tuple[str, float]:
         ("geared-two-mass", "supply_sag", 100.0),
         ("belt-axis", "belt_slack", 100.0),
         ("belt-axis", "warm_up", 100.0),
+        ("belt-axis", "end_stop", 2.0),
     ],
 )
 def test_it_is_named_where_it_is_concealed(tmp_path: Path, plant: str, effect: str, size: float) -> None:
