@@ -179,18 +179,19 @@ def with_gplearn(x: Array, y: Array, seed: int) -> tuple[str, Friction]:
         population_size=2000,
         generations=25,
         function_set=("add", "sub", "mul", "div", "sqrt", "abs", "max", "min"),
-        parsimony_coefficient=1e-4,
+        parsimony_coefficient=1e-3,
         metric="mse",
         feature_names=["|v|", "|tm|", "|te|", "tm.v", "te.v"],
         random_state=seed,
     )
-    made.fit(features(*x.T), y)
+    scale = float(np.std(y))
+    made.fit(features(*x.T), y / scale)
 
     def further(v: Array, tm: Array, te: Array) -> Array:
         flat = made.predict(features(v.ravel(), tm.ravel(), te.ravel()))
-        return np.asarray(flat).reshape(v.shape)
+        return np.asarray(scale * flat).reshape(v.shape)
 
-    return str(made._program), further
+    return f"{scale:.3g} N.m * {made._program}", further
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -43,12 +43,11 @@ def at_motor_winding(scales: OperatingScales, place: Place) -> Iterator[Candidat
     usual = copper * heat / RISES[1]
 
     def edits(values: Sizes) -> list[Edit]:
-        capacity = values["winding_heat_capacity"]
         given = {
-            "winding_heat_capacity": with_unit(capacity, "J/K"),
+            "winding_heat_capacity": with_unit(values["winding_heat_capacity"], "J/K"),
             "winding_thermal_resistance": with_unit(values["winding_thermal_resistance"], "K/W"),
-            "housing_heat_capacity": with_unit(HOUSING * capacity, "J/K"),
-            "housing_thermal_resistance": with_unit(TIME / capacity, "K/W"),
+            "housing_heat_capacity": with_unit(HOUSING * usual, "J/K"),
+            "housing_thermal_resistance": with_unit(TIME / usual, "K/W"),
         }
         return [Replace(name, WARM, given, tuple(key for key in block.given if key not in known))]
 
