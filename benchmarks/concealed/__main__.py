@@ -11,7 +11,7 @@ from benchmarks.concealed.case import draw
 from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.excitation import KINDS
 from benchmarks.concealed.named import plant as plant_of
-from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.plants import DRIVEN, PLANTS
 from benchmarks.concealed.rigs.hidden import drawn
 from benchmarks.concealed.scenario import write
 from benchmarks.concealed.sites import sites
@@ -33,7 +33,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     make = commands.add_parser("make", help="draw a case: a folder for the tool, and a sealed answer elsewhere")
-    make.add_argument("--plant", required=True, choices=sorted(PLANTS))
+    make.add_argument("--plant", required=True, choices=sorted([*PLANTS, *DRIVEN]))
     make.add_argument(
         "--effect", action="append", default=[], metavar="EFFECT[@PLACE]", help="repeat for a pair; none if absent"
     )

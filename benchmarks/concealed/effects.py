@@ -141,6 +141,35 @@ def _resonator(size: float, f: Features, s: Scales) -> dict[str, float]:
     }
 
 
+COPPER = 0.0039
+"""Rise of the resistance of copper (1/K)."""
+
+
+def _winding_heat(size: float, f: Features, s: Scales) -> dict[str, float]:
+    """A winding that the largest current warms by size / COPPER in a second; its housing has thirty times its heat."""
+    capacity = COPPER * s.command * s.current / size
+    thermal = f["time"] / capacity
+    return {
+        "coefficient": COPPER,
+        "capacity": capacity,
+        "insulation": thermal,
+        "housing": 30 * capacity,
+        "cooling": 2 * thermal,
+    }
+
+
+def _bumpers(size: float, f: Features, s: Scales) -> dict[str, float]:
+    """Stops on both sides of the start, on which what moves rings well damped."""
+    stiffness = s.inertia * f["frequency"] ** 2
+    reach = s.angle / (1 + size)
+    return {
+        "stiffness": stiffness,
+        "damping": 2 * 0.25 * math.sqrt(stiffness * s.inertia),
+        "lower": -reach * f["skew"],
+        "upper": reach / f["skew"],
+    }
+
+
 def _phase(rng: Generator) -> float:
     return float(rng.uniform(-math.pi, math.pi))
 
@@ -411,6 +440,61 @@ DRIVES: dict[str, Effect] = {
             lambda z, f, s: {"amplitude": z, "order": f["order"], "phase": f["phase"]},
             lambda rng, s: {"order": float(rng.choice(s.cogging)), "phase": _phase(rng)},
             most=60,
+        ),
+        Effect(
+            "rate_limit",
+            "input",
+            "time that the largest command takes, s",
+            lambda s: 5e-3,
+            lambda z, f, s: {"rate": s.command / z},
+            most=200,
+        ),
+        Effect(
+            "command_quantisation",
+            "input",
+            "step of the command, in the unit of the drive",
+            lambda s: 0.03 * s.command,
+            lambda z, f, s: {"step": z},
+            most=20,
+        ),
+        Effect(
+            "supply_sag",
+            "input",
+            "resistance of the supply / ohm, of a supply whose voltage is the largest command",
+            lambda s: 0.02 * s.command / s.current,
+            lambda z, f, s: {"resistance": z, "voltage": s.command},
+            most=100,
+            only=("V",),
+        ),
+        Effect(
+            "warm_up",
+            "input",
+            "rise of the resistance by a second of the largest current, as a share",
+            lambda s: 0.01,
+            _winding_heat,
+            lambda rng, s: {"time": float(rng.uniform(8.0, 40.0))},
+            most=100,
+            only=("V",),
+        ),
+        Effect(
+            "belt_slack",
+            "joint",
+            "five times the typical force / twice the pretension, less 1",
+            lambda s: 0.5,
+            lambda z, f, s: {"pretension": 2.5 * s.torque / (1 + z)},
+            most=200,
+        ),
+        Effect(
+            "end_stop",
+            "shaft",
+            "range of the position / distance of the stops from the start, less 1",
+            lambda s: 0.5,
+            _bumpers,
+            lambda rng, s: {
+                "skew": float(rng.uniform(0.8, 1.25)),
+                "frequency": 2 * math.pi * float(rng.uniform(12.0, 40.0)),
+            },
+            most=100,
         ),
     )
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.plants import DRIVEN, PLANTS
 from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.rigs.drawn import PREFIX, rig
 from benchmarks.concealed.rigs.hard import HARD, hard
@@ -14,11 +14,13 @@ def plant(name: str) -> Plant:
     Raises:
         ValueError: there is none.
     """
-    if name in PLANTS:
-        return PLANTS[name]
+    if name in PLANTS or name in DRIVEN:
+        return (PLANTS | DRIVEN)[name]
     if name in HARD:
         return hard(name)
     seed = name.removeprefix(PREFIX)
     if name.startswith(PREFIX) and seed.isdecimal():
         return rig(int(seed))
-    raise ValueError(f"no plant is called '{name}'; there are {', '.join(PLANTS)}, and {PREFIX}SEED for a random rig")
+    raise ValueError(
+        f"no plant is called '{name}'; there are {', '.join([*PLANTS, *DRIVEN])}, and {PREFIX}SEED for a random rig"
+    )

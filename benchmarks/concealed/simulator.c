@@ -13,7 +13,13 @@
 #define PARAMETERS 12
 #define MODES 4
 
-enum { FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WARM_UP, SERIES };
+enum { FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WARM_UP, SERIES, STRANDS, END_STOP };
+
+/* What happens to the command: places in `input`. SLEW: fastest change (1/s). QUANTUM: step of the command. SAG: resistance
+ * of the supply over that of the winding and the square of its voltage (1/V2). HEAT...: rise of the resistance per kelvin,
+ * resistance (ohm), heat capacity (J/K) and thermal resistance (K/W) of the winding, the same of the housing. */
+enum { FORWARD, BACKWARD, OFFSET, LOW, HIGH, DEAD_LOW, DEAD_HIGH, LAG, DELAY, ROOM, EMF, SLEW, QUANTUM, SAG,
+       HEAT, WINDING, CAPACITY, INSULATION, HOUSING, COOLING };
 
 typedef struct {
     int states, forces, elements, outputs, modes, substeps, samples, closed;
@@ -26,8 +32,8 @@ typedef struct {
     const double *load, *load_feed;              /* elements x states, elements: load on a friction, NULL if none */
     /* whirl: T = 1/2 w^2 a'Ha; angle speed row, its acceleration rows; forces follow those of the elements */
     const double *whirl_speed, *whirl_a, *whirl_b, *whirl_amplitude, *whirl_rate, *whirl_H;
-    const double *input;                         /* gain+, gain-, offset, low, high, dead low, dead high, lag, delay, room, emf */
-    const double *turning;                       /* states: speed of the motor, whose current has a limit if room > 0 */
+    const double *input;                         /* see INPUTS */
+    const double *turning;                       /* states: speed of the motor, where its winding matters */
     const double *sensor;                        /* outputs x (lag, scale, bias, rectified) */
     const double *series;                        /* samples + 1: disturbance of the SERIES element */
     const double *drift;                         /* samples x outputs: added to the sensors */
@@ -75,6 +81,11 @@ static double effort(const Plan *P, int j, const double *x, double z, double tim
     case VIBRATION: return p[0] * sin(p[1] * (time - P->start) + p[2]);
     case BOUC_WEN: return -p[0] * z;
     case WARM_UP: return -p[0] * exp(-time / p[1]) * w;
+    case STRANDS: { /* a belt: each strand has its pretension and half of the stretch, and never pushes */
+        double more = (p[0] * e + p[1] * w) / 2, half = p[0] * e / 2;
+        return (half < p[2] ? p[2] - more : 0) - (half > -p[2] ? p[2] + more : 0);
+    }
+    case END_STOP: return push(p[0], p[1], p[2] - e, -w) - push(p[0], p[1], e - p[3], w);
     case SERIES: return p[0] * ((1 - share) * P->series[sample] + share * P->series[sample + 1]);
     default: return 0;
     }
@@ -112,15 +123,21 @@ static void advance(const double *phi, const double *gamma, int n, int m, const 
     for (int i = 0; i < n; i++) y[i] = dot(phi + i * n, x, n) + dot(gamma + i * m, f, m);
 }
 
+/* The command of a sample as it is sent: in steps, if the converter is coarse. */
+static double sent(const Plan *P, int k) {
+    double step = P->input[QUANTUM];
+    return step > 0 ? step * floor(P->command[k] / step + 0.5) : P->command[k];
+}
+
 /* Mean of the delayed, held command over [t, t + h]. */
 static double delayed(const Plan *P, double t, double h, double dt) {
-    double from = t - P->input[8], to = from + h, sum = 0;
+    double from = t - P->input[DELAY], to = from + h, sum = 0;
     if (to <= 0) return 0;
     if (from < 0) from = 0;
     int k = (int)floor(from / dt + 1e-9), last = P->samples - 1;
     while (from < to - 1e-12 * dt) {
         double end = (k + 1) * dt < to ? (k + 1) * dt : to;
-        sum += P->command[k > last ? last : k] * (end - from);
+        sum += sent(P, k > last ? last : k) * (end - from);
         from = end, k++;
     }
     return sum / h;
@@ -128,18 +145,36 @@ static double delayed(const Plan *P, double t, double h, double dt) {
 
 static double shaped(const Plan *P, double u) {
     const double *p = P->input;
-    u = u > 0 ? p[0] * u : p[1] * u;
-    u = clip(u + p[2], p[3], p[4]);
-    return u > p[6] ? u - p[6] : u < p[5] ? u - p[5] : 0;
+    u = u > 0 ? p[FORWARD] * u : p[BACKWARD] * u;
+    u = clip(u + p[OFFSET], p[LOW], p[HIGH]);
+    return u > p[DEAD_HIGH] ? u - p[DEAD_HIGH] : u < p[DEAD_LOW] ? u - p[DEAD_LOW] : 0;
 }
 
-/* What reaches the actuator: an amplifier whose current has a limit gives no more than that current needs. */
-static double driven(const Plan *P, double u, const double *x) {
+/* What reaches the actuator. A bridge takes its share d = u / E of a bus whose voltage falls by the resistance of the supply
+ * times d i, i = (voltage - emf) / R: solved for the voltage. A warm winding has more resistance: the cold one would need
+ * less voltage for the same current. An amplifier whose current has a limit gives no more than that current needs. */
+static double driven(const Plan *P, double u, const double *x, double warmth) {
+    const double *p = P->input;
     u = shaped(P, u);
-    if (!(P->input[9] > 0)) return u;
-    double middle = P->input[10] * dot(P->turning, x, P->states);
-    return clip(u, middle - P->input[9], middle + P->input[9]);
+    if (!(p[ROOM] > 0 || p[SAG] > 0 || p[HEAT] > 0)) return u;
+    double middle = p[EMF] * dot(P->turning, x, P->states), lost = p[SAG] * u * u;
+    u = (u + lost * middle) / (1 + lost);
+    if (p[HEAT] > 0) u = middle + (u - middle) / (1 + p[HEAT] * warmth);
+    return p[ROOM] > 0 ? clip(u, middle - p[ROOM], middle + p[ROOM]) : u;
 }
+
+/* Temperatures of winding and housing over the surroundings after a step in which the current flows that a cold winding
+ * draws from `voltage`. */
+static void warmed(const Plan *P, double voltage, const double *x, double h, double *winding, double *housing) {
+    const double *p = P->input;
+    double current = (voltage - p[EMF] * dot(P->turning, x, P->states)) / p[WINDING];
+    double heat = p[WINDING] * (1 + p[HEAT] * *winding) * current * current;
+    double inward = (*winding - *housing) / p[INSULATION];
+    *housing += h * (inward - *housing / p[COOLING]) / p[HOUSING];
+    *winding += h * (heat - inward) / p[CAPACITY];
+}
+
+static double towards(double from, double to, double most) { return from + clip(to - from, -most, most); }
 
 static double limited(double v, double limit, double resolution) {
     v = clip(v, -limit, limit);
@@ -180,8 +215,8 @@ int concealed_simulate(const Plan *P) {
     int n = P->states, m = P->forces, ny = P->outputs;
     if (n > STATES || m > FORCES || ny > SENSORS || P->modes > MODES) return 1;
     double x[STATES], middle[STATES], end[STATES], f[FORCES] = {0}, g[FORCES] = {0}, z[FORCES] = {0}, W[FORCES * FORCES];
-    double seen[SENSORS], now_on[FORCES], h = P->step, dt = h * P->substeps, lagged = 0, integral = 0, slope = 0, last = 0;
-    double keep = P->input[7] > 0 ? exp(-h / P->input[7]) : 0, mean = P->input[7] > 0 ? P->input[7] / h * (1 - keep) : 0;
+    double seen[SENSORS], now_on[FORCES], h = P->step, dt = h * P->substeps, lagged = 0, slewed = 0, winding = 0, housing = 0, integral = 0, slope = 0, last = 0;
+    double keep = P->input[LAG] > 0 ? exp(-h / P->input[LAG]) : 0, mean = P->input[LAG] > 0 ? P->input[LAG] / h * (1 - keep) : 0;
     int rubbing = 0, who[FORCES];
     for (int j = 0; j < P->elements; j++)
         if (P->kind[j] == FRICTION) who[rubbing++] = j;
@@ -194,7 +229,8 @@ int concealed_simulate(const Plan *P) {
     for (int k = 0; k < P->samples; k++) {
         double t = k * dt;
         if (P->closed) P->command[k] = k ? P->command[k - 1] : 0; /* what acts until this sample has been read */
-        f[0] = driven(P, P->input[7] > 0 ? lagged : delayed(P, t, h, dt), x);
+        double now_in = P->input[SLEW] > 0 ? towards(slewed, delayed(P, t, h, dt), P->input[SLEW] * h) : delayed(P, t, h, dt);
+        f[0] = driven(P, P->input[LAG] > 0 ? lagged : now_in, x, winding);
         efforts(P, x, z, P->start + t, k, 0, f);
         /* An accelerometer feels the friction of the instant that begins, not that of the step before: a jump of the
          * command does not move what sticks. */
@@ -228,12 +264,18 @@ int concealed_simulate(const Plan *P) {
         for (int i = 0; i < P->substeps; i++) {
             double now = P->start + t + i * h, share = (double)i / P->substeps, half = 0.5 / P->substeps;
             double u = delayed(P, t + i * h, h, dt);
-            if (P->input[7] > 0) {
+            if (P->input[SLEW] > 0) {
+                double before = slewed, moving;
+                slewed = towards(slewed, u, P->input[SLEW] * h);
+                moving = fabs(slewed - before) / P->input[SLEW]; /* the rest of the step it stands where it arrived */
+                u = slewed + (before - slewed) / 2 * moving / h;
+            }
+            if (P->input[LAG] > 0) {
                 double average = u + (lagged - u) * mean;
                 lagged = u + (lagged - u) * keep;
                 u = average;
             }
-            f[0] = driven(P, u, x);
+            f[0] = driven(P, u, x, winding);
             efforts(P, x, z, now, k, share, f);
             advance(P->phi_half, P->gamma_half, n, m, x, f, middle);
             double zm[FORCES];
@@ -242,7 +284,8 @@ int concealed_simulate(const Plan *P) {
                     zm[j] = z[j] + h / 2 * flow(P->parameter + j * PARAMETERS, z[j], dot(P->rate + j * n, x, n));
                 else if (P->kind[j] == FRICTION)
                     g[1 + j] = f[1 + j];
-            g[0] = driven(P, u, middle);
+            g[0] = driven(P, u, middle, winding);
+            if (P->input[HEAT] > 0) warmed(P, g[0], middle, h, &winding, &housing);
             efforts(P, middle, zm, now + h / 2, k, share + half, g);
             for (int j = 0; j < P->elements; j++)
                 if (P->kind[j] == BOUC_WEN)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -20,12 +20,33 @@ class Diverged(Exception):
     """The truth ran away."""
 
 
+@dataclass(frozen=True)
+class Heat:
+    """A winding that warms up in a housing, both at the temperature around at first.
+
+    Attributes:
+        coefficient: rise of the resistance per kelvin (1/K).
+        resistance: when cold (ohm).
+        capacity, insulation: of the winding, and from it to the housing (J/K, K/W).
+        housing, cooling: of the housing, and from it to the surroundings (J/K, K/W).
+    """
+
+    coefficient: float
+    resistance: float
+    capacity: float
+    insulation: float
+    housing: float
+    cooling: float
+
+
 @dataclass
 class InputChain:
     """What happens to the command on its way to the actuator, in this order.
 
-    Delay, first-order lag, gain (one per direction), offset, limits, dead zone; then, with ``room`` above 0, the
-    limit of the current in a motor's winding: the voltage stays within ``room`` of ``emf`` times the speed.
+    Steps of ``quantum``, delay, fastest change ``slew`` (1/s), first-order lag, gain (one per direction), offset,
+    limits, dead zone. Then what the winding of a motor makes of it: a supply of which ``sag`` is the resistance over
+    that of the winding and the square of its voltage (1/V2); a winding that warms up; the limit of its current, with
+    which the voltage stays within ``room`` of ``emf`` times the speed.
     """
 
     forward: float = 1.0
@@ -39,11 +60,26 @@ class InputChain:
     delay: float = 0.0
     room: float = 0.0
     emf: float = 0.0
+    slew: float = 0.0
+    quantum: float = 0.0
+    sag: float = 0.0
+    heat: Heat | None = None
 
     def row(self) -> Array:
         """As the C code wants it."""
         law = [self.forward, self.backward, self.offset, self.low, self.high, self.dead_low, self.dead_high]
-        return np.array([*law, self.lag, self.delay, self.room, self.emf])
+        chain = [self.lag, self.delay, self.room, self.emf, self.slew, self.quantum, self.sag]
+        return np.array([*law, *chain, *(astuple(self.heat) if self.heat else [0.0] * len(fields(Heat)))])
+
+    @property
+    def winding(self) -> bool:
+        """Whether the current in a motor's winding matters."""
+        return self.room > 0 or self.sag > 0 or self.heat is not None
+
+    @property
+    def held(self) -> bool:
+        """Whether the actuator gets what is held from one sample to the next."""
+        return self.lag == self.delay == self.slew == 0 and not self.winding
 
 
 @dataclass
@@ -119,7 +155,7 @@ class Simulator:
         }
         if any(element.loaded for element in m.elements):
             self._arrays["load"], self._arrays["load_feed"] = m.loads(A)
-        if self.input.room > 0:
+        if self.input.winding:
             self._arrays["turning"] = m.turning(A, B)
         self._arrays["phi"], self._arrays["gamma"] = discretise(A, B, h)
         self._arrays["phi_half"], self._arrays["gamma_half"] = discretise(A, B, h / 2)

@@ -12,10 +12,17 @@ from benchmarks.concealed.effects import BEAM_MODE, CATALOGUE, COGGING, DRIVES, 
 from benchmarks.concealed.mechanism import Mechanism, Port, Readout
 from benchmarks.concealed.plants.base import Body, LinkOptions, Plant
 from benchmarks.concealed.simulator import Simulator
-from benchmarks.concealed.truth import Truth
+from benchmarks.concealed.truth import Truth, winding
+
+WOUND = frozenset({"current_limit", "supply_sag", "warm_up"})
+"""Effects whose size goes by the current of a motor."""
 
 DRIVEN = ("motor.shaft", "drive.shaft")
 """Flanges of what drives."""
+
+
+DECLARED = frozenset({"belt_slack", "end_stop", "warm_up"})
+"""Effects of drives that need what few plants have: a belt, a range that ends, a motor whose losses are all counted."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +79,18 @@ def sites(plant: Plant, extra: bool = False) -> list[Site]:
 
 
 def drive_sites(plant: Plant) -> list[Site]:
-    """Every effect of a drive at the place of a plant where it makes sense: its motor's shaft, or its input."""
+    """Every effect of a drive at the place of a plant where it makes sense: its motor's shaft, or its input.
+
+    Those of `DECLARED` are there only where a plant says so.
+    """
     shaft = next((f for group in plant.sites.shafts for f in group if f in DRIVEN), "")
     found = []
     for effect in DRIVES.values():
-        place = plant.sites.input if effect.kind == "input" else shaft
-        if place and not (effect.only and plant.drive_unit not in effect.only):
-            found.append(Site(effect, place, _same(plant, effect, place)))
+        usual = plant.sites.input if effect.kind == "input" else shaft
+        places = plant.sites.extra.get(effect.name, () if effect.name in DECLARED or not usual else (usual,))
+        for place in places:
+            if not (effect.only and plant.drive_unit not in effect.only):
+                found.append(Site(effect, place, _same(plant, effect, place)))
     return found
 
 
@@ -125,7 +137,7 @@ def scales(bench: Bench, truth: Truth, site: Site) -> Scales:
     plant, kind = truth.plant, site.effect.kind
     command = max(float(np.abs(c).max()) for c in bench.commands)
     if kind in ("input", "link"):
-        return Scales(command=command, current=_current(bench, truth) if site.effect.name == "current_limit" else 1.0)
+        return Scales(command=command, current=_current(bench, truth) if site.effect.name in WOUND else 1.0)
     if kind == "sensor":
         k = bench.signals.index(site.place)
         values = np.concatenate([y[:, k] for y in bench.outputs(truth.bare())]) * bench.sigma[k]
@@ -148,7 +160,7 @@ def _current(bench: Bench, truth: Truth) -> float:
     body = truth.plant.assemble(truth.parameters, {}, LinkOptions(), 0.0)
     readout = Readout(body.ports["motor.shaft"].sense, 1)
     made = Simulator(body.mechanism, [readout], bench.interval, _substeps(bench.interval))
-    resistance, back_emf = (truth.parameters[f"motor.{key}"] for key in ("resistance", "back_emf_constant"))
+    resistance, back_emf = winding(truth)
     drops = [command - back_emf * made.run(command).clean[:, 0] for command in bench.commands]
     return max(float(np.abs(drop).max()) for drop in drops) / resistance
 

@@ -10,7 +10,7 @@ from benchmarks.concealed import native
 from benchmarks.concealed.effects import Concealed
 from benchmarks.concealed.mechanism import Mechanism, Port
 from benchmarks.concealed.plants.base import Body, JointLaw, LinkOptions, Plant
-from benchmarks.concealed.simulator import InputChain, SensorChain, Simulator
+from benchmarks.concealed.simulator import Heat, InputChain, SensorChain, Simulator
 
 FINE, CONTACT_STEP = 2e-5, 5e-6
 """Steps (s) for recordings, and with a contact."""
@@ -71,13 +71,18 @@ _SWITCHING = frozenset(
         "load_dependent_friction",
         "backlash",
         "hysteresis",
+        "belt_slack",
+        "end_stop",
     }
 )
+
+TOUCHING = frozenset({"backlash", "end_stop"})
+"""Effects with a contact."""
 
 
 def fine(truth: Truth) -> float:
     """The step (s) for recordings."""
-    return CONTACT_STEP if any(c.effect == "backlash" for c in truth.concealed) else FINE
+    return CONTACT_STEP if any(c.effect in TOUCHING for c in truth.concealed) else FINE
 
 
 def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float = FINE) -> Simulator:
@@ -120,16 +125,19 @@ def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float
     # The limits are those of the command: a gain error behind them does not hide what goes beyond.
     input_chain.low *= 1 + truth.nuisance.gain
     input_chain.high *= 1 + truth.nuisance.gain
-    if input_chain.room:
-        resistance, back_emf = (truth.parameters[f"motor.{key}"] for key in ("resistance", "back_emf_constant"))
+    if input_chain.winding:
+        resistance, back_emf = winding(truth)
         input_chain.room, input_chain.emf = input_chain.room * resistance, back_emf
+        input_chain.sag /= resistance
+        if input_chain.heat:
+            input_chain.heat = replace(input_chain.heat, resistance=resistance)
     body = truth.plant.assemble(truth.parameters, laws, link, inductance)
     for c in shafts:
         if c.place not in body.ports:
             raise ValueError(f"{truth.plant.name} has no shaft '{c.place}'; it has {', '.join(body.ports)}")
         _SHAFT[c.effect](body.mechanism, body.ports[c.place], c.parameters)
     _disturb(body, truth)
-    held = input_chain.lag == input_chain.delay == input_chain.room == 0 and all(c.lag == 0 for c in sensors.values())
+    held = input_chain.held and all(c.lag == 0 for c in sensors.values())
     exact = held and not body.mechanism.elements and body.mechanism.whirl is None
     return Simulator(
         body.mechanism,
@@ -141,10 +149,16 @@ def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float
     )
 
 
+def winding(truth: Truth) -> tuple[float, float]:
+    """Resistance (ohm) and back-emf constant (V.s/rad) of the motor; the latter is the torque constant if not told."""
+    p = truth.parameters
+    return p["motor.resistance"], p.get("motor.back_emf_constant", p["motor.torque_constant"])
+
+
 def coarse(truth: Truth) -> float:
     """A step (s) that is good to a fraction of a noise floor, for searches."""
     effects = {c.effect for c in truth.concealed}
-    if "backlash" in effects:
+    if effects & TOUCHING:
         return 2.5e-5
     return 1e-4 if effects & _SWITCHING else 2.5e-4
 
@@ -165,6 +179,23 @@ def _limits(chain: InputChain, p: Mapping[str, float]) -> None:
 
 def _current(chain: InputChain, p: Mapping[str, float]) -> None:
     chain.room = p["current_limit"]  # until the winding's resistance is known: it is then a voltage
+
+
+def _slew(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.slew = p["rate"]
+
+
+def _steps(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.quantum = p["step"]
+
+
+def _sag(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.sag = p["resistance"] / p["voltage"] ** 2  # until that of the winding is known
+
+
+def _heat(chain: InputChain, p: Mapping[str, float]) -> None:
+    thermal = ("capacity", "insulation", "housing", "cooling")
+    chain.heat = Heat(p["coefficient"], 1.0, *(p[key] for key in thermal))
 
 
 def _dead(chain: InputChain, p: Mapping[str, float]) -> None:
@@ -195,6 +226,10 @@ _INPUT: dict[str, Callable[[InputChain, Mapping[str, float]], None]] = {
     "delay": _delay,
     "lag": _lag,
     "current_limit": _current,
+    "rate_limit": _slew,
+    "command_quantisation": _steps,
+    "supply_sag": _sag,
+    "warm_up": _heat,
 }
 
 
@@ -245,7 +280,9 @@ def _structural(mechanism: Mechanism, port: Port, stiffness: float, loss_factor:
         mechanism.maxwell(port, part, low * math.exp(j * apart))
 
 
-_JOINT = frozenset({"backlash", "joint_flexibility", "hardening_spring", "hysteresis", "structural_damping"})
+_JOINT = frozenset(
+    {"belt_slack", "backlash", "joint_flexibility", "hardening_spring", "hysteresis", "structural_damping"}
+)
 
 
 def _joint_law(c: Concealed) -> JointLaw:
@@ -254,6 +291,8 @@ def _joint_law(c: Concealed) -> JointLaw:
     def stamp(mechanism: Mechanism, port: Port, stiffness: float, damping: float) -> None:
         if c.effect == "structural_damping":
             _structural(mechanism, port, stiffness, p["loss_factor"])
+        elif c.effect == "belt_slack":
+            mechanism.add(native.STRANDS, port, stiffness, damping, p["pretension"])
         elif c.effect == "backlash":
             mechanism.add(native.CONTACT, port, stiffness or p["stiffness"], damping or p["damping"], p["half_gap"])
         elif c.effect == "hysteresis":
@@ -306,6 +345,10 @@ def _ripple(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
     mechanism.add(native.RIPPLE, port, p["amplitude"], p["order"], p["phase"])
 
 
+def _stops(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    mechanism.add(native.END_STOP, port, p["stiffness"], p["damping"], p["lower"], p["upper"])
+
+
 def _vibration(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
     mechanism.add(native.VIBRATION, port, p["amplitude"], 2 * math.pi * p["frequency"], p["phase"])
 
@@ -331,5 +374,6 @@ _SHAFT: dict[str, Callable[[Mechanism, Port, Mapping[str, float]], None]] = {
     "torque_ripple": _ripple,
     "cogging": _ripple,
     "outside_vibration": _vibration,
+    "end_stop": _stops,
     "extra_mode": _resonator,
 }

@@ -124,11 +124,15 @@ class Rig:
             duty = np.clip(self.gain * (self.goal[:, k] - q), -1.0, 1.0)
             tm = self.on[:, k] * (drive * SUPPLY * duty - brake * v)
             te = -MASS * GRAVITY * LENGTH * np.sin(q + HORN)
-            most = friction(law, p, v, tm, te)
+            most = self.most(law, p, v, tm, te)
             push = J * v / STEP + tm + te
             v = (push - np.clip(push, -most, most)) * STEP / J
             q = q + STEP * v
         return out
+
+    def most(self, law: str, p: Mapping[str, Array], v: Array, tm: Array, te: Array) -> Array:
+        """The friction that there can be (N.m)."""
+        return friction(law, p, v, tm, te)
 
     def errors(self, law: str, p: Mapping[str, Array]) -> list[Array]:
         """Measured less simulated positions at the samples of each recording, shape (sets, samples)."""

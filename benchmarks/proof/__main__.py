@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.concealed.drawing import Options
-from benchmarks.concealed.plants import PLANTS
+from benchmarks.concealed.plants import DRIVEN, PLANTS
 from benchmarks.concealed.rigs.hard import HARD
 from benchmarks.proof import data, drives, frozen, page, rigs, settle
 from benchmarks.proof.run import one, plan, run
@@ -60,7 +60,7 @@ def main(arguments: list[str] | None = None) -> int:
     driving.set_defaults(act=_drives)
     single = commands.add_parser("one", help="diagnose one case before your eyes, then open its answer")
     single.add_argument("name", nargs="?", help="such as core-15e1e2a691, of the page or of the folder given by -o")
-    single.add_argument("--plant", choices=sorted(PLANTS))
+    single.add_argument("--plant", choices=sorted([*PLANTS, *DRIVEN]))
     single.add_argument("--effect", action="append", default=[], metavar="EFFECT[@PLACE]", help="repeat for a pair")
     single.add_argument("--size", type=float, default=3.0, help="in detection thresholds")
     single.add_argument("--seed", type=int, default=1)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from benchmarks.concealed.drawing import Options
-from benchmarks.concealed.effects import DRIVES
 from benchmarks.concealed.plants import PLANTS
 from benchmarks.concealed.rigs.drawn import PREFIX, made
 from benchmarks.concealed.rigs.hard import HARD
@@ -173,6 +172,12 @@ DRIVE_CASES: dict[str, tuple[str, ...]] = {
     "load_dependent_friction": ("srv02-flexible", "geared-two-mass", "harmonic-arm", "pendulum"),
     "current_limit": ("srv02-flexible", "geared-two-mass"),
     "cogging": ("geared-two-mass", "hard-belt-cogging"),
+    "rate_limit": ("srv02-flexible", "belt-axis"),
+    "command_quantisation": ("geared-two-mass", "belt-axis"),
+    "supply_sag": ("geared-two-mass", "belt-axis"),
+    "belt_slack": ("belt-axis",),
+    "end_stop": ("belt-axis",),
+    "warm_up": ("belt-axis",),
     "coulomb_friction": ("srv02-flexible", "geared-two-mass", "harmonic-arm", "pendulum"),
     "coulomb_friction+current_limit": ("srv02-flexible", "geared-two-mass"),
     "coulomb_friction+cogging": ("geared-two-mass", "hard-belt-cogging"),
@@ -180,7 +185,13 @@ DRIVE_CASES: dict[str, tuple[str, ...]] = {
 """What drives leave out, and plain Coulomb friction for which it must not be taken, with plants that can hide it."""
 
 DRIVE_SIZES, DRIVE_RIGS = (30.0, 300.0), 4
-"""Detection thresholds; random rigs for each effect of a drive, at the first of these sizes."""
+"""Detection thresholds; random rigs for each effect of `ON_RIGS`, at the first of these sizes."""
+
+OTHER_SIZES = {"end_stop": (2.0, 4.0)}
+"""The same of effects that are there or not: a few thresholds leave an axis between its stops without room to move."""
+
+ON_RIGS = ("load_dependent_friction", "current_limit", "cogging")
+"""Effects of drives that are concealed on random rigs too."""
 
 
 def drives(seeds: list[int]) -> Iterator[Spec]:
@@ -189,11 +200,11 @@ def drives(seeds: list[int]) -> Iterator[Spec]:
         effects = tuple(names.split("+"))
         for plant in plants:
             options = HARD[plant].options if plant in HARD else Options()
-            for size in DRIVE_SIZES:
+            for size in OTHER_SIZES.get(names, DRIVE_SIZES):
                 for seed in seeds:
                     yield Spec("drives", plant, effects, (size,) * len(effects), seed, options)
     for seed in seeds:
-        for effect in DRIVES:
+        for effect in ON_RIGS:
             able = (k for k in itertools.count(1000 * seed) if _can_hide(k, effect))
             for k in itertools.islice(able, DRIVE_RIGS):
                 yield Spec("drives", f"{PREFIX}{k}", (effect,), DRIVE_SIZES[:1], k, made(k)[1])

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 
+from diagnosis.effects.belt import at_belt
+from diagnosis.effects.command import at_command
 from diagnosis.effects.drive import at_driven_shaft, at_gear, at_loaded_shaft, at_motor_input
 from diagnosis.effects.effect import Candidate
+from diagnosis.effects.end_stop import at_measured_shaft
 from diagnosis.effects.joint import at_joint
 from diagnosis.effects.link import at_link
 from diagnosis.effects.parameter import wrong_parameters
@@ -19,6 +22,8 @@ from diagnosis.effects.scales import OperatingScales
 from diagnosis.effects.shaft import at_shaft
 from diagnosis.effects.signal import at_input, at_sensor
 from diagnosis.effects.spring import at_mount, at_spring
+from diagnosis.effects.supply import at_motor_supply
+from diagnosis.effects.warm_up import at_motor_winding
 from engine.errors import FlexarmError, nearest
 
 EFFECTS = (
@@ -56,17 +61,23 @@ EFFECTS = (
     "current_limit",
     "cogging",
     "transmission_error",
+    "rate_limit",
+    "command_quantisation",
+    "supply_sag",
+    "belt_slack",
+    "end_stop",
+    "warm_up",
 )
 """Machine names of the catalogue's own effects."""
 
 Rule = Callable[[OperatingScales, Place], Iterator[Candidate]]
 
 MECHANICAL: tuple[tuple[str, tuple[Rule, ...]], ...] = (
-    (INPUT, (at_input, at_motor_input)),
-    (SHAFT, (at_shaft, at_loaded_shaft, at_driven_shaft)),
+    (INPUT, (at_input, at_motor_input, at_command, at_motor_supply)),
+    (SHAFT, (at_shaft, at_loaded_shaft, at_driven_shaft, at_measured_shaft)),
     (JOINT, (at_joint,)),
     (BLOCK, (at_mount,)),
-    (BLOCK, (at_link, at_spring, at_gear)),
+    (BLOCK, (at_link, at_spring, at_gear, at_belt, at_motor_winding)),
 )
 """What lies in front of a sensor: kind of place, and the rules that say what may be missing there."""
 

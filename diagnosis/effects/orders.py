@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.fft
 
-from blocks.registry import registry
+from diagnosis.effects.linear_answer import LinearAnswer, white, whitened
 from diagnosis.effects.places import groups, ratio, slides
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
@@ -21,17 +21,12 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
 from engine.assemble import build
 from engine.errors import FlexarmError
-from engine.linearise import linearise
-from engine.system import Connection, System
 
 PIECE = 256
 """Samples of a piece: enough to tell orders apart, and few enough for the phase of a high one to hold."""
 
 FASTEST = 2.6
 """Radians that a wave may advance within a sample: pi is the end of what samples show."""
-
-FEWEST = 8
-"""Cosines in a band of the spectrum, over which it is smoothed."""
 
 
 def standing_out(problem: Problem, x: Array, flange: str, orders: Sequence[int], most: int) -> list[int]:
@@ -79,7 +74,7 @@ def explained_energy(problem: Problem, x: Array, flange: str, orders: Sequence[i
 
 
 class _Answer:
-    """What a torque on a shaft does to the sensors, by the model linearised at rest with its frictions sliding.
+    """What a torque on a shaft does to the sensors, and the angle of the shaft.
 
     Args:
         problem, x, flange: as of `standing_out`.
@@ -91,22 +86,7 @@ class _Answer:
     def __init__(self, problem: Problem, x: Array, flange: str) -> None:
         self.problem, self.x, self.flange = problem, x, flange
         system, driven = problem.scenario.system, [v.name for v in problem.model.inputs]
-        kind, port, effort = ("Force", "flange", "force") if slides(system, flange) else ("Torque", "shaft", "torque")
-        probed = System(
-            {**system.blocks, "probe": registry()[kind]()},
-            [*system.connections, Connection((flange, f"probe.{port}"))],
-            system.shared,
-            {},
-            system.places,
-        )
-        outputs = [v.name for v in problem.model.outputs]
-        model = build(probed, inputs=[f"probe.{effort}", *driven], outputs=outputs)
-        sliding = {mode.name: "sliding forward" for mode in model.modes if mode.kind == "friction"}
-        fitted = {
-            name: value for name, value in problem.values(x)[0].items() if name in {p.name for p in model.parameters}
-        }
-        linear = linearise(model, modes=sliding, parameters=fitted)
-        self.A, self.B, self.C, self.D = linear.A, linear.B[:, :1], linear.C, linear.D[:, :1]
+        self.linear = LinearAnswer(problem, x, flange)
         self.turning = build(system, driven, [f"{flange}.angle"]) if not slides(system, flange) else None
 
     def explained(self, e: Experiment, orders: Sequence[int]) -> Array:
@@ -120,17 +100,15 @@ class _Answer:
         angle, residual = rows[:, 0], rows[:, 1:]
         step = np.abs(np.gradient(angle))[:, None]
         waves = np.where(step * np.asarray(orders) < FASTEST, np.exp(1j * angle[:, None] * np.asarray(orders)), 0.0)
-        response = self._response(2 * len(angle), interval) / e.sigma
+        response = self.linear.response(2 * len(angle), interval) / e.sigma
         spectrum = scipy.fft.fft(waves, 2 * len(angle), axis=0)
         pieces, whole = np.zeros(len(orders)), np.zeros(len(orders))
         for k in range(residual.shape[1]):
             answers = scipy.fft.ifft(spectrum * response[:, k, None], axis=0)[: len(angle)]
             columns = np.column_stack([residual[:, k], answers.real, answers.imag])
-            white = scipy.fft.idct(
-                scipy.fft.dct(columns, axis=0, norm="ortho") * _white(e, residual[:, k]), axis=0, norm="ortho"
-            )
-            for length, found in ((PIECE, pieces), (len(white), whole)):
-                cut = white[: len(white) // length * length].reshape(-1, length, white.shape[1])
+            flat = whitened(columns, white(e, residual[:, k]))
+            for length, found in ((PIECE, pieces), (len(flat), whole)):
+                cut = flat[: len(flat) // length * length].reshape(-1, length, flat.shape[1])
                 found += _explained(cut[:, :, :1], cut[:, :, 1 : 1 + len(orders)], cut[:, :, 1 + len(orders) :])
         return np.array([pieces, whole])
 
@@ -154,24 +132,6 @@ class _Answer:
             self.problem.internal_step,
         )
         return np.asarray(e.sampled(rows)[:, 0])
-
-    def _response(self, count: int, interval: float) -> Array:
-        """Outputs per torque at the frequencies of a discrete transform, shape (count, outputs); none at rest."""
-        w = 2j * np.pi * scipy.fft.fftfreq(count, interval)
-        half = w[1 : count // 2 + 1]
-        gains = self.C @ np.linalg.solve(half[:, None, None] * np.eye(len(self.A)) - self.A, self.B) + self.D
-        made = np.zeros((count, len(self.C)), dtype=complex)
-        made[1 : count // 2 + 1] = gains[:, :, 0]
-        made[count // 2 + 1 :] = made[1 : (count + 1) // 2][::-1].conj()
-        return made
-
-
-def _white(e: TimeExperiment, residual: Array) -> Array:
-    """Weights of the cosines with which a residual is white, shape (samples, 1)."""
-    power, weights = e.components(residual[:, None])[:, 0] ** 2, np.ones(len(residual))
-    for _, part in e.bands(FEWEST):
-        weights[part] = max(float(np.mean(power[part])), 1.0) ** -0.5
-    return weights[:, None]
 
 
 def _explained(rest: Array, cosines: Array, sines: Array) -> Array:

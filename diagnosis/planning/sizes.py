@@ -54,13 +54,21 @@ IN_JOINT = {
 IN_SPRING = {"yield_twist": -1.0, "yield_deflection": -1.0}
 """Powers of a law in the place of a spring: one that never yields is the spring."""
 
+OF_DRIVES = {
+    "rate_limit": {"rising": -1.0},
+    "supply_sag": {"resistance": 1.0, "capacitance": 0.0},
+    "belt_slack": {"pretension": -1.0},
+    "warm_up": {"winding_heat_capacity": -1.0, "winding_thermal_resistance": 1.0},
+}
+"""Powers of what drives leave out: a limit, a pretension and a heat capacity are hardly there where they are large."""
+
 NEAR_ONE = {"uneven_gain": "backward", "sensor_scale": "gain"}
 """Effects that are none where a gain is one: its parameter. Their size is how far the gain is from one."""
 
 LIMITS = frozenset({"saturation", "current_limit"})
 """Effects that are none where a limit is not reached: their size is how far it lies below the largest start."""
 
-FIXED_LAWS = frozenset({"structural_damping", "rectified_sensor", "one_sided_contact"})
+FIXED_LAWS = frozenset({"structural_damping", "rectified_sensor", "one_sided_contact", "end_stop"})
 """Laws that no size makes small: they are another law, or not."""
 
 JOINT_LAWS = frozenset({"joint_flexibility", "backlash", "hardening_spring", "hysteresis"})
@@ -186,6 +194,8 @@ def _powers(candidate: Candidate) -> dict[str, float]:
     names = [p.name for p in candidate.parameters]
     if candidate.effect in ("lag", "sensor_lag"):
         return {"corner_frequency": -1.0}
+    if candidate.effect in OF_DRIVES:
+        return OF_DRIVES[candidate.effect]
     if candidate.effect in JOINT_LAWS:
         table = IN_JOINT if "stiffness" in names else IN_SPRING
         found = {name: table.get(name, 0.0 if name in SHAPES else 1.0) for name in names}

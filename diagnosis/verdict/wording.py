@@ -16,6 +16,12 @@ from diagnosis.thresholds import EVIDENCE, WORDING
 from diagnosis.verdict.table_report import absorbed, remarks
 
 WORDS = {
+    "rate_limit": "a rate limit",
+    "command_quantisation": "steps of the command",
+    "supply_sag": "a supply that sags",
+    "belt_slack": "slack of the belt",
+    "end_stop": "an end stop",
+    "warm_up": "warm-up of the winding",
     "dead_zone": "a dead zone",
     "saturation": "saturation",
     "uneven_gain": "a gain that differs between the directions",

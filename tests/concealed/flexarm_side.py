@@ -13,7 +13,7 @@ from diagnosis.binding import bind, row_interval
 from diagnosis.recordings.mapping import from_scenario
 from diagnosis.recordings.types import Recording
 from engine.simulate import simulate
-from scenarios.amend import AtFlange, Between, InSignal, OnSensor, Replace, Set, Wire, amended
+from scenarios.amend import AtFlange, Between, Feed, InSignal, OnSensor, Replace, Set, Wire, amended
 from scenarios.load import load
 
 NOT_IN_THE_LIBRARY = frozenset({"rectified_sensor"})
@@ -71,11 +71,41 @@ def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
             *made,
             Wire("w", ("y.out", "x.load")),
         ]
+    if effect == "rate_limit":
+        rate = {"rising": f"{p['rate']} {unit}/s", "time_constant": "0.5 us"}
+        return [InSignal("x", "RateLimiter", ground, rate)]
+    if effect == "command_quantisation":
+        return [InSignal("x", "Quantiser", ground, {"step": f"{p['step']} {unit}"})]
+    if effect == "supply_sag":
+        bus = {"source_voltage": f"{p['voltage']} V", "resistance": f"{p['resistance']} ohm"}
+        bus["capacitance"] = f"{2e-5 / p['resistance']} F"
+        return [
+            InSignal("duty", "Gain", ground, {"gain": f"{1 / p['voltage']} 1/V", "unit": "1"}),
+            InSignal("x", "Bridge", ground, entry="duty"),
+            Feed("bus", "Supply", "x.supply", bus, exit="voltage"),
+            Wire("w", ("motor.current", "x.current")),
+            Wire("v", ("x.supply_current", "bus.current")),
+        ]
+    if effect == "belt_slack":
+        return [Set(place, "pretension", f"{p['pretension']} N")]
+    if effect == "end_stop":
+        law = {"lower": f"{p['lower']} m", "upper": f"{p['upper']} m"}
+        law |= {"stiffness": f"{p['stiffness']} N/m", "damping": f"{p['damping']} N.s/m"}
+        return [AtFlange("x", "TranslationalEndStop", place, "slide", law)]
+    if effect == "warm_up":
+        thermal = {
+            "winding_heat_capacity": f"{p['capacity']} J/K",
+            "winding_thermal_resistance": f"{p['insulation']} K/W",
+            "housing_heat_capacity": f"{p['housing']} J/K",
+            "housing_thermal_resistance": f"{p['cooling']} K/W",
+            "magnet_coefficient": "0 1/K",
+        }
+        return [Replace("motor", "ThermalDCMotor", thermal)]
     if effect == "current_limit":
         law = {
             "current_limit": f"{p['current_limit']} A",
             "resistance": f"{true['motor.resistance']} ohm",
-            "back_emf_constant": f"{true['motor.back_emf_constant']} V.s/rad",
+            "back_emf_constant": f"{true.get('motor.back_emf_constant', true['motor.torque_constant'])} V.s/rad",
         }
         return [InSignal("x", "CurrentLimiter", ground, law), Wire("w", ("motor.shaft.speed", "x.speed"))]
     if effect in ("torque_ripple", "cogging"):
