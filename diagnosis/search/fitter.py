@@ -92,7 +92,7 @@ class CandidateFitter:
         return self._trial(self._kept(f"settled {model.label} {_mark(point.x)}", model.effects, compute))
 
     def closest(self, model: ScoredModel) -> ScoredModel:
-        """A model at its least squared error, unless it then follows less closely what was not fitted; as evident still."""
+        """A model at its least squared error, unless all recordings together are then followed less closely."""
         point = end_of(model)
 
         def compute() -> PartialFit:
@@ -110,7 +110,8 @@ class CandidateFitter:
 
         kept = self._kept(f"closest {model.label} {_mark(point.x)}", model.effects, compute)
         found = self._trial(kept, "stated")
-        return replace(found, log_evidence=model.log_evidence) if found.hold_out <= model.hold_out else model
+        closer = found.left.energy.sum() <= model.left.energy.sum()
+        return replace(found, log_evidence=model.log_evidence) if closer else model
 
     def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:
         """What ``compute`` gives, or what it gave before under the same key."""

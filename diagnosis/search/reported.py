@@ -1,7 +1,7 @@
 """The models of a study as they are reported: with the parameters of least squared error.
 
 A search weighs models by likelihoods in which slow errors count little, since it must not take them for physics. Who is
-given a model asks that it follow his recordings as closely as it can, those too that were not fitted. At the sensors'
+given a model asks that it follow his recordings as closely as it can, those that were not fitted too. At the sensors'
 noise both fits are one.
 """
 

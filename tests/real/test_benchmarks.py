@@ -9,6 +9,7 @@ import pytest
 
 from diagnosis.search.partial_fit import ended
 from diagnosis.search.scored_model import ScoredModel
+from diagnosis.thresholds import SEARCH
 from tests.real.bench import Bench, bench
 
 
@@ -50,7 +51,10 @@ def drives(recordings: Path) -> Bench:
 
 
 def test_the_coupled_drives_are_read_without_a_sign(drives: Bench) -> None:
-    """0.85 V linear and 0.22 V with the magnitude, by an independent fit; half the voltage shows the dry friction."""
+    """0.85 V linear and 0.22 V with the magnitude, by an independent fit; dry friction beside it is not needed.
+
+    By squared error alone friction takes a tenth off, with both inertias fourteen tolerances from their values.
+    """
     magnitude = drives.find("rectified_sensor", "pulley.shaft.speed", exact=True)
     rectified = drives.put_in(magnitude, given=True)
     before, after = errors(drives.refit), errors(rectified)
@@ -58,9 +62,9 @@ def test_the_coupled_drives_are_read_without_a_sign(drives: Bench) -> None:
     assert after["prbs"] == pytest.approx(0.22, abs=0.01)
     assert after["weaker"] < 0.75 * before["weaker"]
     dry = drives.find("coulomb_friction", "drive.shaft", exact=True)
-    both = errors(drives.put_in(ended(rectified, magnitude), dry, given=True))
-    assert both["prbs"] < 0.95 * after["prbs"]
-    assert both["weaker"] < 0.6 * after["weaker"]
+    both = drives.put_in(ended(rectified, magnitude), dry, given=True)
+    assert 0.95 * after["prbs"] < errors(both)["prbs"] < after["prbs"]
+    assert both.log_evidence < rectified.log_evidence + SEARCH.effort
 
 
 @pytest.mark.slow
