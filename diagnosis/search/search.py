@@ -16,7 +16,7 @@ from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import PartialFit, drawn_back, ended, standing
-from diagnosis.search.posterior import believed, complete, energy, misses, price, probabilities, value
+from diagnosis.search.posterior import believed, complete, energy, is_in, misses, price, probabilities, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, together
 from diagnosis.search.study import Study
@@ -110,6 +110,25 @@ class _Search:
         for model in sorted(self.models, key=self.worth, reverse=True)[: SEARCH.settled]:
             self._settled(model)
         self._confirmed(self.best)
+        self._simplified(self.best)
+
+    def _simplified(self, model: ScoredModel) -> None:
+        """Put the simpler law in the place of each richer one of a model, from where that ended, and try it again.
+
+        Where a machine sticks, its answer jumps with every parameter, and the fit of a simple law may end at a jump
+        that a richer law has passed by.
+        """
+        values = model.fit.parameters()
+        for effect in model.effects:
+            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            simpler = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
+            begun = [
+                replace(c, starts=({k: values.get(f"{effect.name}.{k}", v) for k, v in c.starts[0].items()},))
+                for c in simpler
+            ]
+            for made in self._fit([((*kept, c), [standing(model.fit)]) for c in begun], len(begun)):
+                if self.worth(self._models[made.keys]) < self.worth(model):
+                    self._keep(self.fitter.retried(made))
 
     def _grow(self, most: int) -> None:
         for count in range(1, most + 1):
@@ -210,6 +229,10 @@ class _Search:
 
     def _vary(self, model: ScoredModel) -> None:
         """Take each effect of a model away; put it elsewhere, others in its place, a known pair in the place of one."""
+        alike = [p for p in self._waiting if _related(p.effects[-1], model.effects)]
+        self._waiting = [p for p in self._waiting if p not in alike]
+        for few in range(0, len(alike), SEARCH.few):
+            self._finished(alike[few : few + SEARCH.few])
         singles = sorted((m for m in self.models if len(m.effects) == 1), key=self.worth, reverse=True)
         best = [*(m.effects[0] for m in singles), *self._order]
         pairs = [c for c in lookalikes(model, best) if len(c) <= SEARCH.most]
@@ -221,8 +244,8 @@ class _Search:
             self._fit([(kept, [standing(model.fit)])], 1)
             elsewhere = [c for c in self.listed if c.effect == effect.effect and c.key != effect.key]
             self._beside(kept, model, SEARCH.few, elsewhere, finish=SEARCH.few)  # a few steps do not tell places apart
-            alike = [c for c in self.listed if c.place == effect.place or c.effect == effect.effect]
-            among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
+            related = [c for c in self.listed if _related(c, [effect])]
+            among = list({id(c): c for c in [*related, *self._order[: SEARCH.exchanged]]}.values())
             self._beside(kept, model, SEARCH.exchanged, among)
 
     def _first(self, parents: Sequence[Values]) -> None:
@@ -342,7 +365,8 @@ class _Search:
     def _finished(self, partials: Sequence[PartialFit]) -> list[ScoredModel]:
         """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.
 
-        Beside a second effect what was far from the best may be part of the truth.
+        Beside a second effect what was far from the best may be part of the truth; and what is related to the best, as
+        a simpler law at its place is, does not wait.
         """
         kept: list[ScoredModel] = []
         for few in range(0, len(partials), SEARCH.few):
@@ -383,6 +407,11 @@ class _Search:
         known = self._models.get(made.keys)
         if known is None or self.worth(made) > self.worth(known):
             self._models[made.keys] = made
+
+
+def _related(effect: Candidate, others: Sequence[Candidate]) -> bool:
+    """Whether an effect acts at the place of one of the others, or is the same elsewhere."""
+    return any(effect.place == c.place or effect.effect == c.effect for c in others)
 
 
 def _cut(effect: Candidate) -> tuple[str, str]:
