@@ -140,7 +140,9 @@ def unaccelerated(problem: Problem, x: Array) -> tuple[Array, bool]:
 
 def _descended(problem: Problem, x: Array, *, accelerated: bool) -> tuple[Array, bool]:
     with Threads(1) as pool:
-        x, _, converged = descend(problem, x, problem.training, pool, iterations=STEPS, accelerated=accelerated)
+        x, _, converged = descend(
+            problem, x, problem.training, pool, iterations=STEPS, accelerated=accelerated, noise="stated"
+        )
     return x, converged
 
 
@@ -269,7 +271,7 @@ def amended(fitter: CandidateFitter, effects: Sequence[Sequence[Candidate]]) -> 
         for effect, group in [(one, group) for one in ways for group in one.structures()]:
             try:
                 for made, x, sizes in fitter.placed((*before, effect), [(*built, s) for s in group], {}):
-                    cost = made.cost(x, made.training[:1]) + made.prior_cost(x)
+                    cost = made.cost(x, made.training[:1], noise="stated")
                     tried.append((cost, len(tried), made, x, effect, sizes[-1]))
             except FlexarmError:
                 continue
@@ -341,7 +343,7 @@ def compared(made: Problem, x: Array) -> list[dict[str, Any]]:
         there, converged = optimiser(counted, x)
         seconds = time.process_time() - began
         calls = {what: counted.calls[what] / len(made.training) for what in ("residual", "jacobian")}
-        cost = made.cost(there, made.training) + made.prior_cost(there)
+        cost = made.cost(there, made.training, noise="stated")
         rows.append({"optimiser": name, "cost": cost, "converged": converged, "seconds": seconds, **calls})
     return rows
 
