@@ -12,17 +12,30 @@ from benchmarks import optimisers, whitening
 from diagnosis.estimation.parameters import Array
 
 
+class Values:
+    """An experiment as far as an optimiser sees one: values of one signal."""
+
+    def __init__(self, count: int) -> None:
+        self.measured = np.zeros((count, 1))
+
+    def components(self, rows: Array) -> Array:
+        return rows
+
+
 class Rosenbrock:
     """r = (10 (b - a^2), 1 - a): the cost is 0 at (1, 1) alone. The prior says next to nothing."""
 
     free = (SimpleNamespace(ends=(-np.inf, np.inf)),) * 2
-    training = ("only",)
+    training = (Values(2),)
 
     def residual(self, x: Array, _: Any) -> Array:
-        return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
+        return np.array([[10 * (x[1] - x[0] ** 2)], [1 - x[0]]])
 
     def linearised(self, x: Array, e: Any) -> tuple[Array, Array]:
-        return self.residual(x, e), np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
+        return self.residual(x, e).ravel(), np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
+
+    def prior_cost(self, x: Array) -> float:
+        return float(np.sum(self.prior(x)[0] ** 2))
 
     def prior(self, x: Array) -> tuple[Array, Array]:
         return 1e-9 * x, 1e-9 * np.eye(2)
@@ -31,11 +44,13 @@ class Rosenbrock:
 class Ridge(Rosenbrock):
     """Data that know a - b to a millionth and nothing of a + b, a prior at (1, 3): the best is (2, 2), a cost of 2."""
 
+    training = (Values(1),)
+
     def residual(self, x: Array, _: Any) -> Array:
-        return np.array([1e6 * (x[0] - x[1])])
+        return np.array([[1e6 * (x[0] - x[1])]])
 
     def linearised(self, x: Array, e: Any) -> tuple[Array, Array]:
-        return self.residual(x, e), np.array([[1e6, -1e6]])
+        return self.residual(x, e).ravel(), np.array([[1e6, -1e6]])
 
     def prior(self, x: Array) -> tuple[Array, Array]:
         return x - np.array([1.0, 3.0]), np.eye(2)

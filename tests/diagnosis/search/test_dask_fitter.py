@@ -43,6 +43,7 @@ def test_on_this_machine_no_pool_is_opened(path: Any, monkeypatch: pytest.Monkey
     nothing = SimpleNamespace(effects=())
     made = lambda fitter, **_: SimpleNamespace(chosen=nothing, recordings=(), by=fitter.workers)  # noqa: E731
     monkeypatch.setattr("diagnosis.api.study", made)
+    monkeypatch.setattr("diagnosis.api.as_reported", lambda _, found: found)
     monkeypatch.setattr("diagnosis.api.judge", lambda found, seed: found.by)
     workers: Any = diagnose(path, workers=3)
     assert workers == 3

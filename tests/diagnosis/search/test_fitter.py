@@ -92,7 +92,7 @@ def test_a_fit_that_was_tried_again_and_kept_is_the_same_model(fitter: Candidate
     made = fitter.build((zone,), (built,))
     given = {f"{zone.name}.{key}": value for key, value in asked.items()}
     x = np.array([f.position(given[f.name]) if f.name in given else 0.0 for f in made.free])
-    cost = made.cost(x, made.training) + made.prior_cost(x)
+    cost = made.cost(x, made.training)
     begun = fitter._trial(PartialFit((zone,), StartingPoint(cost, made, x, (asked,), (built,)), False))
     kept: dict[str, Any] = {}
     storing = CandidateFitter(fitter.scenario, fitter.recordings, 1, store=kept)
