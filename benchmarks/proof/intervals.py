@@ -40,7 +40,7 @@ def covered(found: dict[str, Any], answer: dict[str, Any]) -> list[tuple[str, bo
             for key, row in f["parameters"].items():
                 name = f["place"] if f["place"] in true else f"{f['block']}.{key}"
                 if name in true and name.endswith(f".{key}"):
-                    rows.append((f"wrong_parameter.{key}", row["low"] <= true[name] <= row["high"]))
+                    rows.append((f"wrong_parameter.{key}", _inside(key, row, true[name])))
         if f["status"] not in ("named", "tie"):
             continue
         for c in answer["concealed"]:

@@ -92,20 +92,21 @@ class CandidateFitter:
         return self._trial(self._kept(f"settled {model.label} {_mark(point.x)}", model.effects, compute))
 
     def closest(self, model: ScoredModel) -> ScoredModel:
-        """A model at its least squared error, unless all recordings together are then followed less closely."""
+        """A model at its least squared error, unless all recordings together are then followed less closely.
+
+        The user's own is begun from several starts too, as `flexarm fit` begins it, on coarse recordings.
+        """
         point = end_of(model)
 
         def compute() -> PartialFit:
-            made = point.problem
-            with Threads(self.workers) as pool:
-                x, cost, converged = descend(
-                    made, point.x, made.training, pool, iterations=SEARCH.most_steps, noise="stated"
-                )
+            made, begins = point.problem, [point.x]
             if not model.effects:
-                anew = fit(made, random_starts=2, seed=self.seed, workers=self.workers)
-                x, cost, converged = min(
-                    (x, cost, converged), (anew.x, anew.cost, anew.converged), key=lambda end: end[1]
-                )
+                begins.append(fit(self.coarse, random_starts=2, seed=self.seed, workers=self.workers).x)
+            with Threads(self.workers) as pool:
+                ends = [
+                    descend(made, x, made.training, pool, iterations=SEARCH.most_steps, noise="stated") for x in begins
+                ]
+            x, cost, converged = min(ends, key=lambda end: end[1])
             return PartialFit(model.effects, replace(point, x=x, cost=cost), converged)
 
         kept = self._kept(f"closest {model.label} {_mark(point.x)}", model.effects, compute)

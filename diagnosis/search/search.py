@@ -230,7 +230,7 @@ class _Search:
     def _vary(self, model: ScoredModel) -> None:
         """Take each effect of a model away; put it elsewhere, others in its place, a known pair in the place of one."""
         alike = [p for p in self._waiting if _related(p.effects[-1], model.effects)]
-        self._waiting = [p for p in self._waiting if p not in alike]
+        self._waiting = [p for p in self._waiting if not _related(p.effects[-1], model.effects)]
         for few in range(0, len(alike), SEARCH.few):
             self._finished(alike[few : few + SEARCH.few])
         singles = sorted((m for m in self.models if len(m.effects) == 1), key=self.worth, reverse=True)

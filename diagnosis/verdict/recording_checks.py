@@ -407,9 +407,11 @@ def _shifts(beside: Sequence[Compared]) -> list[Remark]:
 def _clipped(where: str, y: Array, s: Array) -> list[Remark]:
     """Runs of equal samples at an extreme that the signal reaches at speed, and the model crosses.
 
-    A joint that friction holds still comes to rest first; its model does not go on beyond either.
+    A joint that friction holds still comes to rest first; its model does not go on beyond either. Within a sensor's own
+    step, such as an encoder's count, every model goes beyond what was recorded.
     """
     span = float(np.ptp(y))
+    step = float(np.diff(np.unique(y)).min(initial=span))
     gain = _likeness(y, s)[1]
     moves = np.abs(np.diff(y))
     usual = math.sqrt(float(np.mean(moves**2))) if len(moves) else 0.0
@@ -425,7 +427,7 @@ def _clipped(where: str, y: Array, s: Array) -> list[Remark]:
             and b > RECORDING_CHECKS.approach
             and e + RECORDING_CHECKS.approach < len(y)
             and _speed(moves, b, e) >= RECORDING_CHECKS.abrupt * usual
-            and (sign * (model[b:e] - extreme)).max() > RECORDING_CHECKS.beyond * span
+            and (sign * (model[b:e] - extreme)).max() > max(RECORDING_CHECKS.beyond * span, step)
         ]
         if clipped:
             side = "largest" if sign > 0 else "smallest"

@@ -12,7 +12,7 @@ from scipy.signal import cont2discrete, dlsim
 from diagnosis.binding import find_recording
 from diagnosis.problems import problem
 from diagnosis.recordings import quality
-from diagnosis.verdict.recording_checks import Remark, screen
+from diagnosis.verdict.recording_checks import Remark, _clipped, screen
 from scenarios.load import load
 
 R, KT, J, B = 2.6, 0.03, 2.46e-5, 1e-5
@@ -167,6 +167,15 @@ def test_a_joint_held_still_by_friction_is_not_clipped(tmp_path: Path) -> None:
         return rows
 
     assert not any("end of its range" in r.text for r in remarks(tmp_path, held))
+
+
+def test_a_coarse_encoder_is_not_clipped_and_one_at_its_end_is() -> None:
+    """Within a count, a model goes beyond what was recorded; beyond a cut it goes as well, and there it tells."""
+    levels = np.repeat(np.random.default_rng(1).uniform(-1.4, 1.4, 40), 12)
+    swing = np.convolve(levels, np.ones(3) / 3, "same")
+    for counts, cut, told in ((1, 2.0, 0), (2000, 2.0, 0), (2000, 0.8, 2), (200, 0.8, 2)):
+        seen = np.round(np.clip(swing, -cut, cut) * counts) / counts
+        assert len(_clipped("the angle", seen, swing)) == told, (counts, cut)
 
 
 def test_clocks() -> None:
