@@ -308,6 +308,19 @@ def _diffrax_links(rtol: float) -> Callable[[], Array]:
 # -- Exudyn -----------------------------------------------------------------------------------------------------------
 
 
+def _coordinates(model: Any, exu: Any, node: Any) -> Any:
+    """A sensor of a node's coordinates, which keeps what it sees."""
+    return model.AddSensor(
+        {
+            "sensorType": "Node",
+            "nodeNumber": node,
+            "outputVariableType": exu.OutputVariableType.Coordinates,
+            "storeInternal": True,
+            "writeToFile": False,
+        }
+    )
+
+
 def _exudyn_run(build: Callable[[Any, Any], Any], kind: str, parts: Any, read: Callable[[Any, Any], Any]) -> Any:
     """A system is put together anew for each run, since a run starts from where the last one ended."""
     import exudyn as exu
@@ -407,15 +420,7 @@ def _exudyn_sliding() -> Callable[[], Array]:
                 "loadUserFunction": lambda model, t, load: p.TORQUE * np.sin(turn * t),
             }
         )
-        return model.AddSensor(
-            {
-                "sensorType": "Node",
-                "nodeNumber": node,
-                "outputVariableType": exu.OutputVariableType.Coordinates,
-                "storeInternal": True,
-                "writeToFile": False,
-            }
-        )
+        return _coordinates(model, exu, node)
 
     parts = [((0, p.ROWS), _nothing)]
     return _exudyn_run(  # type: ignore[no-any-return]
@@ -462,15 +467,7 @@ def _exudyn_links() -> Callable[[], Array]:
                 "jointVelocityOffsetVector": [0.0, 0.0],
             }
         )
-        return model.AddSensor(
-            {
-                "sensorType": "Node",
-                "nodeNumber": node,
-                "outputVariableType": exu.OutputVariableType.Coordinates,
-                "storeInternal": True,
-                "writeToFile": False,
-            }
-        )
+        return _coordinates(model, exu, node)
 
     parts = [((0, p.ROWS), _nothing)]
     return _exudyn_run(  # type: ignore[no-any-return]
