@@ -58,14 +58,14 @@ class Fitting:
     )
     settled: float = number(
         0.1,
-        "-2 ln likelihood",
+        "mean squared residuals",
         "A fit has converged when a full step would gain less than this: the evidence would change by a twentieth.",
         "evidence of one recorded value",
     )
     stalled: float = number(
         0.0001,
         "1",
-        "Where no step gains anything, a fit has converged if it promised less than this for each recorded value.",
+        "Where no step gains anything, a fit has converged if it promised less than this share of the sum of squares.",
         "first cases of the truth generator (09d7d5d)",
     )
     radius: float = number(
@@ -455,7 +455,7 @@ class Search:
     )
     slow: float = number(
         1.0,
-        "-2 ln likelihood",
+        "mean squared residuals",
         "A fit is left where a step lowers its cost by less, until its model turns out to be the best.",
         "half a unit of evidence; odds of twenty to one are six of these",
     )

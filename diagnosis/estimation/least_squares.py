@@ -22,6 +22,9 @@ from engine.threads import Threads
 
 Progress = Callable[[str], None]
 
+FIRST_HORIZON = 0.25
+"""Share of each recording to which a fit from afar begins."""
+
 UNDETERMINED = 100.0
 """Ratio of the ends of an interval beyond which recordings do not determine a parameter."""
 
@@ -143,8 +146,8 @@ def descend(
         least_gain: stop when a step reduces the cost by less than this, in units of what a recorded value contributes
             to it on average, 1 at least.
         accelerated: whether steps are bent by geodesic acceleration.
-        noise: what is left over is taken for, as of `Bands`. As white noise of unknown strength the largest errors
-            count most, which leads out of places where, as coloured noise, one error is as good as another.
+        noise: how strong the noise is, as of `Bands`. With white noise of unknown strength the largest errors count
+            most, which leads out of places where, with coloured noise, one error is as good as another.
 
     Returns:
         Search vector, cost, as of `Problem.cost` with this noise, and whether it converged: a full step would gain no
@@ -247,33 +250,27 @@ class _LocalModel:
 def fit(
     problem: Problem,
     *,
-    starts: Sequence[Array] = (),
     random_starts: int = 0,
     seed: int = 0,
-    horizons: Sequence[float] = (0.25, 1.0),
     workers: int | None = None,
     progress: Progress | None = None,
-    iterations: int = 25,
     least_gain: float = 0.0,
     noise: Noise = "stated",
 ) -> Fit:
-    """Fit the free parameters to the training recordings.
+    """Fit the free parameters to the training recordings, from the nominal ones and from further starts.
 
     Every start is first fitted to the beginning of each recording, then to all of it: over a short horizon the phase of
     a lightly damped oscillation cannot slip by a whole cycle.
 
     Args:
         problem: what to fit.
-        starts: search vectors to start from; the nominal parameters if none are given.
         random_starts: further starts, drawn within the tolerances.
         seed: of those.
-        horizons: shares of each recording, growing; the last must be 1.
         workers: threads.
         progress: told what is being done.
-        iterations: at most, per horizon.
         least_gain: as of `descend`.
-        noise: what is left over of whole recordings is taken for, as of `descend`; of their beginnings for white noise,
-            if not for noise as stated.
+        noise: how strong the noise of whole recordings is, as of `Bands`; that of their beginnings is white, if not as
+            stated.
 
     Returns:
         The best fit over all starts.
@@ -281,26 +278,19 @@ def fit(
     training = problem.training
     random = np.random.default_rng(seed)
     n = len(problem.free)
-    begin = [np.asarray(x, dtype=float) for x in starts] or [np.zeros(n)]
-    begin += [random.normal(0.0, 0.7, n) for _ in range(random_starts)]
+    begin = [np.zeros(n), *(random.normal(0.0, 0.7, n) for _ in range(random_starts))]
+    first: Noise = "stated" if noise == "stated" else "white"
     best: tuple[float, Array, bool] | None = None
     with Threads(workers or 2) as pool:
         for number, x in enumerate(begin):
             if progress:
                 progress(f"start {number + 1} of {len(begin)}")
-            for share in horizons:
-                part = [e.cut(share) for e in training]
-                x, cost, converged = descend(
-                    problem,
-                    x,
-                    part,
-                    pool,
-                    iterations=iterations,
-                    least_gain=least_gain,
-                    noise=noise if share == horizons[-1] or noise == "stated" else "white",
-                )
-            if best is None or cost < best[0]:
-                best = (cost, x, converged)
+            x, *_ = descend(
+                problem, x, [e.cut(FIRST_HORIZON) for e in training], pool, least_gain=least_gain, noise=first
+            )
+            end = descend(problem, x, training, pool, least_gain=least_gain, noise=noise)
+            if best is None or end[1] < best[0]:
+                best = (end[1], end[0], end[2])
         assert best is not None
         cost, x, converged = best
     made = Fit(problem, x, cost, problem.chi2(x, training), converged, np.zeros((n, n)))

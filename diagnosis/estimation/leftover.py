@@ -21,7 +21,7 @@ from diagnosis.thresholds import EVIDENCE
 Indices = NDArray[np.intp]
 
 Noise = Literal["coloured", "white", "stated"]
-"""What is left over is taken for; see `Bands`."""
+"""How strong the noise is taken to be; see `Bands`."""
 
 
 def strength(energy: Array, count: Array) -> Array:
