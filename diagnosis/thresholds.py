@@ -80,6 +80,12 @@ class Fitting:
         "Standard deviation of the logarithm of the ratio of two sizes that are expected to be equal.",
         "suite 'pairs' (15b161c)",
     )
+    first_horizon: float = number(
+        0.25,
+        "1",
+        "A fit from afar begins with this share of each recording: over it no oscillation slips by a whole cycle.",
+        "tables and recordings of others (59a88f6)",
+    )
     first_samples: int = number(
         16,
         "samples",

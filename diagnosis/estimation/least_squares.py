@@ -22,9 +22,6 @@ from engine.threads import Threads
 
 Progress = Callable[[str], None]
 
-FIRST_HORIZON = 0.25
-"""Share of each recording to which a fit from afar begins."""
-
 UNDETERMINED = 100.0
 """Ratio of the ends of an interval beyond which recordings do not determine a parameter."""
 
@@ -286,7 +283,7 @@ def fit(
             if progress:
                 progress(f"start {number + 1} of {len(begin)}")
             x, *_ = descend(
-                problem, x, [e.cut(FIRST_HORIZON) for e in training], pool, least_gain=least_gain, noise=first
+                problem, x, [e.cut(FITTING.first_horizon) for e in training], pool, least_gain=least_gain, noise=first
             )
             end = descend(problem, x, training, pool, least_gain=least_gain, noise=noise)
             if best is None or end[1] < best[0]:
