@@ -133,6 +133,8 @@ def flags(source: str, *, in_lines: bool = False) -> tuple[str, ...]:
         return FLAGS
     if len(source) > _LARGE:
         return (*FLAGS, _NO_LOOPS, _NO_LINES)
+    if "#define FA_BYTECODE" in source:
+        return (*FLAGS, _NO_LOOPS, _NO_LINES)
     return (*FLAGS, _NO_LOOPS if in_lines else _NO_LINES)
 
 

@@ -1,7 +1,7 @@
 """The compiled runtime: the C struct of a run, filled and called through ctypes, which holds no interpreter lock.
 
-A model begins as byte code (`engine.bytecode`), and gets C of its own once that pays. Both give the same numbers to the
-bit, so when it changes over shows in nothing but time.
+A model begins as byte code (`engine.bytecode`), translated to machine code where that is possible, and gets C of its
+own once that pays. All give the same numbers to the bit, so when it changes over shows in nothing but time.
 """
 
 from __future__ import annotations
@@ -146,14 +146,29 @@ def interpreter(room: int | None, load: Callable[[str], Any]) -> Any:
         return _interpreters[room]
 
 
-LOOK = 2e7
-"""Instructions of byte code after which the cache is searched for the model's own code: a few times what that takes."""
+def translated(code: bytecode.Code | None, room: int | None = None) -> bytecode.Code | None:
+    """Byte code with machine code beside it, where this machine takes that.
 
-ENOUGH, ENOUGH_FOR_EACH = 1.5e8, 2.5e5
-"""Instructions after which the model's own code is compiled, and more of them for each instruction of a step.
+    Args:
+        code: the byte code.
+        room: that it is run with, as of `interpreter`.
 
-A compiler takes 0.1 s, and 0.2 ms for each; an instruction of byte code takes about 0.8 ns longer than compiled.
-"""
+    Raises:
+        CompilerUnavailable: no compiler runs.
+    """
+    if code is not None and MACHINE_CODE:
+        code.translate(library(bytecode.source(room), in_lines=room is not None))
+    return code
+
+
+MACHINE_CODE = True
+"""Whether byte code is translated, which changes nothing but time."""
+
+LOOK = 0.016
+"""Time lost (s) after which the cache is searched for the model's own code: a few times what that takes."""
+
+ENOUGH, ENOUGH_FOR_EACH = 0.12, 2e-4
+"""Time lost (s) after which the model's own code is compiled, and more for each instruction of a step: its cost."""
 
 
 class Way:
@@ -175,7 +190,7 @@ class Way:
     ) -> None:
         self._source, self._load, self._known = source, load, known
         self._lock = threading.Lock()
-        self._spent = 0.0
+        self._lost = 0.0
         self._looked = False
         self.own: Any = None
         self.code = code()
@@ -188,9 +203,9 @@ class Way:
             if self.own is None:
                 assert self.code is not None
                 steps = job.outputs * math.ceil(job.output_ticks * job.resolution / job.hmax) + len(job.knot)
-                self._spent += steps * self.code.step
-                enough = self._spent > ENOUGH + ENOUGH_FOR_EACH * self.code.step
-                if enough or (not self._looked and self._spent > LOOK):
+                self._lost += steps * self.code.step * self.code.slower
+                enough = self._lost > ENOUGH + ENOUGH_FOR_EACH * self.code.step
+                if enough or (not self._looked and self._lost > LOOK):
                     self._looked = True
                     source = self._source()
                     if enough or self._known(source):
@@ -250,7 +265,8 @@ def run(model: Model, job: Job) -> Outcome:
         CompilerUnavailable: no compiler runs.
     """
     found = way(
-        model.signature, lambda: Way(lambda: bytecode.simulation_code(model), lambda: _source(model), _loaded, known)
+        model.signature,
+        lambda: Way(lambda: translated(bytecode.simulation_code(model)), lambda: _source(model), _loaded, known),
     )
     if found.chosen(job):
         return call(model, job, lambda c: found.own(ctypes.byref(c), None))

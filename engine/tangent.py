@@ -65,7 +65,7 @@ def _way(model: Model, indices: tuple[int, ...], directions: int) -> native.Way:
     return native.way(
         (model.signature, indices, directions),
         lambda: native.Way(
-            lambda: bytecode.tangent_code(model, indices, directions),
+            lambda: native.translated(bytecode.tangent_code(model, indices, directions), bytecode.room_for(directions)),
             lambda: tangent_source(model, indices, directions),
             _entry,
             lambda source: known(source, in_lines=True),

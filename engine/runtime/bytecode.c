@@ -8,15 +8,17 @@
 typedef struct { uint16_t operation, to, a, b; } fa_instruction;
 
 typedef struct {
-  const fa_instruction *instructions; /* the last one is FA_END */
+  const fa_instruction *instructions; /* the last one is FA_AT_END */
   const uint16_t *results;            /* their places in the file */
   int64_t count;
-} fa_program;
+  void (*machine)(double *file, const double *x, const double *u, const double *d, const double *fire, double *r);
+} fa_program;                         /* machine: the same by machine_code.c, or 0 */
 
 typedef struct {                      /* nonzeros of a Jacobian by rows */
   const int32_t *first;               /* of each row; one more than there are rows */
   const int32_t *kind, *at, *value;   /* FA_OF_..., which one, which result of the program */
   int64_t rows;
+  void (*machine)(const double *j, const void *S, const void *D, void *out); /* without dt, by machine_code.c, or 0 */
 } fa_pattern;
 
 enum {
@@ -103,6 +105,10 @@ static void fa_evaluate_program(const fa_code *code, double *v, int which, doubl
                                 const double *d, const double *fire, double *r) {
   const fa_program *program = &code->program[which];
   v[0] = t;
+  if (program->machine) {
+    program->machine(v, x, u, d, fire, r);
+    return;
+  }
   fa_put(v + FA_X, x, code->nx);
   fa_put(v + FA_U, u, code->nu + code->nw);
   fa_put(v + FA_D, d, code->nd);

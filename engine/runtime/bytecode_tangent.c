@@ -49,7 +49,8 @@ FA_INLINE void fa_apply(const fa_sim *s, const fa_pattern *p, const double *j, c
 #define FA_TANGENT(name)                                                                                        \
   static void fa_##name##_tangent(const fa_sim *s, const double *j, const fa_columns *S, const fa_columns *D, \
                                   const fa_lane *dt, fa_columns *out) {                                       \
-    fa_apply(s, &FA_CODE->name, j, S, D, dt, out);                                                            \
+    if (FA_CODE->name.machine && !dt) FA_CODE->name.machine(j, S, D, out);                                     \
+    else fa_apply(s, &FA_CODE->name, j, S, D, dt, out);                                                        \
   }
 FA_TANGENT(derivative)
 FA_TANGENT(guards)

@@ -238,7 +238,7 @@ static void fa_line_push(fa_sim *s, const double *fire, const double *value) {
 #endif
 #endif
 #ifndef FA_EACH_STATE
-#define FA_EACH_STATE(i) for (int i = 0; i < FA_NX; i++)
+#define FA_EACH_STATE(i) _Pragma("clang loop vectorize(disable) unroll(disable)") for (int i = 0; i < FA_NX; i++)
 #endif
 
 /* x after h from the present state, with modes frozen; the derivative at the start is s->full. */

@@ -1,9 +1,11 @@
-"""Byte code: the numbers of compiled code to the bit, for every operation and for whole runs; and when it gives way."""
+"""Byte code and its machine code: the numbers of compiled code to the bit, for every operation and for whole runs."""
 
 from __future__ import annotations
 
 import ctypes
 import math
+import platform
+import sys
 from typing import Any
 
 import casadi as ca
@@ -52,20 +54,24 @@ SCENARIOS = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SL
 
 @pytest.fixture
 def ways(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Calls a function twice: with byte code alone, and with the model's own code alone."""
+    """Calls a function with byte code alone, with its machine code alone, and with the model's own code alone."""
 
-    def both(run: Any) -> tuple[Any, Any]:
+    def each(run: Any) -> list[Any]:
         made = []
-        for enough in (math.inf, -math.inf):
+        for enough, machine in ((math.inf, False), (math.inf, True), (-math.inf, True)):
             native.forget()
             monkeypatch.setattr(native, "ENOUGH", enough)
             monkeypatch.setattr(native, "LOOK", math.inf)
+            monkeypatch.setattr(native, "MACHINE_CODE", machine)
             made.append(run())
             assert all((way.own is None) == (enough > 0) for way in native._ways.values())
         native.forget()
-        return made[0], made[1]
+        return made
 
-    return both
+    return each
+
+
+TRANSLATED = platform.machine() in ("x86_64", "AMD64") and sys.platform != "win32"
 
 
 def _same(one: Any, other: Any) -> None:
@@ -79,7 +85,9 @@ def _same(one: Any, other: Any) -> None:
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_run_of_a_scenario_is_the_same_to_the_bit(name: str, ways: Any) -> None:
     model = load(name).build()
-    _same(*ways(lambda: simulate(model, 1.5, 1e-3, record_states=True)))
+    first, *others = ways(lambda: simulate(model, 1.5, 1e-3, record_states=True))
+    for other in others:
+        _same(first, other)
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -88,10 +96,11 @@ def test_its_tangents_are_too(name: str, ways: Any) -> None:
     names = [p.name for p in model.parameters][::2][:6]
     states = [state.name for state in model.states][:2] if not model.initial else []
     for wrt in (names[:2], [*names, *states]):
-        one, other = ways(lambda wrt=wrt: tangents(model, 0.5, 1e-3, wrt=wrt))
-        _same(one.result, other.result)
-        assert np.array_equal(one.values, other.values)
-        assert one.grazing == other.grazing
+        one, *others = ways(lambda wrt=wrt: tangents(model, 0.5, 1e-3, wrt=wrt))
+        for other in others:
+            _same(one.result, other.result)
+            assert np.array_equal(one.values, other.values)
+            assert one.grazing == other.grazing
 
 
 def _delayed() -> Model:
@@ -108,9 +117,11 @@ def test_delays_and_drives_are_too(ways: Any) -> None:
     time = np.arange(0.0, 1.0, 0.013)
     for hold in ("linear", "previous"):
         drive = Drive(time, np.sin(20 * time)[:, None], hold)
-        _same(*ways(lambda drive=drive: simulate(model, 1.0, 1e-3, drive=drive, record_states=True)))
-        one, other = ways(lambda drive=drive: tangents(model, 1.0, 1e-3, wrt=["g.gain", "b.start"], drive=drive))
-        assert np.array_equal(one.values, other.values)
+        first, *others = ways(lambda drive=drive: simulate(model, 1.0, 1e-3, drive=drive, record_states=True))
+        for other in others:
+            _same(first, other)
+        one, *others = ways(lambda drive=drive: tangents(model, 1.0, 1e-3, wrt=["g.gain", "b.start"], drive=drive))
+        assert all(np.array_equal(one.values, other.values) for other in others)
         assert np.abs(one.values).max() >= 1
 
 
@@ -155,15 +166,43 @@ def test_every_operation_is_the_same_to_the_bit() -> None:
     source = bytecode.source()
     general = library(source[: source.index(runtime("core.c"))] + _INTERPRETED)
     random = np.random.default_rng(0)
-    for _ in range(50):
-        given = [random.normal(0, 2, 2), random.integers(-1, 2, 2).astype(float), random.normal(0, 2, 2)]
-        found = np.zeros((2, len(nodes)))
-        arrays = [array.ctypes.data_as(ctypes.c_void_p) for array in given]
-        own.both(*arrays, ctypes.c_void_p(found[0].ctypes.data))
-        general.both(*arrays, ctypes.c_void_p(found[1].ctypes.data), ctypes.c_void_p(code.address))
-        wrong = np.flatnonzero(~((found[0] == found[1]) | np.isnan(found).all(axis=0)))
-        assert not len(wrong), [(str(nodes[k]), *found[:, k]) for k in wrong]
-        assert np.isfinite(found[0]).mean() > 0.5
+    special = np.array([0.0, -0.0, 1.0, math.nan, math.inf, -math.inf])
+    cases = [
+        *([random.normal(0, 2, 2), random.integers(-1, 2, 2).astype(float), random.normal(0, 2, 2)] for _ in range(50)),
+        *([random.choice(special, 2) for _ in range(3)] for _ in range(200)),
+    ]
+    found = np.zeros((3, len(cases), len(nodes)))
+    for way in (0, 1, 2):
+        if way == 2:
+            code.translate(library(source))
+            assert (code.struct.program[2].machine is not None) == TRANSLATED
+        for case, given in enumerate(cases):
+            arrays = [array.ctypes.data_as(ctypes.c_void_p) for array in given]
+            result = ctypes.c_void_p(found[way, case].ctypes.data)
+            if way:
+                general.both(*arrays, result, ctypes.c_void_p(code.address))
+            else:
+                own.both(*arrays, result)
+    bits = np.where(np.isnan(found), math.nan, found).view(np.uint64)
+    wrong = np.argwhere((bits[0] != bits[1]) | (bits[1] != bits[2]))
+    assert not len(wrong), [(str(nodes[k]), cases[c], *found[:, c, k]) for c, k in wrong[:9]]
+    assert np.isfinite(found[0, :50]).mean() > 0.5
+
+
+@pytest.mark.parametrize(("tests", "translated"), [(5, True), (80, False)])
+def test_more_tests_within_one_another_than_there_is_room_for_leave_byte_code(tests: int, translated: bool) -> None:
+    x, p = ca.SX.sym("x", 1), ca.SX.sym("p", tests)
+    value = ca.sin(x[0])
+    for k in range(tests):
+        value = ca.if_else(p[k] > 0, ca.sin(value) + k, 0)
+    emitter, code = Emitter(), bytecode.Code()
+    emitter.add("derivative", [ca.SX.sym("t"), x, ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1), p, ca.SX(0, 1)], value)
+    nodes, results = emitter.plan().state["derivative"], emitter.functions["derivative"]
+    assert max(len(conditions) for conditions, _ in emitter.groups(nodes, results)) == tests
+    code.struct.nx, code.struct.np = 1, tests
+    assert bytecode._programs(code, emitter)
+    code.translate(library(bytecode.source()))
+    assert (code.struct.program[2].machine is not None) == (TRANSLATED and translated)
 
 
 def test_a_model_gets_its_own_code_once_that_pays(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,8 +213,8 @@ def test_a_model_gets_its_own_code_once_that_pays(monkeypatch: pytest.MonkeyPatc
     (way,) = native._ways.values()
     assert way.own is None
     assert way.code is not None
-    work = way._spent
-    assert work == pytest.approx(first.steps * way.code.step, rel=0.1)
+    work = way._lost
+    assert work == pytest.approx(first.steps * way.code.step * way.code.slower, rel=0.1)
     monkeypatch.setattr(native, "ENOUGH", 2.5 * work - native.ENOUGH_FOR_EACH * way.code.step)
     simulate(model, 0.2)
     assert way.own is None
