@@ -267,6 +267,18 @@ class Coarse:
         "What the samples may be corrected by, as a share of a signal's variance: the correction is to be small.",
         "random rigs 0 to 29",
     )
+    per_rate: float = number(
+        1.0,
+        "1",
+        "Integration step times the fastest rate, at most: RK4 then turns a mode by a hundredth less than it should.",
+        "series of RK4's stability function",
+    )
+    solver: float = number(
+        0.1,
+        "standard deviations of the noise",
+        "Error of long integration steps, root mean square of any signal: it adds one part in a hundred to the noise.",
+        "a part in a hundred is below what a hundred samples show",
+    )
 
 
 @dataclass(frozen=True)

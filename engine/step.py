@@ -94,9 +94,15 @@ def lasting_step(values: NDArray[np.complex128], stop: float) -> float:
 
 
 def internal_step(
-    model: Model, p: Vector, x: Vector, step: float, stop: float | None = None, u: Vector | None = None
+    model: Model,
+    p: Vector,
+    x: Vector,
+    step: float,
+    stop: float | None = None,
+    u: Vector | None = None,
+    per_rate: float = STEP_PER_RATE,
 ) -> float:
-    """A step (s) no longer than ``step`` that resolves the fastest mode.
+    """A step (s) no longer than ``step``, and than ``per_rate`` over the rate of the fastest mode, which it resolves.
 
     Given the length of the run (s), it also follows every lightly damped mode to its end; see `lasting_step`. Modes
     that there are only while a contact is closed are resolved, and not followed: they last no longer than the contact.
@@ -105,7 +111,7 @@ def internal_step(
     for values, _ in spectra:
         rate = float(np.abs(values).max())
         if rate > 0:
-            found = min(found, STEP_PER_RATE / rate)
+            found = min(found, per_rate / rate)
     if stop is not None and spectra:
         found = min(found, lasting_step(spectra[0][0], stop))
     return found

@@ -111,6 +111,22 @@ class Candidate:
             groups.setdefault(tuple(start[name] for name in fixed), []).append(start)
         return list(groups.values())
 
+    def choices(self) -> list[Candidate]:
+        """The effect with each of the values, such as a wave's order, that are only chosen and not looked for finer."""
+        groups = self.structures()
+        if self.finer or len(groups) < 2:
+            return [self]
+        fixed = [k.name for k in self.parameters if k.fixed]
+        found = []
+        for group in groups:
+            there = [group[0][name] for name in fixed]
+            wave = self.wave
+            if wave is not None:
+                kept = tuple(start for start in wave.starts if [start[name] for name in fixed] == there)
+                wave = replace(wave, starts=kept) if kept else None
+            found.append(replace(self, starts=tuple(group), wave=wave))
+        return found
+
     def free(self, start: Sizes) -> list[FreeParameter]:
         """The parameters to fit, from given starting sizes."""
         rows = [self.freed] if self.freed else []

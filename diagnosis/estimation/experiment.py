@@ -38,6 +38,7 @@ class Experiment(ABC):
         measured_starts: free starting values that first samples of stated noise tell.
         settings: parameters that have another value in this recording, whatever a fit moves (SI).
         thinned: samples of the recording from each of these to the next.
+        coarse: whether it stands for one with more samples, or with more steps in between.
     """
 
     sparse: ClassVar[bool]
@@ -54,6 +55,7 @@ class Experiment(ABC):
     measured_starts: frozenset[str] = frozenset()
     settings: dict[str, float] = field(default_factory=dict)
     thinned: int = 1
+    coarse: bool = False
 
     @property
     def longest_step(self) -> float | None:

@@ -49,6 +49,7 @@ class TimeExperiment(Experiment):
         stated: starting values that the user gave (SI).
         first: what was recorded at first, before any resampling; None if the model's own start is meant.
         begin: where the state begins on the model; see `on_model`.
+        merged: rows' intervals of the recording, as it was given, in one.
     """
 
     sparse: ClassVar[bool] = False
@@ -64,6 +65,7 @@ class TimeExperiment(Experiment):
     assumed: Mapping[tuple[str, ...], Assumed] = field(default_factory=dict)
     noise_stated: tuple[bool, ...] = ()
     stated: dict[str, float] = field(default_factory=dict)
+    merged: int = 1
     first: FirstSamples | None = None
     begin: Start = field(default_factory=Start)
 
@@ -120,7 +122,7 @@ class TimeExperiment(Experiment):
     @property
     def finest_step(self) -> float:
         """The shortest integration step (s) that a model is given; what needs shorter ones, the samples cannot show."""
-        return self.step / self.thinned / FITTING.finest
+        return self.step / self.thinned / self.merged / FITTING.finest
 
     @property
     def shortest(self) -> float:
@@ -160,6 +162,19 @@ class TimeExperiment(Experiment):
             step=self.interval * count,
             every=1,
             thinned=self.thinned * count,
+            coarse=True,
+        )
+
+    def stepped(self, parts: int) -> TimeExperiment:
+        """The same samples with at least so many integration steps from one to the next, if that makes them longer."""
+        if self.uneven or parts >= self.every:
+            return self
+        return replace(
+            self,
+            step=self.interval / parts,
+            every=parts,
+            merged=math.ceil(self.merged * self.every / parts),
+            coarse=True,
         )
 
     def smoothed(self, rows: Array, count: int) -> Array:

@@ -5,10 +5,13 @@ input in between. What a model answers to it differs a little from what it answe
 corrected by that difference, as the refitted model shows it. So the residual of the refitted model is the true one, and
 models near it are compared rightly: the defect correction of multigrid methods [Brandt 1977]. Those that promise most
 are then fitted to the recordings as they are.
+
+Where the machine allows it, longer integration steps are taken as well, and corrected for in the same way.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -17,31 +20,73 @@ import numpy as np
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
+from diagnosis.problems import resolved
 from diagnosis.thresholds import COARSE, EVIDENCE
 from engine.errors import SimulationError
 
 
 def coarse(problem: Problem, x: Array) -> Problem:
-    """The problem on coarse recordings, or as it is where they are short or would hide what is missing.
+    """The problem on coarse recordings, or as it is where that would hide what is missing or change its answer.
 
     Args:
         problem: of the user's model.
         x: its search vector as refitted.
     """
     given = [e for e in problem.experiments if isinstance(e, TimeExperiment)]
-    count = sum(len(e.time) for e in given if e.role != "hold_out") // COARSE.samples
-    if count < 2 or len(given) < len(problem.experiments):
+    if len(given) < len(problem.experiments):
         return problem
     try:
+        return _with_long_steps(_with_few_samples(problem, x, given), x)
+    except SimulationError:
+        return problem
+
+
+def _with_few_samples(problem: Problem, x: Array, given: Sequence[TimeExperiment]) -> Problem:
+    """The problem on as few samples as hide nothing.
+
+    Raises:
+        SimulationError: a run diverges.
+    """
+    count = sum(len(e.time) for e in given if e.role != "hold_out") // COARSE.samples
+    if count > 1:
         rows = [problem.simulate(x, e) for e in given]
         while count > 1:
             made = _made(problem, x, given, rows, count)
             if made is not None:
                 return made
             count = count * 2 // 3
-    except SimulationError:
-        pass
     return problem
+
+
+def _with_long_steps(problem: Problem, x: Array) -> Problem:
+    """The problem with the longest integration steps whose error stays well below the sensors' noise.
+
+    Raises:
+        SimulationError: a run diverges.
+    """
+    given = [e for e in problem.experiments if isinstance(e, TimeExperiment)]
+    fine = [e.residual(problem.simulate(x, e)) for e in given]
+    for per_rate in (COARSE.per_rate, problem.step_per_rate):
+        parts = 1
+        while parts == 1 or any(e.stepped(parts) is not e for e in given):
+            experiments = tuple(replace(e.stepped(parts), coarse=True) for e in given)
+            made = resolved(replace(problem, experiments=experiments, step_per_rate=per_rate), x)
+            if made is None or made.internal_step == problem.internal_step:
+                break
+            apart = [_apart(made, x, e, r) for e, r in zip(experiments, fine, strict=True)]
+            if all(math.sqrt(float(np.mean(d**2, axis=0).max())) < COARSE.solver for d in apart):
+                pairs = zip(experiments, apart, strict=True)
+                return replace(made, experiments=tuple(replace(e, measured=e.measured + d * e.sigma) for e, d in pairs))
+            parts *= 2
+    return problem
+
+
+def _apart(made: Problem, x: Array, e: TimeExperiment, r: Array) -> Array:
+    """By how much residuals with fine steps are more than a problem's; infinite where its run diverges."""
+    try:
+        return np.asarray(r - e.residual(made.simulate(x, e)))
+    except SimulationError:
+        return np.full_like(r, np.inf)
 
 
 def _made(

@@ -54,7 +54,7 @@ class PartialFit:
             "sizes": self.point.sizes,
             "built": self.point.built,
             "internal_step": self.point.problem.internal_step,
-            "whole": all(e.thinned == 1 for e in self.point.problem.experiments),
+            "whole": not any(e.coarse for e in self.point.problem.experiments),
         }
 
 

@@ -36,6 +36,7 @@ def study(
     without: Sequence[str] = (),
     progress: Progress | None = None,
     told: Sequence[str] = (),
+    known: Sequence[ScoredModel] = (),
 ) -> Study:
     """Refit the model, search for the effects that it lacks, and say how probable each is.
 
@@ -45,6 +46,7 @@ def study(
         without: effects that are not to be tried.
         progress: told what is done, how many of how many.
         told: what was done differently from what was asked, before.
+        known: models that were found with other recordings, which are fitted to these too.
     """
     if progress:
         progress("fitting the model's own parameters", 0, 1)
@@ -55,11 +57,19 @@ def study(
     scales = operating_scales(base)
     scales.lines, scales.refitted = lines(refit), refit.fit.x
     search = _Search(fitter, refit, candidates(scales, without), progress)
+    search.fit_known(known)
     search.run(most)
     best = search.best
     swapped = None if told or fitter.tables else exchanged(fitter, best, search.price)
     if swapped:
-        return study(fitter.again(swapped[0]), most=most, without=without, progress=progress, told=[swapped[1]])
+        return study(
+            fitter.again(swapped[0]),
+            most=most,
+            without=without,
+            progress=progress,
+            told=[swapped[1]],
+            known=sorted((m for m in search.models if m.effects), key=search.worth, reverse=True)[: SEARCH.finished],
+        )
     found = search.study(before, scales, told)
     return search.study(before, scales, told) if search.add_curves(found) else found
 
@@ -112,6 +122,11 @@ class _Search:
         self._confirmed(self.best)
         self._simplified(self.best)
 
+    def fit_known(self, models: Sequence[ScoredModel]) -> None:
+        """Fit models that were found with other recordings, from where they ended there."""
+        tasks = [(tuple(ended(m, c) for c in m.effects), [standing(m.fit)]) for m in models]
+        self._fit(tasks, len(tasks))
+
     def _simplified(self, model: ScoredModel) -> None:
         """Put the simpler law in the place of each richer one of a model, from where that ended, and try it again.
 
@@ -129,6 +144,19 @@ class _Search:
             for made in self._fit([((*kept, c), [standing(model.fit)]) for c in begun], len(begun)):
                 if self.worth(self._models[made.keys]) < self.worth(model):
                     self._keep(self.fitter.retried(made))
+
+    def _enriched(self, model: ScoredModel) -> None:
+        """Put each richer law that was not tried in the place of a simpler one of a model, from where that ended."""
+        for effect in model.effects:
+            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            found = ended(model, effect).starts[0]
+            richer = [
+                replace(c, starts=tuple({k: found.get(k, v) for k, v in start.items()} for start in c.starts))
+                for c in self.listed
+                if (c.place, c.option) == (effect.place, effect.option) and c.key != effect.key and is_in(effect, c)
+            ]
+            new = [c for c in richer if frozenset(k.key for k in (*kept, c)) not in self._models]
+            self._fit([((*kept, c), [standing(model.fit)]) for c in new], len(new))
 
     def _grow(self, most: int) -> None:
         for count in range(1, most + 1):
@@ -193,11 +221,18 @@ class _Search:
         return self._models[model.keys]
 
     def _confirmed(self, model: ScoredModel) -> ScoredModel:
-        """A model fitted to the end, and tried again from around there if it has not converged."""
+        """A model fitted to the end, and tried again from around there if that may not be where it fits best.
+
+        That is so if it has not converged, or misses held-out recordings although it leaves too little for a further
+        effect: contacts that bounce make a cost with many low points.
+        """
         model = self._settled(model)
-        if model.effects and not model.fit.converged and model.keys not in self._repeated:
+        doubtful = not model.fit.converged or (complete(model, self.refit) and misses(model))
+        if model.effects and doubtful and model.keys not in self._repeated:
             self._repeated.add(model.keys)
-            self._models[model.keys] = self.fitter.retried(model)
+            made = self.fitter.retried(model)
+            if self.worth(made) > self.worth(model) or not model.fit.converged:
+                self._models[model.keys] = made
         return self._models[model.keys]
 
     def _deepen(self, count: int) -> None:
@@ -237,13 +272,13 @@ class _Search:
         best = [*(m.effects[0] for m in singles), *self._order]
         pairs = [c for c in lookalikes(model, best) if len(c) <= SEARCH.most]
         self._fit([(c, [standing(model.fit)]) for c in pairs], len(pairs))
+        self._enriched(model)
         if len(model.effects) < 2:
             return
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             self._fit([(kept, [standing(model.fit)])], 1)
-            elsewhere = [c for c in self.listed if c.effect == effect.effect and c.key != effect.key]
-            self._beside(kept, model, SEARCH.few, elsewhere, finish=SEARCH.few)  # a few steps do not tell places apart
+            self._beside_in_every_way(kept, model, effect)
             related = [c for c in self.listed if _related(c, [effect])]
             among = list({id(c): c for c in [*related, *self._order[: SEARCH.exchanged]]}.values())
             self._beside(kept, model, SEARCH.exchanged, among)
@@ -255,7 +290,7 @@ class _Search:
             parents: parameters to begin from.
         """
         origins = [o for values in parents if (o := self.fitter.origin((), values)) is not None]
-        self._order = self._screened(origins, self.listed)
+        self._order = _best_ways(self._screened(origins, self.listed))
         able = [c for c in self._order if self._pays(origins, c)]
         self._fit([((c,), parents) for c in able[: SEARCH.fitted]], SEARCH.finished)
 
@@ -265,7 +300,6 @@ class _Search:
         than: ScoredModel,
         most: int,
         among: Sequence[Candidate],
-        finish: int = 1,
     ) -> None:
         """Put effects in beside others, and fit those that promise most, a few at a time.
 
@@ -278,17 +312,35 @@ class _Search:
                 what is missing, drawn back as well, and effects are looked at from there.
             most: number of models that are fitted.
             among: effects to put in.
-            finish: how many of those few are fitted to the end.
         """
-        parents = [drawn_back(than.fit, SEARCH.drawn), standing(than.fit)] if than.bent else [standing(than.fit)]
-        origins = [o for o in [self.fitter.origin(kept, parents[0])] if o is not None]
-        names, blocks = {c.key for c in kept}, {c.name for c in kept}
-        able = self._screened(origins, [c for c in among if c.key not in names and c.name not in blocks])[:most]
+        parents = _begun_from(than)
+        ranked = self._screened(self._origins(kept, parents), _able_beside(kept, among))
+        able = _best_ways(ranked)[:most]
         for few in range(0, len(able), SEARCH.few):
-            found = self._fit([((*kept, c), parents) for c in able[few : few + SEARCH.few]], finish)
+            found = self._fit([((*kept, c), parents) for c in able[few : few + SEARCH.few]], 1)
             if found and all(self.worth(m) < self.worth(than) for m in found):
                 break
         self.fitter.forget(kept)
+
+    def _beside_in_every_way(self, kept: tuple[Candidate, ...], than: ScoredModel, effect: Candidate) -> None:
+        """Put an effect in beside others at all its places, in every way: sides of a cut, orders of a wave.
+
+        Neither what they promise nor a few steps tell them apart: many are fitted, and the best few to the end.
+
+        Args:
+            kept: effects that stay, each at the one size that it starts from.
+            than: the model that has all of them, whose parameters are begun from.
+            effect: which.
+        """
+        parents = _begun_from(than)
+        ways = [way for c in self.listed if c.effect == effect.effect for way in c.choices()]
+        ranked = self._screened(self._origins(kept, parents), _able_beside(kept, ways))
+        self._fit([((*kept, c), parents) for c in ranked[: SEARCH.fitted]], SEARCH.few)
+        self.fitter.forget(kept)
+
+    def _origins(self, kept: tuple[Candidate, ...], parents: Sequence[Values]) -> list[Origin]:
+        """Where effects are screened beside others: at the first of the parents, if there are tangents."""
+        return [o for o in [self.fitter.origin(kept, parents[0])] if o is not None]
 
     def _pays(self, origins: Sequence[Origin], effect: Candidate) -> bool:
         """Whether an effect promises to raise the likelihood by more than it costs."""
@@ -296,7 +348,7 @@ class _Search:
         return max(found, default=-math.inf) > origins[0].likelihood + self.price
 
     def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
-        """Effects, those that promise most first."""
+        """Effects, in each way to put them in, those that promise most first."""
         first, later = _spoken_for(able)
         promise = dict(zip(map(id, first), self._promises(origins, first), strict=True))
         cuts = [_cut(c) for c in _ranked(first, promise) if _cut(c) in later][: SEARCH.cuts]
@@ -305,10 +357,7 @@ class _Search:
         self._seen = self._seen or [*first, *waiting]
         whys = {key: why for origin in origins if not origin.effects for key, why in origin.refused.items()}
         self.failures += [pair for pair in whys.items() if pair not in self.failures]
-        found: dict[str, Candidate] = {}
-        for c in _ranked([*first, *waiting], promise):
-            found.setdefault(c.key, c)  # of several ways to put an effect in at a place, the one that promises most
-        return list(found.values())
+        return _ranked([*first, *waiting], promise)
 
     def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[float]:
         """The greatest likelihood that each effect promises."""
@@ -407,6 +456,25 @@ class _Search:
         known = self._models.get(made.keys)
         if known is None or self.worth(made) > self.worth(known):
             self._models[made.keys] = made
+
+
+def _begun_from(than: ScoredModel) -> list[Values]:
+    """Parameters that a further effect begins from: those of a model, first drawn back where they are bent."""
+    return [drawn_back(than.fit, SEARCH.drawn), standing(than.fit)] if than.bent else [standing(than.fit)]
+
+
+def _able_beside(kept: Sequence[Candidate], among: Sequence[Candidate]) -> list[Candidate]:
+    """Effects that can be put in beside others."""
+    names, blocks = {c.key for c in kept}, {c.name for c in kept}
+    return [c for c in among if c.key not in names and c.name not in blocks]
+
+
+def _best_ways(ranked: Sequence[Candidate]) -> list[Candidate]:
+    """Of several ways to put an effect in at a place, the first."""
+    found: dict[str, Candidate] = {}
+    for c in ranked:
+        found.setdefault(c.key, c)
+    return list(found.values())
 
 
 def _related(effect: Candidate, others: Sequence[Candidate]) -> bool:

@@ -10,11 +10,13 @@ import pytest
 
 from diagnosis.api import gather
 from diagnosis.estimation.least_squares import descend
+from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment, _mean_drive
 from diagnosis.problems import problem
 from diagnosis.search.coarse import coarse
 from diagnosis.thresholds import COARSE
 from engine.simulate import Drive
+from engine.step import STEP_PER_RATE
 from engine.threads import Threads
 from scenarios.load import load
 from tests.diagnosis.plants import case
@@ -52,6 +54,44 @@ def test_coarse_fits_end_where_whole_ones_do(tmp_path: Path, monkeypatch: pytest
     assert converged
     # The noise that smoothing takes away moves the optimum by a part of its uncertainty.
     assert np.abs(found - best).max() < 0.2
+
+
+def _run_finely(tmp_path: Path, *options: str) -> Problem:
+    """A case whose scenario runs in steps shorter than its recordings' intervals and than its machine needs."""
+    file = case(tmp_path, seed=1)
+    text = file.read_text(encoding="utf-8")
+    assert "step: 2 ms" in text
+    file.write_text(text.replace("step: 2 ms", "step: 1 ms"), encoding="utf-8")
+    scenario = load(file, list(options))
+    return problem(scenario, gather(scenario, [], []))
+
+
+def test_a_slow_machine_is_run_in_longer_steps_with_the_same_answer(tmp_path: Path) -> None:
+    made = _run_finely(tmp_path)
+    x = np.zeros(len(made.free))
+    rough = coarse(made, x)
+    for e, there in zip(made.experiments, rough.experiments, strict=True):
+        assert isinstance(e, TimeExperiment)
+        assert isinstance(there, TimeExperiment)
+        assert (e.every, there.every) == (2, 1)
+        assert there.coarse
+        assert there.finest_step == pytest.approx(e.finest_step)
+        assert np.abs((there.measured - e.measured) / e.sigma).max() < 3 * COARSE.solver
+        np.testing.assert_allclose(rough.residual(x, there), made.residual(x, e), atol=1e-9)
+    assert made.internal_step == pytest.approx(1e-3)
+    assert rough.internal_step == pytest.approx(2e-3)
+
+
+def test_the_steps_of_a_fast_machine_still_resolve_its_fastest_mode(tmp_path: Path) -> None:
+    made = _run_finely(tmp_path, "motor.rotor_inertia=1e-8 kg.m2")
+    x = np.zeros(len(made.free))
+    rough = coarse(made, x)
+    assert made.internal_step
+    assert rough.internal_step
+    assert made.internal_step < 0.5e-3
+    assert rough.internal_step <= COARSE.per_rate / STEP_PER_RATE * made.internal_step * (1 + 1e-9)
+    for e, there in zip(made.experiments, rough.experiments, strict=True):
+        np.testing.assert_allclose(rough.residual(x, there), made.residual(x, e), atol=1e-9)
 
 
 def test_a_mean_input_has_the_area_of_the_input() -> None:
