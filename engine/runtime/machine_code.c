@@ -1,5 +1,5 @@
-/* Byte code as instructions of x86-64, written at once: what each operation does is the same to the bit, and takes a
- * fourth of the time. Where the processor is another one, or memory may not be made executable, byte code stays.
+/* Byte code as instructions of x86-64, written at once: what each operation does is the same to the bit, in a
+ * fraction of the time. Where the processor is another one, or memory may not be made executable, byte code stays.
  *
  * A program is a function of the places where its values lie: the file, x, u, d, fire, and where its results go. Every
  * result goes to its place in the file; those computed last are in registers too, and are read from there. Operations
