@@ -233,6 +233,10 @@ def _pooled(signals: dict[str, dict[str, float]]) -> float:
     return sum(values) / max(len(values), 1)
 
 
+NOTHING = "nothing"
+"""The rival without any effect. What is concealed can be seen, so it never does what the truth does."""
+
+
 def _at(place: str, allowed: set[str]) -> bool:
     """Whether a reported place is one of the names of the true one."""
     parts = {place, *place.split(" -> ")}
@@ -291,6 +295,8 @@ def _true_tie(
     # What is found belongs together; what it cannot be told from is a whole model each time.
     models = [" + ".join(f"{effect} at {place}" for _, effect, place, _ in reported)]
     for one in [*models, *(other for *_, others in reported for other in others)]:
+        if one == NOTHING:
+            return False
         parts = [_site(plant, *part.split(" at ")) for part in one.split(" + ")]
         if None not in parts and not all(_is(part, targets) for part in parts):
             rivals.add(tuple(sorted(str(part) for part in parts)))
@@ -304,6 +310,8 @@ def _stands_in(found: dict[str, Any], folder: Path, result: Path, answer: dict[s
     claims += [one for f in found["findings"] for one in f["indistinguishable_from"]]
     rivals = set()
     for one in claims:
+        if one == NOTHING:
+            return False
         parts = [_site(plant, *part.split(" at ")) for part in one.split(" + ")]
         if None in parts:
             return False

@@ -70,6 +70,7 @@ def test_outcomes(
     [
         ([finding("dead_zone", INPUT, "tie", [LAG])], 0.4, "tie"),
         ([finding("dead_zone", INPUT, "tie", [LAG])], 2.5, "loose tie"),
+        ([finding("dead_zone", INPUT, "tie", ["nothing"])], 0.4, "loose tie"),
         ([finding("lag", INPUT, "tie", [f"dead_zone at {INPUT}"])], 0.4, "tie"),
         ([finding("lag", INPUT, "tie", [f"offset at {INPUT}"])], 0.4, "wrong tie"),
     ],
