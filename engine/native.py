@@ -146,6 +146,10 @@ def interpreter(room: int | None, load: Callable[[str], Any]) -> Any:
         return _interpreters[room]
 
 
+MACHINE_CODE = True
+"""Whether byte code is translated, which changes nothing but time."""
+
+
 def translated(code: bytecode.Code | None, room: int | None = None) -> bytecode.Code | None:
     """Byte code with machine code beside it, where this machine takes that.
 
@@ -160,9 +164,6 @@ def translated(code: bytecode.Code | None, room: int | None = None) -> bytecode.
         code.translate(library(bytecode.source(room), in_lines=room is not None))
     return code
 
-
-MACHINE_CODE = True
-"""Whether byte code is translated, which changes nothing but time."""
 
 LOOK = 0.016
 """Time lost (s) after which the cache is searched for the model's own code: a few times what that takes."""

@@ -20,6 +20,9 @@ from diagnosis.search.study import LEAST_ODDS
 RIGHT = frozenset({"named", "tie", "none"})
 """Outcomes that are right."""
 
+NOTHING = "nothing"
+"""The rival without any effect. What is concealed can be seen, so it never does what the truth does."""
+
 
 @dataclass(frozen=True)
 class Score:
@@ -231,10 +234,6 @@ def _words(found: dict[str, Any]) -> str:
 def _pooled(signals: dict[str, dict[str, float]]) -> float:
     values = [row["chi2"] for row in signals.values()]
     return sum(values) / max(len(values), 1)
-
-
-NOTHING = "nothing"
-"""The rival without any effect. What is concealed can be seen, so it never does what the truth does."""
 
 
 def _at(place: str, allowed: set[str]) -> bool:

@@ -49,7 +49,7 @@ class TimeExperiment(Experiment):
         stated: starting values that the user gave (SI).
         first: what was recorded at first, before any resampling; None if the model's own start is meant.
         begin: where the state begins on the model; see `on_model`.
-        merged: rows' intervals of the recording, as it was given, in one.
+        merged: how many simulated rows' intervals of the recording as it was prepared make one of these.
     """
 
     sparse: ClassVar[bool] = False
@@ -166,7 +166,7 @@ class TimeExperiment(Experiment):
         )
 
     def stepped(self, parts: int) -> TimeExperiment:
-        """The same samples with at least so many integration steps from one to the next, if that makes them longer."""
+        """The same samples with so many simulated rows for each, if that is fewer; else the experiment as it is."""
         if self.uneven or parts >= self.every:
             return self
         return replace(

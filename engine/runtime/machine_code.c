@@ -1,5 +1,5 @@
-/* Byte code as instructions of x86-64, written at once: what each operation does is the same to the bit, in a
- * fraction of the time. Where the processor is another one, or memory may not be made executable, byte code stays.
+/* Byte code as instructions of x86-64, written at once: what each operation does is the same to the bit, in about half
+ * the time. Where the processor is another one, or memory may not be made executable, byte code stays.
  *
  * A program is a function of the places where its values lie: the file, x, u, d, fire, and where its results go. Every
  * result goes to its place in the file; those computed last are in registers too, and are read from there. Operations
@@ -13,8 +13,9 @@ enum { FA_RAX, FA_RCX, FA_RDX, FA_RBX, FA_RSP, FA_RBP, FA_RSI, FA_RDI, FA_R8, FA
 enum { FA_IN_FILE, FA_IN_X, FA_IN_U, FA_IN_D, FA_IN_FIRE, FA_IN_RESULT, FA_BASES };
 enum { FA_PLAIN = 0x66, FA_SCALAR = 0xF2 };                      /* prefixes: of whole registers, of one double */
 enum { FA_LOAD = 0x10, FA_STORE = 0x11, FA_COPY = 0x28, FA_UCOMI = 0x2E, FA_ROOT = 0x51, FA_AND = 0x54, FA_ANDN = 0x55,
-       FA_XOR = 0x57, FA_ADD = 0x58, FA_MUL = 0x59, FA_SUB = 0x5C, FA_MIN = 0x5D, FA_DIV = 0x5E, FA_MAX = 0x5F,
-       FA_COMPARE = 0xC2 };
+       FA_OR = 0x56, FA_XOR = 0x57, FA_ADD = 0x58, FA_MUL = 0x59, FA_SUB = 0x5C, FA_MIN = 0x5D, FA_DIV = 0x5E,
+       FA_MAX = 0x5F, FA_SHIFT = 0x73, FA_EQUAL_BITS = 0x76, FA_COMPARE = 0xC2 };
+enum { FA_TO_THE_RIGHT = 2, FA_TO_THE_LEFT = 6 };                /* how FA_SHIFT moves the bits of each double */
 enum { FA_EQUAL = 0, FA_LESS = 1, FA_LESS_OR_EQUAL = 2, FA_NOT_EQUAL = 4 }; /* what FA_COMPARE asks */
 enum { FA_SCRATCH = 2, FA_REGISTERS = 16 };                      /* the first registers are for what is not kept */
 enum { FA_MOST_BYTES = 96, FA_MOST_TESTS = 64 };                 /* of an instruction; one within the other */
@@ -22,16 +23,23 @@ enum { FA_MOST_BYTES = 96, FA_MOST_TESTS = 64 };                 /* of an instru
 typedef struct {
   const fa_code *code;
   uint8_t *to;
+  const uint8_t *end;       /* of the room; nothing is written beyond */
   int base[FA_BASES];       /* registers that point to the values */
   int holds[FA_REGISTERS];  /* the place whose value a register has, or -1 */
   int next;                 /* the register that is used next */
+  int full;                 /* whether the room was too small */
 } fa_maker;
 
-static void fa_byte(fa_maker *m, int value) { *m->to++ = (uint8_t)value; }
-
 static void fa_bytes(fa_maker *m, const void *from, size_t n) {
+  if ((size_t)(m->end - m->to) < n) m->full = 1;
+  if (m->full) return;
   memcpy(m->to, from, n);
   m->to += n;
+}
+
+static void fa_byte(fa_maker *m, int value) {
+  const uint8_t byte = (uint8_t)value;
+  fa_bytes(m, &byte, 1);
 }
 
 static void fa_opcode(fa_maker *m, int prefix, int opcode, int reg, int other) {
@@ -113,15 +121,28 @@ static void fa_compare_registers(fa_maker *m, int question, int reg, int other) 
 
 static void fa_zero(fa_maker *m, int reg) { fa_with_register(m, FA_PLAIN, FA_XOR, reg, reg); }
 
-static void fa_one(fa_maker *m, int reg) { /* all bits, then those of 1.0 alone */
-  fa_with_register(m, FA_PLAIN, 0x76, reg, reg);
-  fa_with_register(m, FA_PLAIN, 0x73, 6, reg), fa_byte(m, 54); /* psllq */
-  fa_with_register(m, FA_PLAIN, 0x73, 2, reg), fa_byte(m, 2);  /* psrlq */
+static void fa_all_bits(fa_maker *m, int reg) { fa_with_register(m, FA_PLAIN, FA_EQUAL_BITS, reg, reg); }
+
+static void fa_shift(fa_maker *m, int way, int reg, int bits) {
+  fa_with_register(m, FA_PLAIN, FA_SHIFT, way, reg);
+  fa_byte(m, bits);
+}
+
+static void fa_one(fa_maker *m, int reg) { /* of all bits, those of 1.0 */
+  fa_all_bits(m, reg);
+  fa_shift(m, FA_TO_THE_LEFT, reg, 54);
+  fa_shift(m, FA_TO_THE_RIGHT, reg, 2);
 }
 
 static void fa_sign_bit(fa_maker *m, int reg) {
-  fa_with_register(m, FA_PLAIN, 0x76, reg, reg);
-  fa_with_register(m, FA_PLAIN, 0x73, 6, reg), fa_byte(m, 63);
+  fa_all_bits(m, reg);
+  fa_shift(m, FA_TO_THE_LEFT, reg, 63);
+}
+
+/* A register of all bits or none, as 1.0 or 0.0. */
+static void fa_as_number(fa_maker *m, int reg, int scratch) {
+  fa_one(m, scratch);
+  fa_with_register(m, FA_PLAIN, FA_AND, reg, scratch);
 }
 
 /* Whether a value is not zero, as all bits of a register or none. */
@@ -150,24 +171,39 @@ static int fa_computed(fa_maker *m, const fa_instruction *c) {
     FA_SIMPLE(DIV, FA_DIV)
     FA_SIMPLE(FMIN, FA_MIN)
     FA_SIMPLE(FMAX, FA_MAX)
+#define FA_WITH_ITSELF(name, opcode)      \
+  case FA_DO_##name:                      \
+    fa_load(m, reg, c->a);                \
+    fa_with_register(m, FA_SCALAR, opcode, reg, reg); \
+    break;
+    FA_WITH_ITSELF(SQ, FA_MUL)
+    FA_WITH_ITSELF(TWICE, FA_ADD)
+    FA_WITH_ITSELF(SQRT, FA_ROOT)
+#define FA_QUESTION(name, question)       \
+  case FA_DO_##name:                      \
+    fa_load(m, reg, c->a);                \
+    fa_compare(m, question, reg, c->b);   \
+    fa_as_number(m, reg, 0);              \
+    break;
+    FA_QUESTION(LT, FA_LESS)
+    FA_QUESTION(LE, FA_LESS_OR_EQUAL)
+    FA_QUESTION(EQ, FA_EQUAL)
+    FA_QUESTION(NE, FA_NOT_EQUAL)
+#define FA_LOGICAL(name, opcode)          \
+  case FA_DO_##name:                      \
+    fa_not_zero(m, reg, c->a);            \
+    fa_not_zero(m, 1, c->b);              \
+    fa_with_register(m, FA_PLAIN, opcode, reg, 1); \
+    fa_as_number(m, reg, 0);              \
+    break;
+    FA_LOGICAL(AND, FA_AND)
+    FA_LOGICAL(OR, FA_OR)
     case FA_DO_ASSIGN:
       fa_load(m, reg, c->a);
-      break;
-    case FA_DO_SQ:
-      fa_load(m, reg, c->a);
-      fa_with_register(m, FA_SCALAR, FA_MUL, reg, reg);
-      break;
-    case FA_DO_TWICE:
-      fa_load(m, reg, c->a);
-      fa_with_register(m, FA_SCALAR, FA_ADD, reg, reg);
       break;
     case FA_DO_INV:
       fa_one(m, reg);
       fa_with(m, FA_SCALAR, FA_DIV, reg, c->a);
-      break;
-    case FA_DO_SQRT:
-      fa_load(m, reg, c->a);
-      fa_with_register(m, FA_SCALAR, FA_ROOT, reg, reg);
       break;
     case FA_DO_NEG:
       fa_sign_bit(m, 0);
@@ -179,32 +215,10 @@ static int fa_computed(fa_maker *m, const fa_instruction *c) {
       fa_sign_bit(m, reg);
       fa_with_register(m, FA_PLAIN, FA_ANDN, reg, 1);
       break;
-#define FA_QUESTION(name, question)       \
-  case FA_DO_##name:                      \
-    fa_one(m, 0);                         \
-    fa_load(m, reg, c->a);                \
-    fa_compare(m, question, reg, c->b);   \
-    fa_with_register(m, FA_PLAIN, FA_AND, reg, 0); \
-    break;
-    FA_QUESTION(LT, FA_LESS)
-    FA_QUESTION(LE, FA_LESS_OR_EQUAL)
-    FA_QUESTION(EQ, FA_EQUAL)
-    FA_QUESTION(NE, FA_NOT_EQUAL)
-#define FA_LOGICAL(name, opcode)          \
-  case FA_DO_##name:                      \
-    fa_not_zero(m, reg, c->a);            \
-    fa_not_zero(m, 1, c->b);              \
-    fa_with_register(m, FA_PLAIN, opcode, reg, 1); \
-    fa_one(m, 0);                         \
-    fa_with_register(m, FA_PLAIN, FA_AND, reg, 0); \
-    break;
-    FA_LOGICAL(AND, FA_AND)
-    FA_LOGICAL(OR, 0x56)
     case FA_DO_NOT:
       fa_zero(m, reg);
       fa_compare(m, FA_EQUAL, reg, c->a);
-      fa_one(m, 0);
-      fa_with_register(m, FA_PLAIN, FA_AND, reg, 0);
+      fa_as_number(m, reg, 0);
       break;
     case FA_DO_IF_ELSE_ZERO:
       fa_not_zero(m, reg, c->a);
@@ -212,15 +226,13 @@ static int fa_computed(fa_maker *m, const fa_instruction *c) {
       fa_with_register(m, FA_PLAIN, FA_AND, reg, 1);
       break;
     case FA_DO_SIGN: /* (0 < a) - (a < 0) */
-      fa_one(m, 0);
       fa_zero(m, reg);
       fa_compare(m, FA_LESS, reg, c->a);
-      fa_with_register(m, FA_PLAIN, FA_AND, reg, 0);
+      fa_as_number(m, reg, 0);
       fa_load(m, 1, c->a);
-      fa_with_register(m, FA_PLAIN, FA_XOR, 0, 0);
+      fa_zero(m, 0);
       fa_compare_registers(m, FA_LESS, 1, 0);
-      fa_one(m, 0);
-      fa_with_register(m, FA_PLAIN, FA_AND, 1, 0);
+      fa_as_number(m, 1, 0);
       fa_with_register(m, FA_SCALAR, FA_SUB, reg, 1);
       break;
     default:
@@ -241,13 +253,13 @@ static void fa_keep(fa_maker *m, int reg, int64_t place) {
 static uint8_t *fa_jump(fa_maker *m, int condition) { /* unless 0; where its distance is to be written */
   if (condition) fa_byte(m, 0x0F), fa_byte(m, condition);
   else fa_byte(m, 0xE9);
-  m->to += 4;
+  fa_bytes(m, "\0\0\0", 4);
   return m->to - 4;
 }
 
 static void fa_land(fa_maker *m, uint8_t *jump) {
   const int32_t distance = (int32_t)(m->to - jump - 4);
-  memcpy(jump, &distance, 4);
+  if (!m->full) memcpy(jump, &distance, 4);
 }
 
 static int fa_calls(const fa_program *program) {
@@ -394,7 +406,7 @@ FA_EXPORT void *fa_translate(fa_code *code, int64_t *size) {
 #endif
   uint8_t *const room = mmap(0, (size_t)*size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (room == MAP_FAILED) return 0;
-  fa_maker m = {.code = code, .to = room, .next = FA_SCRATCH};
+  fa_maker m = {.code = code, .to = room, .end = room + *size, .next = FA_SCRATCH};
   uint8_t *entry[FA_PROGRAMS] = {0};
   for (int k = FA_DERIVATIVE; k < FA_PROGRAMS; k++) {
     uint8_t *const begin = m.to;
@@ -408,7 +420,7 @@ FA_EXPORT void *fa_translate(fa_code *code, int64_t *size) {
     fa_write_pattern(&m, patterns[k]);
   }
 #endif
-  if (mprotect(room, (size_t)*size, PROT_READ | PROT_EXEC)) {
+  if (m.full || mprotect(room, (size_t)*size, PROT_READ | PROT_EXEC)) {
     munmap(room, (size_t)*size);
     return 0;
   }

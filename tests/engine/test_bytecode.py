@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import platform
+import subprocess
 import sys
 from typing import Any
 
@@ -203,6 +204,30 @@ def test_more_tests_within_one_another_than_there_is_room_for_leave_byte_code(te
     assert bytecode._programs(code, emitter)
     code.translate(library(bytecode.source()))
     assert (code.struct.program[2].machine is not None) == (TRANSLATED and translated)
+
+
+_REFUSED = """
+import ctypes, sys
+DENY, NO_GAIN = 65, 1  # PR_SET_MDWE of Linux 6.3: what was writable is never executable
+if ctypes.CDLL(None).prctl(DENY, NO_GAIN, 0, 0, 0):
+    sys.exit(77)
+from engine import native
+from engine.simulate import simulate
+from scenarios.load import load
+result = simulate(load("reference-b").build(), 0.2)
+(way,) = native._ways.values()
+machine = [program.machine for program in way.code.struct.program]
+print(way.own is None, machine == [None] * len(machine), result.values.tobytes().hex())
+"""
+
+
+def test_where_memory_may_not_be_made_executable_byte_code_stays() -> None:
+    expected = simulate(load("reference-b").build(), 0.2).values.tobytes().hex()
+    child = subprocess.run([sys.executable, "-c", _REFUSED], capture_output=True, text=True, check=False)
+    if sys.platform != "linux" or child.returncode == 77:
+        pytest.skip("this system cannot refuse it")
+    assert child.returncode == 0, child.stderr
+    assert child.stdout.split() == ["True", "True", expected]
 
 
 def test_a_model_gets_its_own_code_once_that_pays(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,6 +27,7 @@ from engine.ports import TRANSLATIONAL
 from engine.simulate import simulate
 from scenarios.amend import AtFlange, Between, Replace, Set, amended, without
 from scenarios.load import load
+from tests.diagnosis.plants import case
 
 
 class Servo(Block):
@@ -495,3 +497,23 @@ def test_what_a_class_says_must_be_so(traits: dict[str, Any], message: str) -> N
 def test_a_motion_that_is_imposed_needs_its_effort() -> None:
     with pytest.raises(ParameterError, match=r"no output 'torque' tells the effort\n  declare torque = signal_out"):
         type("Own", (Inertia,), {"imposes_motion": ("shaft",)})
+
+
+def test_the_choices_of_an_effect_are_all_its_starts_apart_by_what_is_only_chosen(tmp_path: Path) -> None:
+    listed = possible_effects(case(tmp_path))
+    ripple = next(c for c in listed if c.effect == "torque_ripple")
+    assert ripple.wave is not None
+    choices = ripple.choices()
+    orders = [{start["order"] for start in c.starts} for c in choices]
+    assert len(choices) > 4
+    assert all(len(order) == 1 for order in orders)
+    assert len(set.union(*orders)) == len(choices)
+    assert [s for c in choices for s in c.starts] == list(ripple.starts)
+    for choice, order in zip(choices, orders, strict=True):
+        assert choice.key == ripple.key
+        assert choice.wave is not None
+        assert [start["order"] for start in choice.wave.starts] == [*order]
+    # What is only chosen, but looked for finer, stays together, as does what is fitted.
+    for whole in ("delay", "coulomb_friction"):
+        effect = next(c for c in listed if c.effect == whole)
+        assert effect.choices() == [effect]
