@@ -274,7 +274,11 @@ class CandidateFitter:
         return [*points[: SEARCH.starts], *bold[:1]]
 
     def finish(self, partial: PartialFit) -> ScoredModel:
-        """Finish a partial fit until it converges, or `SEARCH.most_steps` are taken, and score it."""
+        """Finish a partial fit until it converges, or `SEARCH.most_steps` are taken, and score it.
+
+        Raises:
+            SimulationError: it fits coarse recordings where it cannot be simulated or differentiated on the whole ones.
+        """
         point = partial.point
         names = [f"{c.key} {c.option}" for c in partial.effects]
         key = " ".join(["finish", *names, repr(point.sizes), _mark(point.x)])
@@ -304,11 +308,21 @@ class CandidateFitter:
         return self._trial(self._kept(f"retried {model.label} {_mark(made.x)}", model.effects, compute))
 
     def compute_finish(self, partial: PartialFit) -> PartialFit:
-        """The work of `finish`, done anew whatever is kept and not scored."""
+        """The work of `finish`, done anew whatever is kept and not scored.
+
+        Raises:
+            SimulationError: as of `finish`.
+        """
         there = self._descended(self._descended(partial, noise="white"))
         finer = self._refined(there, noise="coloured")
-        whole = self.coarse is not self.base
-        return self._descended(finer, whole=whole) if whole or finer is not there else there
+        if self.coarse is self.base:
+            return self._descended(finer) if finer is not there else there
+        for end in (finer, partial):
+            whole = self._descended(end, whole=True)
+            if whole is not end:
+                return whole
+        # Coarse recordings have fewer samples to leave something over of: a model judged on them would win.
+        raise SimulationError("it follows coarse recordings only, at sizes at which it cannot follow the whole ones")
 
     def _descended(self, partial: PartialFit, *, whole: bool = False, noise: Noise = "coloured") -> PartialFit:
         """The partial fit fitted until it converges or hardly gains: to coarse recordings, or to all."""

@@ -417,11 +417,19 @@ class _Search:
         Beside a second effect what was far from the best may be part of the truth; and what is related to the best, as
         a simpler law at its place is, does not wait.
         """
+
+        def finish(partial: PartialFit) -> ScoredModel | tuple[str, str]:
+            try:
+                return self.fitter.finish(partial)
+            except FlexarmError as error:
+                return partial.effects[-1].key, error.message
+
         kept: list[ScoredModel] = []
         for few in range(0, len(partials), SEARCH.few):
             with Spread(self.fitter.workers, threads=True) as pool:
-                found = list(pool.map(self.fitter.finish, partials[few : few + SEARCH.few]))
-            able = [made for made in found if self._has_meaning(made)]
+                found = list(pool.map(finish, partials[few : few + SEARCH.few]))
+            self.failures += [why for why in found if isinstance(why, tuple)]
+            able = [made for made in found if not isinstance(made, tuple) and self._has_meaning(made)]
             for made in able:
                 self._keep(made)
             kept += able

@@ -16,9 +16,13 @@ from benchmarks.concealed.scenario import write
 from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.scales import operating_scales
+from diagnosis.estimation.least_squares import descend as real
+from diagnosis.estimation.problem import Problem
 from diagnosis.search import fitter as fitting
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, standing
+from diagnosis.thresholds import COARSE
+from engine.errors import SimulationError
 from scenarios.load import load
 from tests.diagnosis.plants import case
 
@@ -49,6 +53,24 @@ def test_a_fit_that_runs_away_is_left_at_its_last_good_place(
     again = fitter.retried(after)
     assert again.fit.cost == after.fit.cost
     assert again.added() == after.added()
+
+
+def test_no_model_is_judged_on_coarse_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They have fewer samples to leave something over of, and a model judged on them would win against all others."""
+    monkeypatch.setattr("diagnosis.search.coarse.COARSE", replace(COARSE, samples=800))
+    scenario = load(case(tmp_path, dead=0.025, seed=2))
+    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    assert fitter.coarse is not fitter.base
+    zone = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "dead_zone")
+    partial = fitter.partial_fit((zone,), [standing(fitter.refit.fit)])
+
+    def descend(problem: Problem, x: Any, *rest: Any, **more: Any) -> Any:
+        whole = not any(e.coarse for e in problem.experiments)
+        return (x, math.inf, False) if whole else real(problem, x, *rest, **more)
+
+    monkeypatch.setattr(fitting, "descend", descend)
+    with pytest.raises(SimulationError, match="coarse recordings only"):
+        fitter.finish(partial)
 
 
 def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path: Path) -> None:
