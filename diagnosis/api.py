@@ -21,7 +21,7 @@ from diagnosis.planning.experiment import own_run, recorded
 from diagnosis.planning.plan import MULTIPLES, Plan
 from diagnosis.planning.plan import plan as judge_plan
 from diagnosis.problems import problem
-from diagnosis.recordings.types import Recorded
+from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.dask_fitter import DaskFitter
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.readings import as_they_were_taken, taken_otherwise
@@ -29,6 +29,7 @@ from diagnosis.search.reported import as_reported
 from diagnosis.search.search import Progress, study
 from diagnosis.verdict.recording_checks import screen
 from diagnosis.verdict.verdict import Diagnosis, judge
+from engine.compile import version as compiler_version
 from engine.errors import FlexarmError
 from engine.spread import JsonStore, Spread, cores
 from scenarios.load import Scenario, load
@@ -58,6 +59,20 @@ def gather(
     return rows
 
 
+def _to_fit(
+    scenario: Scenario, names: Sequence[str | Path | Recorded], hold_out: Sequence[str | Path | Recorded]
+) -> list[Recorded]:
+    """The same as `gather`, and a compiler that runs.
+
+    Runs fall back on Python where there is none, but tangents do not: without this a fit would simulate for minutes
+    before it asks for a compiler.
+    """
+    rows = gather(scenario, names, hold_out)
+    if any(isinstance(r, Recording) for r in rows):
+        compiler_version()
+    return rows
+
+
 def fit(
     source: Scenario | str | Path,
     recordings: Sequence[str | Path | Recorded] = (),
@@ -83,7 +98,7 @@ def fit(
         The fit, and the mean squared residual over the noise variance by role.
 
     Raises:
-        FlexarmError: scenario or recordings that do not fit.
+        FlexarmError: scenario or recordings that do not fit, or no compiler.
     """
     scenario = source if isinstance(source, Scenario) else load(source, overrides)
     workers = workers or cores()
@@ -95,7 +110,7 @@ def fit(
             progress(next(begun) / (RANDOM_STARTS + 1))
 
     with threadpool_limits(BLAS_THREADS):
-        posed = problem(scenario, as_they_were_taken(scenario, gather(scenario, recordings, hold_out), workers))
+        posed = problem(scenario, as_they_were_taken(scenario, _to_fit(scenario, recordings, hold_out), workers))
         made = fit_problem(posed, random_starts=RANDOM_STARTS, seed=seed, workers=workers, progress=said)
     scores = {"fitted": made.chi2}
     if made.problem.held_out:
@@ -185,8 +200,8 @@ def diagnose(
         **given: fields of `DiagnosisOptions` as keywords, over those of ``options``, such as ``workers=4``.
 
     Raises:
-        FlexarmError: scenario or recordings that do not fit, an effect that is unknown or cannot be used, no worker, or
-            no cluster at that address.
+        FlexarmError: scenario or recordings that do not fit, an effect that is unknown or cannot be used, no compiler,
+            no worker, or no cluster at that address.
     """
     how = replace(options or DiagnosisOptions(), **given)
     check_names(how.without)
@@ -196,7 +211,7 @@ def diagnose(
     workers = how.workers or cores()
     store = JsonStore(how.keep) if how.keep is not None else None
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
-        recorded = as_they_were_taken(scenario, gather(scenario, recordings, how.hold_out), workers)
+        recorded = as_they_were_taken(scenario, _to_fit(scenario, recordings, how.hold_out), workers)
         if how.scheduler:
             spread = stack.enter_context(Spread(how.workers, how.scheduler))
             fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, how.seed, store)

@@ -12,6 +12,7 @@ import pytest
 import flexarm
 from diagnosis.api import diagnose, fit
 from diagnosis.verdict.write import write
+from engine.errors import CompilerUnavailable
 from scenarios.load import load
 from tests.diagnosis.plants import INERTIA, RESISTANCE, case
 
@@ -111,3 +112,18 @@ def test_the_verdict_does_not_depend_on_threads(tmp_path: Path) -> None:
     assert runs[0]["verdict"] == runs[1]["verdict"]
     values = [run["findings"][0]["parameters"]["coulomb_friction"]["value"] for run in runs]
     assert np.ptp(values) == 0.0
+
+
+@pytest.mark.parametrize("call", [diagnose, fit])
+def test_a_missing_compiler_is_told_before_anything_is_simulated(
+    call: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Runs fall back on Python, minutes of it, and tangents do not."""
+
+    def missing() -> str:
+        raise CompilerUnavailable("no C compiler: the package ziglang is not installed")
+
+    monkeypatch.setattr("diagnosis.api.compiler_version", missing)
+    monkeypatch.setattr("engine.native.run", lambda *given: pytest.fail("simulated"))
+    with pytest.raises(CompilerUnavailable, match="ziglang"):
+        call(case(tmp_path))
