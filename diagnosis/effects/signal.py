@@ -16,7 +16,7 @@ from scenarios.amend import Edit, InSignal, Set
 FEW = (1e-3, 5e-3, 0.02, 0.08, 0.2)
 """Starting sizes as shares of the largest value."""
 
-CORNERS = (1.0, 3.0, 10.0, 30.0, 100.0)
+CORNERS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Time constants of the lags that are tried, in samples."""
 
 SPACING = 0.4
@@ -36,6 +36,10 @@ def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     few = tuple({"lower": -s, "upper": s} for s in shares(size, *FEW))
     yield from in_signal(place, "dead_zone", "DeadZone", few, *both)
     limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.999, 0.99, 0.975, 0.95, 0.9, 0.8, 0.7, 0.55, 0.4))
+    # Of an input that only switches between two values, a limit shows where it is not the same at both ends.
+    limits += tuple(
+        e for s in shares(size, 0.99, 0.9) for e in ({"lower": -s, "upper": size}, {"lower": -size, "upper": s})
+    )
     # How far an amplifier goes is not known before; that both ends are alike is.
     ends = [replace(end, usual=1.0, spread=10 * end.spread) for end in both]
     yield from in_signal(place, "saturation", "Saturation", limits, *ends)
