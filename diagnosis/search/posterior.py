@@ -1,10 +1,13 @@
 """From evidence to probabilities: which models are believed, what each finding's odds are, and what ties.
 
-A model is as probable as its evidence and its price say: each effect was chosen from as many as were tried, and costs
-the logarithm of that number. A model that owes to one of its effects, or to the richer one of two laws, less than
-`EVIDENCE.share` of what can be explained at all is not believed: nuisances that nobody asks for are that large. Nor is
-one that an effect makes worse on recordings that were not fitted. What brings down to the sensors' noise what another
-model leaves above it is believed, however little that is beside a strong effect.
+A model is as probable as its evidence and its price say: each effect was chosen from many, and each wrong parameter
+from all of the user's. Nuisances that nobody asks for may still have much evidence, since they show in many bands of
+frequency, and account for little: a model that owes to one of its effects, or to the richer one of two laws, less than
+`EVIDENCE.share` of what can be explained at all is told as the simpler model, and speaks for that. So models compete
+with the nuisances that fit beside each of them. Nuisances are several, and bend no parameters: what takes away nearly
+all that another model leaves above the sensors' noise is none, however little that is beside a strong effect, nor is
+what lets bent parameters return to their values. What an effect makes worse on recordings that were not fitted is not
+believed at all.
 """
 
 from __future__ import annotations
@@ -15,9 +18,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.leftover import Leftover
 from diagnosis.search.equivalent_effects import NESTED, NESTED_ANYWHERE, one_law
 from diagnosis.search.scored_model import ScoredModel
-from diagnosis.thresholds import EVIDENCE
+from diagnosis.thresholds import EVIDENCE, SEARCH
 
 
 def value(model: ScoredModel, tried: int) -> float:
@@ -27,12 +31,18 @@ def value(model: ScoredModel, tried: int) -> float:
         model: which.
         tried: number of effects at places that it was chosen from.
     """
-    return model.log_evidence - prices(model.effects) * price(tried)
+    freed = sum(1 for c in model.effects if c.freed)
+    parameters = model.own + freed if freed else 0
+    return model.log_evidence - (prices(model.effects) - freed) * price(tried) - freed * price(parameters)
 
 
-def price(tried: int) -> float:
-    """What an effect costs that was chosen from as many as were tried."""
-    return math.log(max(tried, 2))
+def price(number: int) -> float:
+    """What an effect costs that was chosen from so many, or a wrong parameter that was.
+
+    That an effect is missing is taken for as likely as that a parameter is wrong, and each of a kind for as likely as
+    another.
+    """
+    return math.log(2 * max(number, 1))
 
 
 def prices(effects: Sequence[Candidate]) -> int:
@@ -45,47 +55,71 @@ def energy(model: ScoredModel) -> float:
     return float(model.left.energy.sum()) + model.strain
 
 
-def believed(models: Sequence[ScoredModel], refit: ScoredModel) -> list[ScoredModel]:
-    """The models that owe enough to each of their effects, and to each law that is richer than another.
+def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[ScoredModel, ScoredModel]]:
+    """Each model that is believed in, and the simplest one that it is told as: itself, or one without nuisances.
 
     Args:
         models: all that were fitted, the refit among them.
-        refit: the model without effects.
+        refit: the model without effects. For it no other speaks.
     """
     explained = energy(refit) - min(energy(m) for m in models)
-    return [m for m in models if not any(_owes_little(m, simpler, explained) for simpler in models if simpler is not m)]
+    simpler = {m.keys: [s for s in models if s is not m and _simpler(s, m)] for m in models}
+    worse = {m.keys for m in models if any(_worse(m, s) for s in simpler[m.keys])}
+
+    def simplest(model: ScoredModel) -> ScoredModel:
+        enough = [s for s in simpler[model.keys] if _worse(model, s) or _owes_little(model, s, explained)]
+        return simplest(max(enough, key=lambda s: s.log_evidence)) if enough else model
+
+    pairs = [(simplest(m), m) for m in models if m.keys not in worse]
+    return [(as_, m) for as_, m in pairs if as_.effects or as_ is m]
+
+
+def _worse(model: ScoredModel, simpler: ScoredModel) -> bool:
+    """Whether held-out recordings are followed less closely than by a simpler model, whose parameters are no better."""
+    relief = 0.5 * max(simpler.strain - model.strain, 0.0)
+    unlikelier = model.unseen.log_likelihood < simpler.unseen.log_likelihood - relief
+    return unlikelier and float(model.unseen.energy.sum()) >= float(simpler.unseen.energy.sum())
 
 
 def _owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:
-    if not _simpler(simpler, model):
-        return False
-    relief = 0.5 * max(simpler.strain - model.strain, 0.0)
-    unlikelier = model.unseen.log_likelihood < simpler.unseen.log_likelihood - relief
-    worse = unlikelier and float(model.unseen.energy.sum()) >= float(simpler.unseen.energy.sum())
+    """Whether what a model has more than a simpler one may be a nuisance: nuisances are small, and they are several."""
+    if simpler.bent and model.strain < EVIDENCE.most * simpler.strain:
+        return False  # nuisances do not bend parameters
     little = energy(simpler) - energy(model) < EVIDENCE.share * explained
-    # Nuisances are several: one effect does not bring them down to the noise.
-    return worse or (little and not (misses(simpler) and not misses(model)))
+    one_of_several = not misses(simpler.unseen) or _excess(model) > EVIDENCE.several * _excess(simpler)
+    return little and one_of_several
+
+
+def _excess(model: ScoredModel) -> float:
+    """What a model leaves over of all recordings beyond the sensors' noise."""
+    return float(np.sum(model.left.energy - model.left.noise * model.left.count))
 
 
 def complete(model: ScoredModel, refit: ScoredModel) -> bool:
-    """Whether a model with effects leaves so little that no further effect could be believed.
+    """Whether a model with effects leaves so little that a further effect could only be a nuisance.
 
     What a fit that did not converge leaves is not missing physics, unless it is much.
     """
-    left = float(np.sum(model.left.energy - model.left.noise * model.left.count))
     least = EVIDENCE.share if model.fit.converged else EVIDENCE.rough
-    return bool(model.effects) and left < least * (energy(refit) - energy(model))
+    return bool(model.effects) and _excess(model) < least * (energy(refit) - energy(model))
 
 
-def misses(model: ScoredModel) -> bool:
-    """Whether more is left over of a signal of a held-out recording than a sensor's noise may be taken for."""
-    left = model.unseen
+def misses(left: Leftover) -> bool:
+    """Whether more is left over of a signal of any recording than a sensor's noise may be taken for."""
     for signal in {k for k, _ in left.names}:
         own = [i for i, (k, _) in enumerate(left.names) if k == signal]
         energy, count = left.energies[:, own].sum(axis=1), left.counts[:, own].sum(axis=1)
         if (energy > EVIDENCE.stated * left.noise[own[0]] * count).any():
             return True
     return False
+
+
+def strained(model: ScoredModel, tried: int) -> bool:
+    """Whether the user's own parameters are so far from their values that an effect which nobody lists is likelier.
+
+    It would leave as little with each of them a tolerance off, and costs no more than one that is listed.
+    """
+    return 0.5 * (model.strain - model.own) > price(tried) + SEARCH.effort
 
 
 def _simpler(one: ScoredModel, other: ScoredModel) -> bool:
@@ -105,15 +139,21 @@ def is_in(a: Candidate, b: Candidate) -> bool:
     return b.effect in NESTED_ANYWHERE.get(a.effect, ())
 
 
-def probabilities(models: Sequence[ScoredModel], tried: int) -> dict[frozenset[str], float]:
-    """How probable each model is, by its effects.
+def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int) -> dict[frozenset[str], float]:
+    """How probable each model is that is told, by its effects.
 
     What evidence claims is tempered: no model of noise is exact.
+
+    Args:
+        models: as `told_as` gives them.
+        tried: as of `value`.
     """
-    values = np.array([value(m, tried) for m in models]) / EVIDENCE.temperature
+    values = np.array([value(m, tried) for _, m in models]) / EVIDENCE.temperature
     weights = np.exp(np.maximum(values - values.max(), -700.0))
-    shares = weights / weights.sum()
-    return {m.keys: float(share) for m, share in zip(models, shares, strict=True)}
+    found: dict[frozenset[str], float] = {}
+    for (as_, _), share in zip(models, weights / weights.sum(), strict=True):
+        found[as_.keys] = found.get(as_.keys, 0.0) + float(share)
+    return found
 
 
 def probability(key: str, odds: Mapping[frozenset[str], float]) -> float:

@@ -55,9 +55,14 @@ class ScoredModel:
         return float(sum((x / f.spread) ** 2 for f, x in pairs if f.prior and not f.recording))
 
     @property
+    def own(self) -> int:
+        """How many of the user's own parameters may move within their tolerances."""
+        return sum(1 for f in self.fit.problem.free if f.prior and not f.recording)
+
+    @property
     def bent(self) -> bool:
         """Whether the user's own parameters are farther off than a right model's, a tolerance each on average."""
-        return self.strain > sum(1 for f in self.fit.problem.free if f.prior and not f.recording)
+        return self.strain > self.own
 
     @property
     def room(self) -> float:

@@ -16,7 +16,7 @@ from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import PartialFit, drawn_back, ended, standing
-from diagnosis.search.posterior import believed, complete, energy, is_in, misses, price, probabilities, value
+from diagnosis.search.posterior import complete, energy, is_in, misses, price, probabilities, strained, told_as, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, together
 from diagnosis.search.study import Study
@@ -88,7 +88,7 @@ class _Search:
         self, fitter: CandidateFitter, refit: ScoredModel, listed: Sequence[Candidate], progress: Progress | None
     ) -> None:
         self.fitter, self.refit, self.listed, self.progress = fitter, refit, list(listed), progress
-        self.tried = len(self.listed)
+        self.tried = sum(1 for c in self.listed if not c.freed)
         self.price = price(self.tried)
         self.failures: list[tuple[str, str]] = []
         self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
@@ -107,8 +107,8 @@ class _Search:
 
     @property
     def best(self) -> ScoredModel:
-        """The believed model of greatest worth."""
-        return max(believed(self.models, self.refit), key=self.worth)
+        """What the model of greatest worth is told as."""
+        return max(told_as(self.models, self.refit), key=lambda pair: self.worth(pair[1]))[0]
 
     def worth(self, model: ScoredModel) -> float:
         """Evidence less price."""
@@ -120,7 +120,11 @@ class _Search:
         for model in sorted(self.models, key=self.worth, reverse=True)[: SEARCH.settled]:
             self._settled(model)
         self._confirmed(self.best)
-        self._simplified(self.best)
+        before = None
+        while before is not self.best:
+            before = self.best
+            self._simplified(before)
+        self._evened()
 
     def fit_known(self, models: Sequence[ScoredModel]) -> None:
         """Fit models that were found with other recordings, from where they ended there."""
@@ -128,7 +132,7 @@ class _Search:
         self._fit(tasks, len(tasks))
 
     def _simplified(self, model: ScoredModel) -> None:
-        """Put the simpler law in the place of each richer one of a model, from where that ended, and try it again.
+        """Take each effect of a model away, or put a simpler law in its place, from where it ended, and try it again.
 
         Where a machine sticks, its answer jumps with every parameter, and the fit of a simple law may end at a jump
         that a richer law has passed by.
@@ -136,6 +140,8 @@ class _Search:
         values = model.fit.parameters()
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            if kept and frozenset(c.key for c in kept) not in self._models:
+                self._fit([(kept, [standing(model.fit)])], 1)
             simpler = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
             begun = [
                 replace(c, starts=({k: values.get(f"{effect.name}.{k}", v) for k, v in c.starts[0].items()},))
@@ -144,6 +150,23 @@ class _Search:
             for made in self._fit([((*kept, c), [standing(model.fit)]) for c in begun], len(begun)):
                 if self.worth(self._models[made.keys]) < self.worth(model):
                     self._keep(self.fitter.retried(made))
+
+    def _evened(self) -> None:
+        """Put nuisances that fit beside the best model in beside its rivals too, so that like compares with like."""
+        best, whole = max(told_as(self.models, self.refit), key=lambda pair: self.worth(pair[1]))
+        if not best.keys < whole.keys:
+            return
+        nuisances = tuple(ended(whole, c) for c in whole.effects if c.key not in best.keys)
+        near = self.worth(best) - self.price - SEARCH.effort
+        rivals = {m.keys: m for m, _ in told_as(self.models, self.refit) if m.effects and self.worth(m) > near}
+        tasks = [
+            ((*(ended(m, c) for c in m.effects), *nuisances), [standing(m.fit)])
+            for m in rivals.values()
+            if m is not best
+            and len(m.effects) + len(nuisances) <= SEARCH.most
+            and not m.keys & {c.key for c in nuisances}
+        ]
+        self._fit(tasks, len(tasks))
 
     def _enriched(self, model: ScoredModel) -> None:
         """Put each richer law that was not tried in the place of a simpler one of a model, from where that ended."""
@@ -162,27 +185,27 @@ class _Search:
         for count in range(1, most + 1):
             before = self.best if count == 1 else self._confirmed(self.best)
             done = complete(before, self.refit)
-            if before.room < self.price + SEARCH.effort or (done and not misses(before)):
+            enough = done and not misses(before.unseen) and not strained(before, self.tried)
+            if enough or before.room < self.price + SEARCH.effort:
                 return
-            if count > 1 and not before.effects and not misses(self.refit):
+            if count > 1 and not before.effects and not misses(self.refit.left):
                 return
             if count > 1 and before.effects and (done or before.left.varying < self.price + SEARCH.effort):
                 # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is;
                 # what is little beside the effects that are in is a nuisance, or one weak effect more.
                 kept = tuple(ended(before, c) for c in before.effects)
                 self._beside(kept, before, SEARCH.fitted_beside, self.listed if done else self._order[: SEARCH.beside])
-                if self.best.keys == before.keys:
-                    return
             elif count == 1:
                 self._first([standing(self.refit.fit), *([{}] if self.refit.bent else [])])
             else:
                 self._deepen(count)
             self._vary(self.best)
+            if count > 1 and self.best.keys == before.keys:
+                return
 
     def study(self, nominal: tuple[float, float], scales: OperatingScales, notes: Sequence[str]) -> Study:
         """What was tried so far, and how probable it is; arguments as of `Study`."""
-        models = believed(self.models, self.refit)
-        odds = probabilities(models, self.tried)
+        odds = probabilities(told_as(self.models, self.refit), self.tried)
         trials = [m for m in self.models if m.effects]
         trials.sort(key=lambda m: (-odds.get(m.keys, 0.0), -self.worth(m)))
         return Study(
@@ -191,7 +214,7 @@ class _Search:
             nominal,
             self.refit,
             tuple(trials),
-            max(models, key=lambda m: odds[m.keys]),
+            max((m for m in self.models if m.keys in odds), key=lambda m: odds[m.keys]),
             odds,
             self.tried,
             scales,
@@ -201,7 +224,7 @@ class _Search:
 
     def add_curves(self, found: Study) -> bool:
         """Nonparametric laws where the best model leaves much; whether one does better than all that have a name."""
-        if self.fitter.tables or complete(found.chosen, self.refit) or not misses(found.chosen):
+        if self.fitter.tables or complete(found.chosen, self.refit) or not misses(found.chosen.unseen):
             return False
         curves = [(c,) for c in laws(replace(found, chosen=self.refit))]
         named = dict(self._models)
@@ -227,7 +250,7 @@ class _Search:
         effect: contacts that bounce make a cost with many low points.
         """
         model = self._settled(model)
-        doubtful = not model.fit.converged or (complete(model, self.refit) and misses(model))
+        doubtful = not model.fit.converged or (complete(model, self.refit) and misses(model.unseen))
         if model.effects and doubtful and model.keys not in self._repeated:
             self._repeated.add(model.keys)
             made = self.fitter.retried(model)
@@ -345,7 +368,8 @@ class _Search:
     def _pays(self, origins: Sequence[Origin], effect: Candidate) -> bool:
         """Whether an effect promises to raise the likelihood by more than it costs."""
         found = [course.likelihood for origin in origins for course in courses(self.fitter, origin, effect)]
-        return max(found, default=-math.inf) > origins[0].likelihood + self.price
+        cost = price(self.refit.own) if effect.freed else self.price
+        return max(found, default=-math.inf) > origins[0].likelihood + cost
 
     def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
         """Effects, in each way to put them in, those that promise most first."""

@@ -26,7 +26,7 @@ class Study:
         refit: the user's model with its parameters fitted.
         trials: models with effects that were fitted to the end, the most probable first.
         chosen: the most probable model, of one or more effects, or the refit.
-        odds: how probable each believed model is, by its effects.
+        odds: how probable each model is that is told, by its effects.
         tried: number of effects at places.
         scales: sizes at the places.
         failures: effects that were not tried, with the reason.

@@ -14,7 +14,7 @@ import numpy as np
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.frequency_response.table_experiment import tables
-from diagnosis.search.posterior import place_odds, value
+from diagnosis.search.posterior import place_odds
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.verdict.table_report import draw
 from diagnosis.verdict.verdict import Diagnosis, fit_table
@@ -186,7 +186,7 @@ def _best(diagnosis: Diagnosis, place: str) -> ScoredModel:
     """The trial from which the odds of a place come."""
     study = diagnosis.study
     there = [t for t in study.trials if t.keys in study.odds and place in {c.place for c in t.effects}]
-    return max(there, key=lambda trial: value(trial, study.tried))
+    return max(there, key=lambda trial: study.odds[trial.keys])
 
 
 def _judged(diagnosis: Diagnosis) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit, with_covariance
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, relieved, value
+from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, relieved, strained
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import LEAST_ODDS, Study
 from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH
@@ -67,7 +67,7 @@ class Diagnosis:
             "rivals": [
                 {
                     "effects": [c.key for c in t.effects],
-                    "log_evidence": value(t, study.tried) - value(best, study.tried),
+                    "log_evidence": math.log(study.odds[t.keys] / study.odds[best.keys]),
                     "hold_out_chi2": t.hold_out,
                     "parameters": t.added(),
                 }
@@ -110,7 +110,7 @@ def fit_table(study: Study) -> dict[str, Any]:
 
 def judge(study: Study, seed: int = 0) -> Diagnosis:
     """Turn a study into a verdict."""
-    if study.chosen.effects and not misses(study.refit) and relieved(study.refit, study.chosen) < EVIDENCE.most:
+    if study.chosen.effects and not misses(study.refit.left) and relieved(study.refit, study.chosen) < EVIDENCE.most:
         # Less than the noise is left over: slow drifts of the machine and the sensors are as large.
         study = replace(study, chosen=study.refit)
     chosen, refit = study.chosen, study.refit
@@ -124,13 +124,13 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
         return Diagnosis(study, status, (_nothing(study, status, near),), (), None, warnings, made, force)
     models = [m for m in (refit, *study.trials) if m.keys in study.odds]
     others = tuple(m for m in credible(models, study.odds) if m is not chosen)
-    share = explained(refit, chosen)
+    share, improbable = explained(refit, chosen), strained(chosen, study.tried)
     intervals = {i.name: i for i in made.intervals()}
     findings = []
     for k, effect in enumerate(chosen.effects):
         odds = probability(effect.key, study.odds)
         against = [t for t in others if effect.key not in t.keys]
-        if effect.effect == "unknown" or share < EVIDENCE.most or any(remark.grave for remark in found):
+        if effect.effect == "unknown" or share < EVIDENCE.most or improbable or any(r.grave for r in found):
             status = "unknown"
         elif odds < EVIDENCE.probability and against:
             status = "tie"
@@ -144,10 +144,10 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
 
 
 def _missing(study: Study) -> bool:
-    """Whether more than a further effect costs is unexplained, and held out more than the noise itself."""
+    """Whether more than a further effect costs is unexplained, and of a recording more than the noise itself."""
     refit = study.refit
     worthwhile = refit.left.unexplained > price(study.tried) + SEARCH.effort
-    return worthwhile and misses(refit)
+    return worthwhile and misses(refit.left)
 
 
 def _remarks(study: Study) -> list[Remark]:

@@ -10,6 +10,7 @@ import numpy as np
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.time_experiment import over_time
+from diagnosis.search.posterior import strained
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
 from diagnosis.thresholds import EVIDENCE, WORDING
@@ -83,6 +84,12 @@ def finding_sentence(
         return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}.{left}"
     if effect == "unknown":
         return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
+    if status == "unknown" and explained >= EVIDENCE.most and strained(study.chosen, study.tried):
+        return (
+            f"Something is missing near {place}. {what.capitalize()} would explain {explained:.0%}, but only with "
+            f"parameters far from their values: {', '.join(_farthest(study.chosen.fit))}. If they may be that far off, "
+            f"state their tolerances; a recording in another unit does this too."
+        )
     if status == "unknown" and explained >= EVIDENCE.most:
         return (
             f"{what.capitalize()} at {place} would explain {explained:.0%}, but a recording looks wrong: "
@@ -125,6 +132,12 @@ def traits(trial: ScoredModel) -> tuple[str, str]:
 def far_off(made: Fit) -> list[str]:
     """Parameters of the user's own that a fit has put farther from their values than `WORDING.far` tolerances."""
     return [f.name for f, x in zip(made.problem.free, made.x, strict=True) if f.prior and abs(x) > WORDING.far]
+
+
+def _farthest(made: Fit) -> list[str]:
+    """The three parameters of the user's own that a fit has put farthest from their values, in tolerances."""
+    own = [(abs(x), f.name) for f, x in zip(made.problem.free, made.x, strict=True) if f.prior and not f.recording]
+    return [name for _, name in sorted(own, reverse=True)[:3]]
 
 
 def warnings_of(study: Study) -> tuple[str, ...]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from diagnosis.search.posterior import value
 from diagnosis.verdict.verdict import fit_table
 from diagnosis.verdict.write import amended_text
 from flexarm.plotting.wiring.diagram import diagram
@@ -157,7 +156,7 @@ def _trials(found: Diagnosis, trials: Any) -> list[dict[str, Any]]:
             "label": t.label,
             "hold_out": t.hold_out,
             "chi2": t.fit.chi2,
-            "evidence": value(t, found.study.tried) - value(best, found.study.tried),
+            "odds": found.study.odds.get(t.keys),
             "size": t.size,
             "chosen": t.effects == best.effects,
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,8 +12,8 @@ import pytest
 
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.leftover import Leftover
+from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.search.posterior import (
-    believed,
     complete,
     credible,
     explained,
@@ -20,9 +21,11 @@ from diagnosis.search.posterior import (
     place_odds,
     probabilities,
     probability,
+    strained,
+    told_as,
     value,
 )
-from diagnosis.thresholds import EVIDENCE
+from diagnosis.thresholds import EVIDENCE, SEARCH
 
 COUNT = 1000.0
 """Recorded values, all in one band, the noise as stated."""
@@ -40,7 +43,7 @@ def effect(name: str, place: str = "shaft", parameters: int = 1) -> Candidate:
 
 def model(*effects: Candidate, excess: float, held_out: float | None = None, **more: Any) -> Any:
     """A model that leaves so much beyond the noise, of all recordings and of those held out."""
-    given = {"log_evidence": 0.0, "strain": 0.0, "converged": True} | more
+    given = {"log_evidence": 0.0, "strain": 0.0, "converged": True, "own": 10} | more
     unseen = left(excess if held_out is None else held_out)
     return SimpleNamespace(
         effects=effects,
@@ -52,9 +55,15 @@ def model(*effects: Candidate, excess: float, held_out: float | None = None, **m
         log_evidence=given["log_evidence"],
         strain=given["strain"],
         room=left(excess).unexplained + 0.5 * given["strain"],
-        bent=given["strain"] > 10,
+        own=given["own"],
+        bent=given["strain"] > given["own"],
         fit=SimpleNamespace(converged=given["converged"]),
     )
+
+
+def believed(models: list[Any], refit: Any) -> list[Any]:
+    """The models that are told as they are."""
+    return [m for as_, m in told_as(models, refit) if as_ is m]
 
 
 FRICTION, LAG = effect("coulomb_friction"), effect("lag", "u")
@@ -84,11 +93,58 @@ def test_nor_is_a_small_effect_alone_where_another_explains_nearly_all() -> None
     assert small not in believed([REFIT, small, model(FRICTION, excess=1e3)], REFIT)
 
 
+def test_a_nuisance_speaks_for_the_model_that_it_fits_beside() -> None:
+    """Friction is right, a lag acts a little; an offset with a delay imitates both, and must not win by its delay."""
+    tried = 40
+    friction = model(FRICTION, excess=2e3, log_evidence=100.0)
+    beside = model(FRICTION, LAG, excess=1.9e3, log_evidence=400.0)
+    offset = model(effect("offset", "u"), excess=5e3, log_evidence=90.0)
+    imitates = model(effect("offset", "u"), effect("delay", "u"), excess=3e3, log_evidence=370.0)
+    models = [REFIT, friction, beside, offset, imitates]
+    pairs = told_as(models, REFIT)
+    assert (friction, beside) in pairs
+    assert (imitates, imitates) in pairs
+    odds = probabilities(pairs, tried)
+    assert max(odds, key=lambda keys: odds[keys]) == friction.keys
+    assert beside.keys not in odds
+    assert odds[friction.keys] == pytest.approx(1.0)
+
+
+def test_nothing_speaks_for_the_model_without_effects() -> None:
+    """A small effect that fits beside nothing is no evidence that nothing is missing."""
+    small = model(LAG, excess=1e5 * (1 - 0.5 * EVIDENCE.share), log_evidence=1e4)
+    pairs = told_as([REFIT, small, model(FRICTION, excess=1e3)], REFIT)
+    assert [m for as_, m in pairs if as_ is REFIT] == [REFIT]
+
+
+def test_what_makes_held_out_recordings_worse_speaks_for_no_model() -> None:
+    simple = model(FRICTION, excess=3e4, held_out=5e3)
+    both = model(FRICTION, LAG, excess=1e3, held_out=6e3)
+    assert all(m is not both for _, m in told_as([REFIT, simple, both], REFIT))
+
+
+@pytest.mark.parametrize(("beyond", "so"), [(-1.0, False), (1.0, True)])
+def test_parameters_so_far_off_that_an_effect_nobody_lists_is_likelier(beyond: float, so: bool) -> None:
+    """Eight parameters a tolerance off cost four; a further effect costs its price, and twenty to one beside."""
+    tried = 40
+    made = model(FRICTION, excess=0.0, strain=8 + 2 * (math.log(2 * tried) + SEARCH.effort + beyond), own=8)
+    assert strained(made, tried) == so
+
+
 @pytest.mark.parametrize(("left_over", "kept"), [(0.5 * COUNT, True), (1.5 * COUNT, False)])
 def test_what_comes_down_to_the_noise_is_believed_beside_a_strong_effect(left_over: float, kept: bool) -> None:
     """Of ten thousand floors 5 are left, a twentieth of a per cent, and no nuisance if one effect ends it."""
     refit, one = model(excess=1e4 * COUNT), model(FRICTION, excess=5 * COUNT)
     both = model(FRICTION, LAG, excess=left_over)
+    assert (both in believed([refit, one, both], refit)) == kept
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.5 * EVIDENCE.several, True), (2 * EVIDENCE.several, False)])
+def test_what_takes_away_nearly_all_that_is_left_is_believed_far_above_the_noise_too(share: float, kept: bool) -> None:
+    """A hundred floors are left beside an effect of a million, and no logger reaches its sensor's noise."""
+    refit, one = model(excess=1e6 * COUNT), model(FRICTION, excess=100 * COUNT)
+    both = model(FRICTION, LAG, excess=share * 100 * COUNT)
+    assert misses(both.unseen)
     assert (both in believed([refit, one, both], refit)) == kept
 
 
@@ -125,8 +181,8 @@ def test_probabilities_are_those_of_bayes_with_a_price_for_each_effect() -> None
         model(LAG, excess=0.0, log_evidence=-6.0),
         model(FRICTION, LAG, excess=0.0, log_evidence=-4.0),
     ]
-    weights = np.exp([-10.0, -5.0, -6.0, -4.0]) / np.array([1, tried, tried, tried**2])
-    odds = probabilities(models, tried)
+    weights = np.exp([-10.0, -5.0, -6.0, -4.0]) / np.array([1, 2 * tried, 2 * tried, 4 * tried**2])
+    odds = probabilities([(m, m) for m in models], tried)
     for m, share in zip(models, weights / weights.sum(), strict=True):
         assert odds[m.keys] == pytest.approx(share)
     both = odds[models[1].keys] + odds[models[3].keys]
@@ -137,12 +193,30 @@ def test_probabilities_are_those_of_bayes_with_a_price_for_each_effect() -> None
 
 def test_two_effects_that_are_one_law_cost_as_one() -> None:
     pair = model(FRICTION, effect("offset", "u"), excess=0.0)
-    assert value(pair, 50) == pytest.approx(-math.log(50))
+    assert value(pair, 50) == pytest.approx(-math.log(100))
+
+
+def test_a_wrong_parameter_is_chosen_from_the_parameters_and_no_effect_of_as_many_as_were_tried() -> None:
+    """Of ten parameters one is as likely to be wrong as of fifty effects one is missing."""
+    freed = replace(effect("wrong_parameter", "arm.mass"), freed=FreeParameter("arm.mass", 1.0, 0.1, True, prior=False))
+    made = model(freed, excess=0.0, own=9)
+    assert value(made, 50) == pytest.approx(-math.log(2 * 10))
+    assert value(model(freed, LAG, excess=0.0, own=9), 50) == pytest.approx(-math.log(2 * 10) - math.log(2 * 50))
+
+
+def test_what_bends_no_parameters_any_more_is_no_nuisance() -> None:
+    """It explains next to nothing, for the parameters had made up for it: with it they return to their values."""
+    absorbed = model(excess=1e4, strain=40.0)
+    other = model(LAG, excess=100.0, strain=40.0)
+    found = model(FRICTION, excess=1e4 - 10, strain=4.0)
+    assert found in believed([absorbed, found, other], absorbed)
+    half = model(FRICTION, excess=1e4 - 10, strain=30.0)
+    assert half not in believed([absorbed, half, other], absorbed)
 
 
 def test_evidence_beyond_every_scale_gives_certainty_and_no_overflow() -> None:
     models = [model(excess=0.0, log_evidence=-1e9), model(FRICTION, excess=0.0, log_evidence=1e9)]
-    odds = probabilities(models, 10)
+    odds = probabilities([(m, m) for m in models], 10)
     assert odds[models[1].keys] == pytest.approx(1.0)
     assert 0 <= odds[models[0].keys] < 1e-300
 
@@ -150,9 +224,9 @@ def test_evidence_beyond_every_scale_gives_certainty_and_no_overflow() -> None:
 def test_the_credible_models_are_the_fewest_that_hold_the_probability() -> None:
     shares = [0.5, 0.3, 0.16, 0.04]
     models = [model(effect(f"e{k}"), excess=0.0, log_evidence=math.log(s)) for k, s in enumerate(shares)]
-    odds = probabilities(models, 30)
+    odds = probabilities([(m, m) for m in models], 30)
     assert credible(list(reversed(models)), odds) == models[:3]
-    assert credible(models[:1], probabilities(models[:1], 30)) == models[:1]
+    assert credible(models[:1], probabilities([(models[0], models[0])], 30)) == models[:1]
 
 
 @pytest.mark.parametrize(
@@ -173,15 +247,15 @@ def test_a_model_is_complete_where_a_further_effect_could_not_be_believed(
 
 
 def test_more_than_the_noise_itself_is_a_miss() -> None:
-    assert misses(model(excess=1.1 * COUNT))
-    assert not misses(model(excess=0.9 * COUNT))
+    assert misses(left(1.1 * COUNT))
+    assert not misses(left(0.9 * COUNT))
 
 
 def test_a_miss_in_one_recording_counts_among_others_that_are_met() -> None:
     energies, counts = np.array([[2.5 * COUNT]] + [[COUNT]] * 9), np.full((10, 1), COUNT)
     unseen = Leftover(energies.sum(axis=0), counts.sum(axis=0), np.ones(1), ((0, 0),), energies, counts)
     assert unseen.energy[0] / unseen.count[0] < 1.2
-    assert misses(SimpleNamespace(unseen=unseen))  # type: ignore[arg-type]
+    assert misses(unseen)
 
 
 def test_a_model_explains_its_share_of_the_held_out_excess() -> None:

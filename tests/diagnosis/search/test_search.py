@@ -1,0 +1,249 @@
+"""The moves of the search, in a made-up world: what each set of effects leaves over is written down, not simulated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.estimation.leftover import Leftover
+from diagnosis.search import search as searching
+from diagnosis.search.partial_fit import PartialFit, StartingPoint
+from diagnosis.search.posterior import probabilities, told_as
+from engine.errors import FlexarmError
+
+COUNT = 1000.0
+"""Recorded values, all in one band, the noise as stated."""
+
+Excess = Callable[[frozenset[str]], float]
+"""What a set of effects, by key and option, leaves beyond the noise."""
+
+
+def effect(name: str, place: str = "shaft", *, option: str = "", sizes: int = 1) -> Candidate:
+    rows = tuple(EffectParameter(f"p{k}", 1.0) for k in range(sizes))
+    start = {row.name: 0.1 for row in rows}
+    return Candidate(name, place, place, f"found_{name}", lambda sizes: [], rows, (start,), option=option)
+
+
+class World:
+    """Stands in for a fitter: it knows what each model leaves over, and keeps which were fitted.
+
+    Args:
+        excess: see `Excess`.
+        promise: by how much an effect, by key and option, promises to raise the likelihood; 50 where it is not said.
+    """
+
+    workers, tables, scenario = 1, False, None
+
+    def __init__(self, excess: Excess, promise: Mapping[str, float] | None = None) -> None:
+        self.excess, self.promise = excess, promise or {}
+        self.fitted: list[frozenset[str]] = []
+        self.retries: list[frozenset[str]] = []
+        self.bad: set[frozenset[str]] = set()
+        """Models of which no fit converges before it is tried again."""
+        self.refit = self.made(())
+
+    def made(self, effects: tuple[Candidate, ...], converged: bool = True, strain: float = 0.0) -> Any:
+        names = frozenset(f"{c.key}{c.option and ' ' + c.option}" for c in effects)
+        left = self.left(self.excess(names))
+        fit = SimpleNamespace(
+            converged=converged,
+            parameters=lambda: {f"{c.name}.p{k}": 0.2 for c in effects for k in range(len(c.parameters))},
+            problem=SimpleNamespace(free=()),
+            x=(),
+        )
+        return SimpleNamespace(
+            effects=effects,
+            keys=frozenset(c.key for c in effects),
+            size=sum(len(c.parameters) for c in effects),
+            sizes=tuple(c.starts[0] for c in effects),
+            left=left,
+            unseen=left,
+            hold_out=float(left.energy[0]) / COUNT,
+            log_evidence=left.log_likelihood,
+            strain=strain,
+            room=left.unexplained + 0.5 * strain,
+            bent=False,
+            own=0,
+            fit=fit,
+        )
+
+    def left(self, excess: float) -> Leftover:
+        there, count = np.array([COUNT + excess]), np.array([COUNT])
+        # Of two recordings one shows it all: it varies, as physics does.
+        energies, counts = np.array([[COUNT / 2], [COUNT / 2 + excess]]), np.array([[COUNT / 2], [COUNT / 2]])
+        return Leftover(there, count, np.ones(1), ((0, 0),), energies, counts)
+
+    def origin(self, effects: tuple[Candidate, ...], values: Any) -> Any:
+        return SimpleNamespace(likelihood=0.0, effects=effects, refused={})
+
+    def forget(self, effects: Sequence[Candidate]) -> None:
+        pass
+
+    def partial_fit(self, effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
+        left = self.made(effects).left
+        problem: Any = SimpleNamespace(cost=lambda x, e: -left.log_likelihood, training=())
+        point = StartingPoint(float(left.energy[0]), problem, np.zeros(0), tuple(c.starts[0] for c in effects), ())
+        return PartialFit(effects, point, True)
+
+    def finish(self, partial: PartialFit) -> Any:
+        made = self.made(partial.effects)
+        made.fit.converged = made.keys not in self.bad
+        self.fitted.append(made.keys)
+        return made
+
+    def settled(self, model: Any) -> Any:
+        return model
+
+    def retried(self, model: Any) -> Any:
+        self.retries.append(model.keys)
+        return self.made(model.effects)
+
+
+@pytest.fixture(autouse=True)
+def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Courses come from the world's promises, and blocks take every size."""
+
+    def courses(fitter: Any, origin: Any, c: Candidate) -> list[Any]:
+        return [SimpleNamespace(likelihood=fitter.promise.get(f"{c.key}{c.option and ' ' + c.option}", 50.0))]
+
+    monkeypatch.setattr(searching, "courses", courses)
+    monkeypatch.setattr(searching, "together", lambda found, origin, most: [])
+    monkeypatch.setattr(searching, "edited", lambda scenario, edits: None)
+
+
+def run(world: World, listed: Sequence[Candidate], most: int = 3) -> Any:
+    made = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    made.run(most)
+    return made
+
+
+def by(table: Mapping[str, float], otherwise: float = 1e6) -> Excess:
+    """What sets of effects leave, written as 'a at x + b at y'; others leave what the best part of them does."""
+    rows = {frozenset(k for k in key.split(" + ") if k): left for key, left in table.items()}
+
+    def excess(names: frozenset[str]) -> float:
+        return min((left for key, left in rows.items() if key <= names), default=otherwise)
+
+    return excess
+
+
+FRICTION, STRIBECK, LAG = effect("coulomb_friction"), effect("stribeck_friction", sizes=3), effect("lag", "u")
+OTHERS = [effect(f"other_{k}", f"place {k}") for k in range(12)]
+
+
+def test_two_effects_are_found_one_beside_the_other() -> None:
+    world = World(by({FRICTION.key: 2e4, LAG.key: 5e5, f"{FRICTION.key} + {LAG.key}": 0.0}))
+    found = run(world, [FRICTION, LAG, *OTHERS])
+    assert found.best.keys == {FRICTION.key, LAG.key}
+
+
+def test_where_one_effect_leaves_the_noise_no_further_is_sought() -> None:
+    world = World(by({FRICTION.key: 0.0}))
+    found = run(world, [FRICTION, LAG, *OTHERS])
+    assert found.best.keys == {FRICTION.key}
+    assert max(len(keys) for keys in world.fitted) == 1
+
+
+def test_where_a_second_effect_is_not_believed_no_third_is_sought() -> None:
+    """Something is left that nothing explains: the search ends, it does not try triples."""
+    world = World(by({FRICTION.key: 9e4}))
+    found = run(world, [FRICTION, LAG, *OTHERS])
+    assert found.best.keys == {FRICTION.key}
+    assert max(len(keys) for keys in world.fitted) == 2
+
+
+def test_beside_another_an_effect_is_fitted_in_every_way() -> None:
+    """The side that promises least may be the one that fits best, once the other effect is in."""
+    sides = [effect("joint_flexibility", "joint", option=f"side {k}") for k in range(4)]
+    names = [f"{s.key} {s.option}" for s in sides]
+    left = {FRICTION.key: 3e5} | dict.fromkeys(names, 4e5)
+    left |= {f"{FRICTION.key} + {n}": 5e4 for n in names} | {f"{FRICTION.key} + {names[3]}": 0.0}
+    promise = {n: 90.0 - k for k, n in enumerate(names)}
+    world = World(by(left), promise)
+    found = run(world, [FRICTION, *sides, *OTHERS])
+    best = found.best
+    assert best.keys == {FRICTION.key, sides[0].key}
+    assert [c.option for c in best.effects if c.effect == "joint_flexibility"] == ["side 3"]
+
+
+def test_a_richer_law_that_promised_nothing_is_tried_from_where_the_simpler_one_ended() -> None:
+    world = World(by({FRICTION.key: 1e5, STRIBECK.key: 0.0}), {STRIBECK.key: -1.0})
+    found = run(world, [FRICTION, STRIBECK, *OTHERS])
+    assert found.best.keys == {STRIBECK.key}
+    begun = next(c for c in found.best.effects)
+    assert begun.starts[0]["p0"] == 0.2  # where the simpler law ended; what it has not stays at its start
+    assert begun.starts[0]["p2"] == 0.1
+
+
+def test_at_last_each_effect_is_taken_away_once_more() -> None:
+    """A pair came from elsewhere, and one of its effects explains nothing beside the other: that one alone is told."""
+    zone = effect("dead_zone", "u")
+    world = World(by({zone.key: 0.0, LAG.key: 8e5, f"{zone.key} + {LAG.key}": 0.0}))
+    made: Any = searching._Search(world, world.refit, [LAG], None)  # type: ignore[arg-type]
+    made._keep(world.made((LAG, zone)))
+    made.run(3)
+    assert made.best.keys == {zone.key}
+
+
+def test_rivals_get_the_nuisances_that_fit_beside_the_best() -> None:
+    """A lag gains a little beside either effect: without it beside the rival, that would lose by the lag alone."""
+    offset = effect("offset", "u")
+    left = {FRICTION.key: 300.0, offset.key: 310.0, f"{FRICTION.key} + {LAG.key}": 250.0, LAG.key: 9e5}
+    left |= {f"{offset.key} + {LAG.key}": 255.0}
+    world = World(by(left))
+    made: Any = searching._Search(world, world.refit, [FRICTION, offset, LAG], None)  # type: ignore[arg-type]
+    for effects in ((FRICTION,), (offset,), (FRICTION, LAG)):
+        made._keep(world.made(effects))
+    made._evened()
+    assert {offset.key, LAG.key} in world.fitted
+    odds = probabilities(told_as(made.models, made.refit), made.tried)
+    assert odds[frozenset({offset.key})] > 0.05
+    assert math.isclose(sum(odds.values()), 1.0)
+
+
+def test_models_that_were_known_are_fitted_again_from_where_they_ended() -> None:
+    world = World(by({FRICTION.key: 0.0}))
+    made: Any = searching._Search(world, world.refit, [], None)  # type: ignore[arg-type]
+    made.fit_known([world.made((FRICTION,))])
+    assert world.fitted == [frozenset({FRICTION.key})]
+    assert made.best.effects[0].starts == ({"p0": 0.2},)
+
+
+def test_the_best_model_is_tried_again_if_its_fit_did_not_converge() -> None:
+    world = World(by({FRICTION.key: 0.0}))
+    world.bad = {frozenset({FRICTION.key})}
+    found = run(world, [FRICTION, *OTHERS])
+    assert world.retries == [frozenset({FRICTION.key})]
+    assert found.best.fit.converged
+
+
+def test_a_model_that_leaves_little_but_misses_recordings_is_tried_again() -> None:
+    """Contacts that bounce: half a per cent is left, three times the noise, and a second try ends at the noise."""
+    world = World(by({FRICTION.key: 3e3}, otherwise=1e6))
+    made: Any = searching._Search(world, world.refit, [FRICTION], None)  # type: ignore[arg-type]
+    made._keep(world.made((FRICTION,)))
+    world.excess = by({FRICTION.key: 0.0})
+    made._confirmed(made.best)
+    assert world.retries == [frozenset({FRICTION.key})]
+    assert made.best.hold_out == pytest.approx(1.0)
+
+
+def test_what_cannot_be_fitted_is_told_and_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(by({FRICTION.key: 0.0, LAG.key: 9e4}))
+    real = world.finish
+
+    def finish(partial: PartialFit) -> Any:
+        if partial.effects[-1] is FRICTION:
+            raise FlexarmError("it follows coarse recordings only")
+        return real(partial)
+
+    monkeypatch.setattr(world, "finish", finish)
+    found = run(world, [FRICTION, LAG])
+    assert found.best.keys == {LAG.key}
+    assert (FRICTION.key, "it follows coarse recordings only") in found.failures
