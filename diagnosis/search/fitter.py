@@ -20,6 +20,7 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, resolved, variant
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.coarse import coarse
+from diagnosis.search.nearby import Nearby
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.screening import Origin, begun
@@ -346,21 +347,41 @@ class CandidateFitter:
     def _refined(self, partial: PartialFit, only: Candidate | None = None, *, noise: Noise = "white") -> PartialFit:
         """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""
         for k, effect in enumerate(partial.effects):
-            if only not in (None, effect):
-                continue
-            for share in SEARCH.finer if effect.finer else ():
-                best = partial.point
-                for sizes in effect.finer(best.sizes[k], share) if effect.finer else ():
-                    chosen = tuple(sizes if j == k else s for j, s in enumerate(best.sizes))
-                    built = tuple(sizes if j == k else s for j, s in enumerate(best.built))
-                    made = self.build(partial.effects, built)
-                    with Threads(1) as pool:
-                        x, cost, converged = descend(
-                            made, best.x, made.training, pool, iterations=SEARCH.first_steps, noise=noise
-                        )
-                    if cost < partial.point.cost:
-                        partial = PartialFit(partial.effects, StartingPoint(cost, made, x, chosen, built), converged)
+            gained = math.inf
+            while effect.finer is not None and only in (None, effect) and gained > SEARCH.slow:
+                closer = self._closer(partial, k, noise)
+                gained = partial.point.cost - closer.point.cost
+                partial = closer
         return partial
+
+    def _closer(self, partial: PartialFit, k: int, noise: Noise) -> PartialFit:
+        """The partial fit with such a size of the k-th effect at the best of ever finer values, if that is better."""
+        best, finer = partial.point, partial.effects[k].finer
+        assert finer is not None
+
+        def with_sizes(kept: tuple[Sizes, ...], sizes: Sizes) -> tuple[Sizes, ...]:
+            return tuple(sizes if j == k else s for j, s in enumerate(kept))
+
+        with Threads(1) as pool:
+            try:
+                near = Nearby(best.problem, best.x, pool, noise=noise)
+            except SimulationError:
+                return partial
+            x, least, sizes = best.x, near.cost, best.sizes[k]
+            for share in SEARCH.finer:
+                for other in finer(sizes, share):
+                    moved, cost = near.fitted(self.build(partial.effects, with_sizes(best.built, other)))
+                    if cost < least:
+                        x, least, sizes = moved, cost, other
+            if sizes == best.sizes[k]:
+                return partial
+            built = with_sizes(best.built, sizes)
+            made = self.build(partial.effects, built)
+            x, cost, converged = descend(made, x, made.training, pool, iterations=SEARCH.first_steps, noise=noise)
+        if not cost < best.cost:
+            return partial
+        point = StartingPoint(cost, made, x, with_sizes(best.sizes, sizes), built)
+        return PartialFit(partial.effects, point, converged)
 
 
 def _mark(x: Array) -> str:
