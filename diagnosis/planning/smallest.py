@@ -16,7 +16,7 @@ from engine.errors import FlexarmError
 TRIALS = 14
 """Sizes that are simulated at most."""
 
-CLOSE = 0.07
+CLOSE = 0.05
 """Logarithm of a factor between two sizes that are taken for the same."""
 
 STRIDE = 30.0

@@ -315,7 +315,9 @@ class _Search:
         origins = [o for values in parents if (o := self.fitter.origin((), values)) is not None]
         self._order = _best_ways(self._screened(origins, self.listed))
         able = [c for c in self._order if self._pays(origins, c)]
-        self._fit([((c,), parents) for c in able[: SEARCH.fitted]], SEARCH.finished)
+        # A wrong parameter is as likely as a missing effect: neither kind is to crowd out the other.
+        for kind in ([c for c in able if not c.freed], [c for c in able if c.freed]):
+            self._fit([((c,), parents) for c in kind[: SEARCH.fitted]], SEARCH.finished)
 
     def _beside(
         self,

@@ -113,7 +113,7 @@ def test_the_smallest_coulomb_friction_is_that_of_the_closed_form(tmp_path: Path
     # The size that matters is the torque that acts: inertia times the root mean square of the acceleration.
     acceleration = CONSTANT / RESISTANCE / INERTIA * np.exp(-t * damping / INERTIA)
     usual, spread = 0.1 * INERTIA * math.sqrt(np.mean(acceleration**2)), math.log(10)
-    price = math.log(2)  # of two effects
+    price = math.log(2 * 2)  # of two effects, and that a parameter is wrong is as likely as both together
 
     def named(friction: float) -> float:
         """Evidence of the right law over none, less its price and what 95 % ask for."""
