@@ -7,7 +7,7 @@ frequency, and account for little: a model that owes to one of its effects, or t
 with the nuisances that fit beside each of them. Nuisances are several, and bend no parameters: what takes away nearly
 all that another model leaves above the sensors' noise is none, however little that is beside a strong effect, nor is
 what lets bent parameters return to their values. What an effect makes worse on recordings that were not fitted is not
-believed at all.
+believed at all, nor is one where the user's model leaves no more than noise, unless it takes away most of that.
 """
 
 from __future__ import annotations
@@ -63,6 +63,9 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
         refit: the model without effects. For it no other speaks.
     """
     explained = energy(refit) - min(energy(m) for m in models)
+    if not misses(refit.left):
+        # Less than the noise is left over: slow drifts of the machine and the sensors are as large.
+        models = [m for m in models if not m.effects or relieved(refit, m) >= EVIDENCE.most]
     simpler = {m.keys: [s for s in models if s is not m and _simpler(s, m)] for m in models}
     worse = {m.keys for m in models if any(_worse(m, s) for s in simpler[m.keys])}
 

@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Fit, with_covariance
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, relieved, strained
+from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, strained
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import LEAST_ODDS, Study
 from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH
@@ -110,9 +110,6 @@ def fit_table(study: Study) -> dict[str, Any]:
 
 def judge(study: Study, seed: int = 0) -> Diagnosis:
     """Turn a study into a verdict."""
-    if study.chosen.effects and not misses(study.refit.left) and relieved(study.refit, study.chosen) < EVIDENCE.most:
-        # Less than the noise is left over: slow drifts of the machine and the sensors are as large.
-        study = replace(study, chosen=study.refit)
     chosen, refit = study.chosen, study.refit
     made = with_covariance(chosen.fit, chosen.hold_out - floor(chosen))
     found = _remarks(study)
@@ -128,8 +125,9 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     intervals = {i.name: i for i in made.intervals()}
     findings = []
     for k, effect in enumerate(chosen.effects):
-        odds = probability(effect.key, study.odds)
-        against = [t for t in others if effect.key not in t.keys]
+        agree = [t for t in others if _says_the_same(t, effect)]
+        odds = probability(effect.key, study.odds) + sum(study.odds[t.keys] for t in agree)
+        against = [t for t in others if effect.key not in t.keys and not _says_the_same(t, effect)]
         if effect.effect == "unknown" or share < EVIDENCE.most or improbable or any(r.grave for r in found):
             status = "unknown"
         elif odds < EVIDENCE.probability and against:
@@ -141,6 +139,13 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
     proposal = propose([chosen, *others], refit.fit.problem.model) if others else None
     force = recover(study, *place_of(chosen.effects[0], study))
     return Diagnosis(study, weakest, tuple(findings), others, proposal, warnings, made, force)
+
+
+def _says_the_same(model: ScoredModel, effect: Candidate) -> bool:
+    """Whether a model without effects has the parameter far from its value that another says is wrong."""
+    if model.effects or effect.freed is None:
+        return False
+    return effect.freed.name in far_off(model.fit)
 
 
 def _missing(study: Study) -> bool:

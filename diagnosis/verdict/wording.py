@@ -76,6 +76,8 @@ def finding_sentence(
     what = name_of(effect)
     before, after = study.refit.hold_out, study.chosen.hold_out
     numbers = f"the held-out error falls from {before:.3g} to {after:.3g} times the noise floor"
+    if status == "wrong_parameter" and f"{before:.3g}" == f"{after:.3g}":
+        return f"Parameter {place} lies outside its tolerance: with it freed, the others stay closer to their values."
     if status == "wrong_parameter":
         return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
     if status == "tie":

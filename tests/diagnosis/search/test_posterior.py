@@ -148,6 +148,15 @@ def test_what_takes_away_nearly_all_that_is_left_is_believed_far_above_the_noise
     assert (both in believed([refit, one, both], refit)) == kept
 
 
+def test_where_no_more_than_noise_is_left_an_effect_takes_away_most_of_it() -> None:
+    """A drift of the machine or the sensors is as large as a tenth of the noise."""
+    refit = model(excess=0.5 * COUNT)
+    little, most = model(LAG, excess=0.4 * COUNT), model(FRICTION, excess=0.0)
+    assert not misses(refit.left)
+    assert little not in believed([refit, little], refit)
+    assert most in believed([refit, little, most], refit)
+
+
 def test_a_richer_law_elsewhere_is_no_richer_law() -> None:
     """It stands on its own: only at the same place is the simple law its special case."""
     simple = model(FRICTION, excess=1e3)

@@ -1,0 +1,41 @@
+"""Which models agree with a finding, on made-up models."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.parameters import FreeParameter
+from diagnosis.thresholds import WORDING
+from diagnosis.verdict.verdict import _says_the_same
+
+STIFFNESS = FreeParameter("shaft.stiffness", 2.0, 0.2, True)
+MASS = FreeParameter("load.mass", 1.0, 0.1, True)
+
+
+def model(x: tuple[float, float], *effects: Candidate) -> Any:
+    problem = SimpleNamespace(free=(STIFFNESS, MASS))
+    return SimpleNamespace(effects=effects, fit=SimpleNamespace(problem=problem, x=x))
+
+
+def wrong(f: FreeParameter) -> Candidate:
+    return Candidate("wrong_parameter", f.name, "shaft", "shaft", lambda sizes: [], freed=f)
+
+
+@pytest.mark.parametrize(("tolerances", "same"), [(WORDING.far + 0.5, True), (WORDING.far - 0.5, False)])
+def test_nothing_with_the_same_parameter_far_off_is_no_rival_of_a_wrong_parameter(
+    tolerances: float, same: bool
+) -> None:
+    """Both say that the stiffness is wrong; they differ in whether it may be."""
+    assert _says_the_same(model((tolerances, 0.0)), wrong(STIFFNESS)) == same
+    assert _says_the_same(model((-tolerances, 0.0)), wrong(STIFFNESS)) == same
+    assert not _says_the_same(model((tolerances, 0.0)), wrong(MASS))
+
+
+def test_a_model_with_an_effect_is_a_rival_of_a_wrong_parameter_and_nothing_of_an_effect() -> None:
+    lag = Candidate("lag", "u", "u", "found_lag", lambda sizes: [])
+    assert not _says_the_same(model((9.0, 0.0), lag), wrong(STIFFNESS))
+    assert not _says_the_same(model((9.0, 0.0)), lag)
