@@ -11,7 +11,7 @@ from typing import TypedDict, Unpack
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis.binding import find_recording
+from diagnosis.binding import find_recording, verify
 from diagnosis.effects.catalogue import candidates, check_names
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
@@ -27,6 +27,7 @@ from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.readings import as_they_were_taken, taken_otherwise
 from diagnosis.search.reported import as_reported
 from diagnosis.search.search import Progress, study
+from diagnosis.search.spare_channels import settled_by_spare_channels
 from diagnosis.verdict.recording_checks import screen
 from diagnosis.verdict.verdict import Diagnosis, judge
 from engine.compile import version as compiler_version
@@ -62,14 +63,18 @@ def gather(
 def _to_fit(
     scenario: Scenario, names: Sequence[str | Path | Recorded], hold_out: Sequence[str | Path | Recorded]
 ) -> list[Recorded]:
-    """The same as `gather`, and a compiler that runs.
+    """The same as `gather`; spare signals are in the model, and a compiler runs.
 
     Runs fall back on Python where there is none, but tangents do not: without this a fit would simulate for minutes
     before it asks for a compiler.
     """
     rows = gather(scenario, names, hold_out)
-    if any(isinstance(r, Recording) for r in rows):
+    over_time = [r for r in rows if isinstance(r, Recording)]
+    if over_time:
         compiler_version()
+    for recording in over_time:
+        if recording.spare:
+            verify(scenario, recording)
     return rows
 
 
@@ -223,7 +228,7 @@ def diagnose(
         if (anew := taken_otherwise(fitter, found)) is not None:
             fitter = fitter.again(anew)
             found = study(fitter, without=how.without, progress=how.progress, told=found.notes)
-        return judge(as_reported(fitter, found), how.seed)
+        return judge(as_reported(fitter, settled_by_spare_channels(fitter, found)), how.seed)
 
 
 def plan(

@@ -175,7 +175,7 @@ def verify(scenario: Scenario, recording: Recorded) -> None:
         FlexarmError: they do not.
     """
     if isinstance(recording, Recording):
-        bind(scenario, recording)
+        bind(scenario, recording.with_spare())
     else:
         bind_table(scenario, recording)
 

@@ -261,6 +261,11 @@ class Measurement(Section):
     )
     counts_per_rev: Quantity | None = Field(default=None, description="encoder counts in a revolution")
     noise: Quantity = Field(default="auto", description="standard deviation in the column's unit, or auto")
+    use: Literal["fit", "evidence"] = Field(
+        default="fit",
+        description="evidence: a spare column, such as a motor's current. Nothing is fitted to it; where a diagnosis "
+        "cannot tell effects apart it says which of them predicts it, whatever its gain and offset",
+    )
 
 
 class StartOfRecord(Section):

@@ -47,7 +47,7 @@ def checked(
     keep = within & ~_gaps(reader, required, skip_gaps, within)
     time = recording.time[keep]
     _check_time(time, reader, time_column, reader.columns.rows[keep])
-    for channel in (*recording.drive, *recording.measurements):
+    for channel in (*recording.drive, *recording.measurements, *recording.spare):
         large = (np.abs(channel.values) > LARGEST) & np.isfinite(channel.values) & keep
         if large.any():
             raise RecordingError(
@@ -56,6 +56,7 @@ def checked(
                 "is the unit right?",
             )
     measurements = tuple(_measurement(channel, reader, keep) for channel in recording.measurements)
+    spare = tuple(_measurement(channel, reader, keep) for channel in recording.spare)
     if time[0] != 0:
         reader.notes.append(f"time begins at {time[0]:g} s in the file and is counted from there")
     stamps = time - time[0]
@@ -66,6 +67,7 @@ def checked(
         stamps=stamps,
         drive=tuple(_from_first(replace(channel, values=channel.values[keep])) for channel in recording.drive),
         measurements=tuple(_from_first(channel) for channel in measurements),
+        spare=tuple(_from_first(channel) for channel in spare),
         notes=(*recording.notes, *reader.notes, *time_notes),
     )
 

@@ -69,7 +69,14 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
                 hold_stated=column.hold is not None,
             )
         )
-    measurements = tuple(_measurement(reader, signal, described, scenario) for signal in described.measurements)
+    told = {signal: _measurement(reader, signal, described, scenario) for signal in described.measurements}
+    fitted = [signal for signal in told if described.measurements[signal].use == "fit"]
+    if not fitted:
+        raise RecordingError(
+            f"recording '{name}' has spare columns only, and nothing to fit to",
+            reader.where("measurements"),
+            "leave 'use: evidence' out of one",
+        )
     resample = reader.convert(described.resample, "s", "resample") if described.resample is not None else None
     if resample is not None and not resample > 0:
         raise RecordingError(f"resample is {resample:g} s", reader.where("resample"), "give a time above zero")
@@ -78,7 +85,7 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
         reader.columns.file,
         time,
         tuple(drive),
-        measurements,
+        tuple(told[signal] for signal in fitted),
         tuple(scenario.resolve(signal) for signal in described.initial.free),
         {scenario.resolve(signal): value for signal, value in described.initial.values.items()},
         described.initial.state == "as_measured",
@@ -88,6 +95,7 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
         resample=resample,
         clock=described.time.clock,
         sampled=described.sampled,
+        spare=tuple(channel for signal, channel in told.items() if signal not in fitted),
     )
     within = window(reader, described, time)
     if not shared.all():

@@ -153,5 +153,6 @@ def with_lead_in(recording: Recording, periods: int) -> Recording:
         time=np.asarray(interval * np.arange((periods + 1) * len(time)), dtype=float),
         drive=tuple(replace(c, values=np.tile(c.values, periods + 1)) for c in recording.drive),
         measurements=tuple(replace(c, values=np.concatenate([silent, c.values])) for c in recording.measurements),
+        spare=tuple(replace(c, values=np.concatenate([silent, c.values])) for c in recording.spare),
         notes=(*recording.notes, f"{periods} period{'s' if periods > 1 else ''} of the drive lead in"),
     )

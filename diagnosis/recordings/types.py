@@ -67,6 +67,7 @@ class Recording:
             that is open, which is read as the latter.
         assumed: what was found of the file that the scenario leaves open: keys from the scenario's top -> value.
         described: name under which the scenario describes it, where that is another one.
+        spare: further signals, which nothing is fitted to: they tell rivals apart.
         resample: interval (s) at which measurements are compared; None compares every sample.
         notes: sentences that say how the data were changed.
     """
@@ -89,6 +90,7 @@ class Recording:
     sampled: str = "either"
     assumed: Mapping[tuple[str, ...], Assumed] = field(default_factory=dict)
     described: str = ""
+    spare: tuple[Channel, ...] = ()
 
     @property
     def noise_stated(self) -> bool:
@@ -100,6 +102,10 @@ class Recording:
         """Number of samples, and duration (s)."""
         return len(self.time), float(self.time[-1])
 
+    def with_spare(self) -> Recording:
+        """The recording with its spare signals measured as well, after all others."""
+        return replace(self, measurements=(*self.measurements, *self.spare), spare=())
+
     def split(self, length: float) -> tuple[Recording, Recording] | None:
         """The recording with the measurements of every second stretch of ``length`` seconds, to fit, and with the rest.
 
@@ -108,14 +114,20 @@ class Recording:
         fitted = np.floor(np.asarray(self.time) / length).astype(int) % 2 == 0
         first = np.arange(len(self.time)) < FITTING.first_samples
 
-        def only(keep: NDArray[np.bool_]) -> tuple[Channel, ...]:
-            return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in self.measurements)
+        def part(name: str, role: str, keep: NDArray[np.bool_]) -> Recording:
+            def only(channels: tuple[Channel, ...]) -> tuple[Channel, ...]:
+                return tuple(replace(c, values=np.where(keep, c.values, np.nan)) for c in channels)
 
-        parts = replace(self, described=self.described or self.name)
-        return (
-            replace(parts, name=f"{self.name} (fitted part)", role="train", measurements=only(fitted)),
-            replace(parts, name=f"{self.name} (held-out part)", role="hold_out", measurements=only(~fitted | first)),
-        )
+            return replace(
+                self,
+                name=f"{self.name} ({name} part)",
+                role=role,
+                measurements=only(self.measurements),
+                spare=only(self.spare),
+                described=self.described or self.name,
+            )
+
+        return part("fitted", "train", fitted), part("held-out", "hold_out", ~fitted | first)
 
 
 @dataclass(frozen=True)

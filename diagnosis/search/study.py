@@ -16,6 +16,21 @@ LEAST_ODDS = 0.001
 
 
 @dataclass(frozen=True)
+class SpareEvidence:
+    """What columns that were logged and not fitted say of one model.
+
+    Attributes:
+        model: its effects, by key.
+        log_likelihood: of the columns under it.
+        correlations: of each column with what the model predicts, by signal.
+    """
+
+    model: frozenset[str]
+    log_likelihood: float
+    correlations: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Study:
     """A scenario and its recordings, and everything tried on them.
 
@@ -31,6 +46,7 @@ class Study:
         scales: sizes at the places.
         failures: effects that were not tried, with the reason.
         notes: what was done differently from what was asked, in sentences.
+        spare: what spare columns say of the models that they were held against.
     """
 
     scenario: Scenario
@@ -44,6 +60,7 @@ class Study:
     scales: OperatingScales
     failures: tuple[tuple[str, str], ...]
     notes: tuple[str, ...] = ()
+    spare: tuple[SpareEvidence, ...] = ()
 
     @property
     def place_odds(self) -> dict[str, float]:

@@ -79,6 +79,14 @@ class Diagnosis:
             "remaining": dict(zip(("when", "frequency"), traits(study.chosen), strict=True)),
             "not_tried": [{"effect": effect, "reason": why} for effect, why in study.failures],
             "recovered_force": self.recovered.numbers() if self.recovered else None,
+            "spare_channels": [
+                {
+                    "effects": sorted(one.model),
+                    "log_likelihood": one.log_likelihood - max(s.log_likelihood for s in study.spare),
+                    "correlations": dict(one.correlations),
+                }
+                for one in study.spare
+            ],
             "trials": [
                 {
                     "effects": [c.key for c in t.effects],
