@@ -26,8 +26,9 @@ from diagnosis.search.dask_fitter import DaskFitter
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.readings import as_they_were_taken, taken_otherwise
 from diagnosis.search.reported import as_reported
-from diagnosis.search.search import Progress, study
+from diagnosis.search.search import study
 from diagnosis.search.spare_channels import settled_by_spare_channels
+from diagnosis.search.tried_models import Progress
 from diagnosis.verdict.recording_checks import screen
 from diagnosis.verdict.verdict import Diagnosis, judge
 from engine.compile import version as compiler_version

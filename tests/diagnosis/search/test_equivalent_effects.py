@@ -16,9 +16,9 @@ from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.scales import operating_scales
 from diagnosis.problems import problem
 from diagnosis.search.equivalent_effects import lookalikes, one_law
+from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.posterior import prices
-from diagnosis.search.search import exchanged
 from diagnosis.thresholds import FITTING, INTERVALS, SEARCH
 from diagnosis.verdict import verdict, wording
 from engine.errors import FlexarmError

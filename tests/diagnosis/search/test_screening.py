@@ -146,10 +146,10 @@ def test_a_fit_that_ends_where_a_block_refuses_is_no_model(tmp_path: Path) -> No
         fit = SimpleNamespace(parameters=lambda: sizes)
         return SimpleNamespace(effects=(zone,), sizes=(zone.starts[0],), fit=fit)
 
-    assert search._has_meaning(ending(-0.1, 0.1))
-    assert not search.failures
-    assert not search._has_meaning(ending(0.2, 0.1))
-    ((key, why),) = search.failures
+    assert search.known._has_meaning(ending(-0.1, 0.1))
+    assert not search.known.failures
+    assert not search.known._has_meaning(ending(0.2, 0.1))
+    ((key, why),) = search.known.failures
     assert key == zone.key
     assert "lower" in why
 

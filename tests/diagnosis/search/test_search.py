@@ -13,6 +13,7 @@ import pytest
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.leftover import Leftover
 from diagnosis.search import search as searching
+from diagnosis.search import tried_models
 from diagnosis.search.partial_fit import PartialFit, StartingPoint
 from diagnosis.search.posterior import probabilities, told_as
 from engine.errors import FlexarmError
@@ -114,7 +115,7 @@ def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(searching, "courses", courses)
     monkeypatch.setattr(searching, "together", lambda found, origin, most: [])
-    monkeypatch.setattr(searching, "edited", lambda scenario, edits: None)
+    monkeypatch.setattr(tried_models, "edited", lambda scenario, edits: None)
 
 
 def run(world: World, listed: Sequence[Candidate], most: int = 3) -> Any:
@@ -140,13 +141,13 @@ OTHERS = [effect(f"other_{k}", f"place {k}") for k in range(12)]
 def test_two_effects_are_found_one_beside_the_other() -> None:
     world = World(by({FRICTION.key: 2e4, LAG.key: 5e5, f"{FRICTION.key} + {LAG.key}": 0.0}))
     found = run(world, [FRICTION, LAG, *OTHERS])
-    assert found.best.keys == {FRICTION.key, LAG.key}
+    assert found.known.best.keys == {FRICTION.key, LAG.key}
 
 
 def test_where_one_effect_leaves_the_noise_no_further_is_sought() -> None:
     world = World(by({FRICTION.key: 0.0}))
     found = run(world, [FRICTION, LAG, *OTHERS])
-    assert found.best.keys == {FRICTION.key}
+    assert found.known.best.keys == {FRICTION.key}
     assert max(len(keys) for keys in world.fitted) == 1
 
 
@@ -154,7 +155,7 @@ def test_where_a_second_effect_is_not_believed_no_third_is_sought() -> None:
     """Something is left that nothing explains: the search ends, it does not try triples."""
     world = World(by({FRICTION.key: 9e4}))
     found = run(world, [FRICTION, LAG, *OTHERS])
-    assert found.best.keys == {FRICTION.key}
+    assert found.known.best.keys == {FRICTION.key}
     assert max(len(keys) for keys in world.fitted) == 2
 
 
@@ -167,7 +168,7 @@ def test_beside_another_an_effect_is_fitted_in_every_way() -> None:
     promise = {n: 90.0 - k for k, n in enumerate(names)}
     world = World(by(left), promise)
     found = run(world, [FRICTION, *sides, *OTHERS])
-    best = found.best
+    best = found.known.best
     assert best.keys == {FRICTION.key, sides[0].key}
     assert [c.option for c in best.effects if c.effect == "joint_flexibility"] == ["side 3"]
 
@@ -175,8 +176,8 @@ def test_beside_another_an_effect_is_fitted_in_every_way() -> None:
 def test_a_richer_law_that_promised_nothing_is_tried_from_where_the_simpler_one_ended() -> None:
     world = World(by({FRICTION.key: 1e5, STRIBECK.key: 0.0}), {STRIBECK.key: -1.0})
     found = run(world, [FRICTION, STRIBECK, *OTHERS])
-    assert found.best.keys == {STRIBECK.key}
-    begun = next(c for c in found.best.effects)
+    assert found.known.best.keys == {STRIBECK.key}
+    begun = next(c for c in found.known.best.effects)
     assert begun.starts[0]["p0"] == 0.2  # where the simpler law ended; what it has not stays at its start
     assert begun.starts[0]["p2"] == 0.1
 
@@ -186,9 +187,9 @@ def test_at_last_each_effect_is_taken_away_once_more() -> None:
     zone = effect("dead_zone", "u")
     world = World(by({zone.key: 0.0, LAG.key: 8e5, f"{zone.key} + {LAG.key}": 0.0}))
     made: Any = searching._Search(world, world.refit, [LAG], None)  # type: ignore[arg-type]
-    made._keep(world.made((LAG, zone)))
+    made.known.keep(world.made((LAG, zone)))
     made.run(3)
-    assert made.best.keys == {zone.key}
+    assert made.known.best.keys == {zone.key}
 
 
 def test_rivals_get_the_nuisances_that_fit_beside_the_best() -> None:
@@ -199,10 +200,10 @@ def test_rivals_get_the_nuisances_that_fit_beside_the_best() -> None:
     world = World(by(left))
     made: Any = searching._Search(world, world.refit, [FRICTION, offset, LAG], None)  # type: ignore[arg-type]
     for effects in ((FRICTION,), (offset,), (FRICTION, LAG)):
-        made._keep(world.made(effects))
+        made.known.keep(world.made(effects))
     made._evened()
     assert {offset.key, LAG.key} in world.fitted
-    odds = probabilities(told_as(made.models, made.refit), made.tried)
+    odds = probabilities(told_as(made.known.models, made.known.refit), made.known.tried)
     assert odds[frozenset({offset.key})] > 0.05
     assert math.isclose(sum(odds.values()), 1.0)
 
@@ -212,7 +213,7 @@ def test_models_that_were_known_are_fitted_again_from_where_they_ended() -> None
     made: Any = searching._Search(world, world.refit, [], None)  # type: ignore[arg-type]
     made.fit_known([world.made((FRICTION,))])
     assert world.fitted == [frozenset({FRICTION.key})]
-    assert made.best.effects[0].starts == ({"p0": 0.2},)
+    assert made.known.best.effects[0].starts == ({"p0": 0.2},)
 
 
 def test_the_best_model_is_tried_again_if_its_fit_did_not_converge() -> None:
@@ -220,18 +221,18 @@ def test_the_best_model_is_tried_again_if_its_fit_did_not_converge() -> None:
     world.bad = {frozenset({FRICTION.key})}
     found = run(world, [FRICTION, *OTHERS])
     assert world.retries == [frozenset({FRICTION.key})]
-    assert found.best.fit.converged
+    assert found.known.best.fit.converged
 
 
 def test_a_model_that_leaves_little_but_misses_recordings_is_tried_again() -> None:
     """Contacts that bounce: half a per cent is left, three times the noise, and a second try ends at the noise."""
     world = World(by({FRICTION.key: 3e3}, otherwise=1e6))
     made: Any = searching._Search(world, world.refit, [FRICTION], None)  # type: ignore[arg-type]
-    made._keep(world.made((FRICTION,)))
+    made.known.keep(world.made((FRICTION,)))
     world.excess = by({FRICTION.key: 0.0})
-    made._confirmed(made.best)
+    made.known.confirmed(made.known.best)
     assert world.retries == [frozenset({FRICTION.key})]
-    assert made.best.hold_out == pytest.approx(1.0)
+    assert made.known.best.hold_out == pytest.approx(1.0)
 
 
 def test_what_cannot_be_fitted_is_told_and_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,5 +246,5 @@ def test_what_cannot_be_fitted_is_told_and_passed_over(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(world, "finish", finish)
     found = run(world, [FRICTION, LAG])
-    assert found.best.keys == {LAG.key}
-    assert (FRICTION.key, "it follows coarse recordings only") in found.failures
+    assert found.known.best.keys == {LAG.key}
+    assert (FRICTION.key, "it follows coarse recordings only") in found.known.failures

@@ -1,0 +1,184 @@
+"""The models of a search: fitting them, keeping the best of each set of effects, and which of them leads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from diagnosis.effects.effect import Candidate
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.partial_fit import PartialFit, ended
+from diagnosis.search.posterior import complete, misses, price, told_as, value
+from diagnosis.search.scored_model import ScoredModel
+from diagnosis.thresholds import SEARCH
+from engine.errors import FlexarmError
+from engine.spread import Spread
+from scenarios.variant import edited
+
+Progress = Callable[[str, int, int], None]
+Values = dict[str, float]
+
+
+class TriedModels:
+    """The models that were fitted so far.
+
+    Args:
+        fitter: fits them.
+        refit: the user's model, fitted.
+        tried: number of effects at places that are chosen from.
+        progress: told what is done.
+
+    Attributes:
+        failures: effects that could not be fitted, and why.
+        waiting: partial fits that were far from the best when it was their turn.
+    """
+
+    def __init__(
+        self, fitter: CandidateFitter, refit: ScoredModel, tried: int, progress: Progress | None = None
+    ) -> None:
+        self.fitter, self.refit, self.tried, self.progress = fitter, refit, tried, progress
+        self.price = price(tried)
+        self.failures: list[tuple[str, str]] = []
+        self.waiting: list[PartialFit] = []
+        self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
+        self._done: set[tuple[str, ...]] = set()
+        self._ended: set[frozenset[str]] = set()
+        self._repeated: set[frozenset[str]] = set()
+
+    def __contains__(self, keys: frozenset[str]) -> bool:
+        return keys in self._models
+
+    def __getitem__(self, keys: frozenset[str]) -> ScoredModel:
+        return self._models[keys]
+
+    @property
+    def models(self) -> list[ScoredModel]:
+        """All that were fitted to the end."""
+        return list(self._models.values())
+
+    @property
+    def told(self) -> list[tuple[ScoredModel, ScoredModel]]:
+        """What each believed model is told as, and the model; see `told_as`."""
+        return told_as(self.models, self.refit)
+
+    @property
+    def leading(self) -> tuple[ScoredModel, ScoredModel]:
+        """What the model of greatest worth is told as, and that model."""
+        return max(self.told, key=lambda pair: self.worth(pair[1]))
+
+    @property
+    def best(self) -> ScoredModel:
+        """What the model of greatest worth is told as."""
+        return self.leading[0]
+
+    def worth(self, model: ScoredModel) -> float:
+        """Evidence less price."""
+        return value(model, self.tried)
+
+    def keep(self, made: ScoredModel) -> None:
+        """Keep a model, unless one with the same effects is worth more."""
+        known = self._models.get(made.keys)
+        if known is None or self.worth(made) > self.worth(known):
+            self._models[made.keys] = made
+
+    def fit(self, wanted: Iterable[tuple[tuple[Candidate, ...], Sequence[Values]]], finish: int) -> list[ScoredModel]:
+        """Fit models a few steps, and those of the lowest cost to the end, which are given."""
+        tasks = []
+        for effects, parents in wanted:
+            mark = tuple(sorted(f"{c.key} {c.option} {c.starts}" for c in effects))
+            if mark not in self._done:
+                self._done.add(mark)
+                tasks.append((effects, parents))
+
+        def begin(task: tuple[tuple[Candidate, ...], Sequence[Values]]) -> PartialFit | tuple[str, str]:
+            try:
+                return self.fitter.partial_fit(*task)
+            except FlexarmError as error:
+                return task[0][-1].key, error.message
+
+        with Spread(self.fitter.workers, threads=True) as pool:
+            partials = []
+            for done, found in enumerate(pool.map(begin, tasks), 1):
+                if isinstance(found, PartialFit):
+                    partials.append(found)
+                else:
+                    self.failures.append(found)
+                if self.progress:
+                    self.progress("trying effects", done, len(tasks))
+        return self.finished(self._able(partials)[:finish])
+
+    def finished(self, partials: Sequence[PartialFit]) -> list[ScoredModel]:
+        """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.
+
+        Beside a second effect what was far from the best may be part of the truth; and what is related to the best, as
+        a simpler law at its place is, does not wait.
+        """
+
+        def finish(partial: PartialFit) -> ScoredModel | tuple[str, str]:
+            try:
+                return self.fitter.finish(partial)
+            except FlexarmError as error:
+                return partial.effects[-1].key, error.message
+
+        kept: list[ScoredModel] = []
+        for few in range(0, len(partials), SEARCH.few):
+            with Spread(self.fitter.workers, threads=True) as pool:
+                found = list(pool.map(finish, partials[few : few + SEARCH.few]))
+            self.failures += [why for why in found if isinstance(why, tuple)]
+            able = [made for made in found if not isinstance(made, tuple) and self._has_meaning(made)]
+            for made in able:
+                self.keep(made)
+            kept += able
+            near = self.worth(self.best) - self.price - SEARCH.effort
+            if not any(self.worth(made) > near and made.keys != self.best.keys for made in able):
+                self.waiting += partials[few + SEARCH.few :]
+                break
+        return kept
+
+    def settled(self, model: ScoredModel) -> ScoredModel:
+        """A model whose fit was left early, fitted to the end."""
+        if not model.fit.converged and model.keys not in self._ended:
+            self._ended.add(model.keys)
+            self._models[model.keys] = self.fitter.settled(model)
+            if not model.effects:
+                self.refit = self._models[model.keys]
+        return self._models[model.keys]
+
+    def confirmed(self, model: ScoredModel) -> ScoredModel:
+        """A model fitted to the end, and tried again from around there if that may not be where it fits best.
+
+        That is so if it has not converged, or misses held-out recordings although it leaves too little for a further
+        effect: contacts that bounce make a cost with many low points.
+        """
+        model = self.settled(model)
+        doubtful = not model.fit.converged or (complete(model, self.refit) and misses(model.unseen))
+        if model.effects and doubtful and model.keys not in self._repeated:
+            self._repeated.add(model.keys)
+            made = self.fitter.retried(model)
+            if self.worth(made) > self.worth(model) or not model.fit.converged:
+                self._models[model.keys] = made
+        return self._models[model.keys]
+
+    def keep_only(self, models: Iterable[ScoredModel]) -> None:
+        """Forget all models but some."""
+        self._models = {m.keys: m for m in models}
+
+    def _able(self, partials: Sequence[PartialFit]) -> list[PartialFit]:
+        """Partial fits, those first that leave least, as of white noise and as of coloured noise by turns."""
+
+        def coloured(partial: PartialFit) -> float:
+            made = partial.point.problem
+            return made.cost(partial.point.x, made.training)
+
+        orders = (sorted(partials, key=lambda partial: partial.point.cost), sorted(partials, key=coloured))
+        found = {id(p): p for both in zip(*orders, strict=True) for p in both}
+        return list(found.values())
+
+    def _has_meaning(self, made: ScoredModel) -> bool:
+        """Whether blocks take the sizes at which a fit ended: it moves them without asking again."""
+        there = [ended(made, c) for c in made.effects]
+        try:
+            edited(self.fitter.scenario, [edit for c in there for edit in c.edits(c.starts[0])])
+        except FlexarmError as error:
+            self.failures.append((made.effects[-1].key, error.message))
+            return False
+        return True
