@@ -244,26 +244,34 @@ class TimeExperiment(Experiment):
             for name, share in self.begin.follows[follower].items():
                 if name in names:
                     slopes[:, names.index(name)] += share * slopes[:, len(names) + k]
-        J = np.zeros((len(r), len(free)))
-        for column, i in enumerate(mine):
-            J[:, i] = slopes[:, column] * free[i].slope(x[i])
-        if not np.isfinite(J).all() or np.abs(J).max(initial=0.0) > FITTING.huge**2:
+        own = slopes[:, : len(names)] * np.array([free[i].slope(x[i]) for i in mine])
+        # NaN is not within bounds either.
+        if own.size and not (own.max() <= FITTING.huge**2 and own.min() >= -(FITTING.huge**2)):
             raise SimulationError("the sensitivities grow without bound")
+        if len(mine) == len(free):
+            return r, own
+        J = np.zeros((len(r), len(free)))
+        J[:, mine] = own
         return r, J
 
     def residual(self, simulated: Array) -> Array:
         """(measured - simulated) / sigma, zero where nothing was recorded; shape (samples, signals)."""
         rows = self.sampled(simulated)
-        rows = rows - np.where(self.from_first, rows[0], 0.0)
-        return np.nan_to_num((self.measured - rows) / self.sigma, nan=0.0)
+        if any(self.from_first):
+            rows = rows - np.where(self.from_first, rows[0], 0.0)
+        made = np.asarray((self.measured - rows) / self.sigma)
+        return made if np.isfinite(made).all() else np.nan_to_num(made, nan=0.0)
 
     def slopes(self, values: Array) -> Array:
         """Derivative of the residual, shape (samples, signals, directions), from that of the outputs."""
         rows = self.sampled(values)
-        rows = rows - np.where(np.asarray(self.from_first)[:, None], rows[0], 0.0)
-        made = -rows / self.sigma[None, :, None]
-        made[np.isnan(self.measured)] = 0.0
-        return np.asarray(made)
+        if any(self.from_first):
+            rows = rows - np.where(np.asarray(self.from_first)[:, None], rows[0], 0.0)
+        made = np.asarray(rows / -self.sigma[None, :, None])
+        unknown = np.isnan(self.measured)
+        if unknown.any():
+            made[unknown] = 0.0
+        return made
 
     def on_variant(
         self, scenario: Scenario, inputs: Sequence[str], outputs: Sequence[str], others: Sequence[Experiment]
