@@ -508,6 +508,12 @@ class Search:
         "How close to the best a size that is only chosen, a delay, is looked for.",
         "delays of suite 'core' (ad31092)",
     )
+    slope: float = number(
+        0.5**7,
+        "distances between starting sizes",
+        "Distance at which a size that is only chosen is moved to see what the residual owes to it.",
+        "well above rounding, well below the finest that is told",
+    )
     lines: int = number(
         3,
         "frequencies",

@@ -20,6 +20,7 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, resolved, variant
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.coarse import coarse
+from diagnosis.search.evidence import ChosenSize
 from diagnosis.search.nearby import Nearby
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of
 from diagnosis.search.scored_model import ScoredModel, scored
@@ -138,7 +139,27 @@ class CandidateFitter:
         n = len(x)
         chi2 = made.chi2(x, made.training)
         found = Fit(made, x, partial.point.cost, chi2, partial.converged, np.zeros((n, n)))
-        return scored(found, partial.effects, partial.point.sizes, noise)
+        return scored(found, partial.effects, partial.point.sizes, noise, self._chosen(partial))
+
+    def _chosen(self, partial: PartialFit) -> list[ChosenSize]:
+        """The sizes of a model that are only chosen, and looked for finer, with what its residual owes to each."""
+        point, found = partial.point, []
+        for k, effect in enumerate(partial.effects):
+            size = next((p for p in effect.parameters if p.fixed), None)
+            if effect.finer is None or size is None:
+                continue
+            at = point.sizes[k]
+            near = sorted((at, *effect.finer(at, SEARCH.slope)), key=lambda sizes: sizes[size.name])
+            rows = []
+            for there in (near[0], near[-1]):
+                made = self.build(partial.effects, _with(point.built, k, there), whole=True)
+                made = replace(made, internal_step=point.problem.internal_step)
+                rows.append([made.residual(point.x, e) for e in made.training])
+            apart = math.log(near[-1][size.name] / near[0][size.name])
+            slopes = tuple((high - low) / apart for low, high in zip(*rows, strict=True))
+            away = math.log(at[size.name] / (size.usual * size.reference))
+            found.append(ChosenSize(slopes, away, size.spread))
+        return found
 
     @functools.cached_property
     def coarse(self) -> Problem:
@@ -359,9 +380,6 @@ class CandidateFitter:
         best, finer = partial.point, partial.effects[k].finer
         assert finer is not None
 
-        def with_sizes(kept: tuple[Sizes, ...], sizes: Sizes) -> tuple[Sizes, ...]:
-            return tuple(sizes if j == k else s for j, s in enumerate(kept))
-
         with Threads(1) as pool:
             try:
                 near = Nearby(best.problem, best.x, pool, noise=noise)
@@ -370,18 +388,23 @@ class CandidateFitter:
             x, least, sizes = best.x, near.cost, best.sizes[k]
             for share in SEARCH.finer:
                 for other in finer(sizes, share):
-                    moved, cost = near.fitted(self.build(partial.effects, with_sizes(best.built, other)))
+                    moved, cost = near.fitted(self.build(partial.effects, _with(best.built, k, other)))
                     if cost < least:
                         x, least, sizes = moved, cost, other
             if sizes == best.sizes[k]:
                 return partial
-            built = with_sizes(best.built, sizes)
+            built = _with(best.built, k, sizes)
             made = self.build(partial.effects, built)
             x, cost, converged = descend(made, x, made.training, pool, iterations=SEARCH.first_steps, noise=noise)
         if not cost < best.cost:
             return partial
-        point = StartingPoint(cost, made, x, with_sizes(best.sizes, sizes), built)
+        point = StartingPoint(cost, made, x, _with(best.sizes, k, sizes), built)
         return PartialFit(partial.effects, point, converged)
+
+
+def _with(kept: tuple[Sizes, ...], k: int, sizes: Sizes) -> tuple[Sizes, ...]:
+    """The sizes of several effects, those of the k-th exchanged."""
+    return tuple(sizes if j == k else s for j, s in enumerate(kept))
 
 
 def _mark(x: Array) -> str:

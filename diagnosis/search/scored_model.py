@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.least_squares import Fit, with_held_out_starts
 from diagnosis.estimation.leftover import Leftover, Noise
-from diagnosis.search.evidence import evidence
+from diagnosis.search.evidence import ChosenSize, evidence
 
 
 @dataclass(frozen=True)
@@ -88,11 +89,23 @@ class ScoredModel:
 
 
 def scored(
-    made: Fit, effects: tuple[Candidate, ...], sizes: tuple[dict[str, float], ...] = (), noise: Noise = "coloured"
+    made: Fit,
+    effects: tuple[Candidate, ...],
+    sizes: tuple[dict[str, float], ...] = (),
+    noise: Noise = "coloured",
+    chosen: Sequence[ChosenSize] = (),
 ) -> ScoredModel:
-    """A fit judged on all recordings, the starting values of those that are held out fitted; ``noise`` as there."""
+    """A fit judged on all recordings.
+
+    Args:
+        made: the fit.
+        effects: as of `ScoredModel`.
+        sizes: as of `ScoredModel`.
+        noise: with which the starting values of held-out recordings are fitted.
+        chosen: sizes that are only chosen.
+    """
     problem, x = made.problem, with_held_out_starts(made.problem, made.x, noise=noise)
     left = problem.leftover(x, problem.experiments)
-    found = evidence(problem, x, left)
+    found = evidence(problem, x, left, chosen)
     unseen = problem.leftover(x, problem.judged)
     return ScoredModel(effects, replace(made, x=x), sizes, problem.chi2(x, problem.judged), left, unseen, found)

@@ -13,7 +13,7 @@ from scipy.stats import chi2, multivariate_normal, norm
 
 from diagnosis.estimation.leftover import Leftover, left_by
 from diagnosis.estimation.time_experiment import TimeExperiment
-from diagnosis.search.evidence import evidence
+from diagnosis.search.evidence import ChosenSize, evidence
 from diagnosis.thresholds import EVIDENCE
 
 Array = NDArray[np.float64]
@@ -124,6 +124,28 @@ def test_below_the_stated_noise_the_likelihood_is_that_of_the_stated_noise() -> 
     exact = float(np.sum(norm.logpdf(rows))) + 500 * np.log(2 * np.pi)
     assert left.log_likelihood == pytest.approx(exact)
     assert left.unexplained == 0.0
+
+
+def test_a_size_that_is_only_chosen_costs_what_a_parameter_does() -> None:
+    """Of two linear models one has its last parameter chosen beforehand, at the value at which the other is fitted."""
+    random = np.random.default_rng(7)
+    tables = [random.normal(size=(400, 3)) for _ in range(2)]
+    spreads = np.array([2.0, 0.5, 3.0])
+    e = [
+        recorded((table @ [1.0, -0.3, 2.0])[:, None] + random.normal(size=(400, 1)), f"run{k}")
+        for k, table in enumerate(tables)
+    ]
+    whole: Any = Linear(e, tables, spreads)
+    best = whole.best()
+    fitted, left = found(whole, best)
+    rest = [
+        recorded(one.measured - (table[:, 2:] @ best[2:])[:, None], one.name)
+        for one, table in zip(e, tables, strict=True)
+    ]
+    part: Any = Linear(rest, [table[:, :2] for table in tables], spreads[:2])
+    size = ChosenSize(tuple(-table[:, 2:] for table in tables), float(best[2]), float(spreads[2]))
+    assert evidence(part, best[:2], left, [size]) == pytest.approx(fitted)
+    assert evidence(part, best[:2], left) > fitted + 3.0
 
 
 def test_what_no_model_explains_decides_nothing() -> None:
