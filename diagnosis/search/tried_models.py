@@ -163,15 +163,21 @@ class TriedModels:
         self._models = {m.keys: m for m in models}
 
     def _able(self, partials: Sequence[PartialFit]) -> list[PartialFit]:
-        """Partial fits, those first that leave least, as of white noise and as of coloured noise by turns."""
+        """Partial fits, those first that leave least, as of white noise and as of coloured noise by turns.
+
+        The first of each place go before all others: laws that contain one another are alike, and would take all turns.
+        """
 
         def coloured(partial: PartialFit) -> float:
             made = partial.point.problem
             return made.cost(partial.point.x, made.training)
 
         orders = (sorted(partials, key=lambda partial: partial.point.cost), sorted(partials, key=coloured))
-        found = {id(p): p for both in zip(*orders, strict=True) for p in both}
-        return list(found.values())
+        found = list({id(p): p for both in zip(*orders, strict=True) for p in both}.values())
+        leading: dict[str, PartialFit] = {}
+        for partial in found:
+            leading.setdefault(partial.effects[-1].place, partial)
+        return [*leading.values(), *(p for p in found if leading[p.effects[-1].place] is not p)]
 
     def _has_meaning(self, made: ScoredModel) -> bool:
         """Whether blocks take the sizes at which a fit ended: it moves them without asking again."""
