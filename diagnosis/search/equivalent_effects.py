@@ -8,6 +8,7 @@ too, so that the verdict can say whether the recordings tell them apart.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 from diagnosis.effects.effect import Candidate
@@ -41,7 +42,10 @@ def one_law(effects: Sequence[Candidate]) -> int:
 
 
 def lookalikes(chosen: ScoredModel, listed: Sequence[Candidate]) -> list[tuple[Candidate, ...]]:
-    """The chosen model with a single effect replaced by the pair that it may be taken for, each where it does best.
+    """The chosen model with a single effect replaced by the pair that it may be taken for.
+
+    Each of the two is put where the single one is, or, if it has no place there, wherever it can be: an offset that
+    does best alone, in a reference, is not the one that does a friction's work.
 
     Args:
         chosen: the best model.
@@ -49,9 +53,16 @@ def lookalikes(chosen: ScoredModel, listed: Sequence[Candidate]) -> list[tuple[C
     """
     rows = []
     for k, effect in enumerate(chosen.effects):
-        pair = KNOWN.get(effect.effect, ())
-        found = [next((c for c in listed if c.effect == name), None) for name in pair]
-        if pair and all(c is not None for c in found):
-            others = tuple(c for j, c in enumerate(chosen.effects) if j != k)
-            rows.append((*others, *(c for c in found if c is not None)))
+        others = tuple(c for j, c in enumerate(chosen.effects) if j != k)
+        options = [_where(name, effect.place, listed) for name in KNOWN.get(effect.effect, ())]
+        rows += [(*others, *pair) for pair in itertools.product(*options) if pair]
     return rows
+
+
+def _where(name: str, place: str, listed: Sequence[Candidate]) -> list[Candidate]:
+    """An effect at a place, or at all its places if it is none for it."""
+    ways: dict[str, Candidate] = {}
+    for c in listed:
+        if c.effect == name:
+            ways.setdefault(c.place, c)
+    return [ways[place]] if place in ways else list(ways.values())

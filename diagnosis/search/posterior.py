@@ -126,10 +126,10 @@ def strained(model: ScoredModel, tried: int) -> bool:
 
 
 def _simpler(one: ScoredModel, other: ScoredModel) -> bool:
-    """Whether one model is another without an effect, or with a simpler law in the place of a richer one."""
+    """Whether one model is another without some effects, or with a simpler law in the place of a richer one."""
     mine, theirs = set(one.keys), set(other.keys)
     if mine < theirs:
-        return len(theirs) - len(mine) == 1
+        return bool(mine) or len(theirs) == 1
     lost = [c for c in one.effects if c.key not in theirs]
     more = [c for c in other.effects if c.key not in mine]
     return len(lost) == len(more) == 1 and one.size < other.size and is_in(lost[0], more[0])

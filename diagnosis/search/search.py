@@ -16,7 +16,7 @@ from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import drawn_back, ended, standing
-from diagnosis.search.posterior import complete, energy, is_in, misses, price, probabilities, strained
+from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, probabilities, strained
 from diagnosis.search.ranking import best_ways, cut, ranked, related, spoken_for
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, together
@@ -147,7 +147,7 @@ class _Search:
             ((*(ended(m, c) for c in m.effects), *nuisances), [standing(m.fit)])
             for m in rivals.values()
             if m is not best
-            and len(m.effects) + len(nuisances) <= SEARCH.most
+            and prices((*m.effects, *nuisances)) <= SEARCH.most
             and not m.keys & {c.key for c in nuisances}
         ]
         self.known.fit(tasks, len(tasks))

@@ -36,8 +36,10 @@ def settled_by_spare_channels(fitter: CandidateFitter, found: Study) -> Study:
         FlexarmError: a spare signal that the model does not have.
     """
     names = _common([r for r in fitter.recordings if isinstance(r, Recording)])
+    if not names:
+        return found
     models = [m for m in (found.refit, *found.trials) if found.odds.get(m.keys, 0.0) >= LEAST_ODDS]
-    if not names or len(models) < 2:
+    if len(models) < 2:
         return found
     wide = fitter.again([_widened(r, names) for r in fitter.recordings])
     first = [v.name for v in wide.base.model.outputs].index(names[0])

@@ -110,6 +110,13 @@ def test_a_nuisance_speaks_for_the_model_that_it_fits_beside() -> None:
     assert odds[friction.keys] == pytest.approx(1.0)
 
 
+def test_several_nuisances_speak_together_where_none_was_left_out_alone() -> None:
+    """Two that fit beside a rival were put in at once: no model with one of them was fitted."""
+    friction = model(FRICTION, excess=2e3)
+    both = model(FRICTION, LAG, effect("sensor_scale", "s"), excess=1e3)
+    assert (friction, both) in told_as([REFIT, friction, both], REFIT)
+
+
 def test_nothing_speaks_for_the_model_without_effects() -> None:
     """A small effect that fits beside nothing is no evidence that nothing is missing."""
     small = model(LAG, excess=1e5 * (1 - 0.5 * EVIDENCE.share), log_evidence=1e4)
