@@ -74,9 +74,21 @@ def _to_fit(
     if over_time:
         compiler_version()
     for recording in over_time:
-        if recording.spare:
-            verify(scenario, recording)
+        _check_spare(scenario, recording, over_time[0])
     return rows
+
+
+def _check_spare(scenario: Scenario, recording: Recording, first: Recording) -> None:
+    """Refuse, before a long search, spare signals that cannot be held against a model at its end."""
+    for one, other in ((first, recording), (recording, first)):
+        missing = {c.name for c in one.spare} - {c.name for c in other.spare}
+        if missing:
+            raise FlexarmError(
+                f"recording '{other.name}' has no spare column of '{min(missing)}', which '{one.name}' has",
+                remedy="map it with 'use: evidence' in all recordings, or in none",
+            )
+    if recording.spare:
+        verify(scenario, recording)
 
 
 def fit(

@@ -16,7 +16,7 @@ import numpy as np
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.leftover import left_by
 from diagnosis.estimation.parameters import Array
-from diagnosis.recordings.types import Recorded, Recording
+from diagnosis.recordings.types import Recording
 from diagnosis.search.fitter import CandidateFitter, end_of
 from diagnosis.search.partial_fit import place_of, standing
 from diagnosis.search.scored_model import ScoredModel
@@ -28,20 +28,23 @@ from engine.errors import FlexarmError
 def settled_by_spare_channels(fitter: CandidateFitter, found: Study) -> Study:
     """The study with its probabilities as the spare columns change them; as it is where there are none, or no rival.
 
+    Models that the columns were held against share out among them what they had together; others keep what they had.
+
     Args:
-        fitter: of the study.
+        fitter: of the study; all its recordings have the same spare signals.
         found: the study.
 
     Raises:
         FlexarmError: a spare signal that the model does not have.
     """
-    names = _common([r for r in fitter.recordings if isinstance(r, Recording)])
+    over_time = [r for r in fitter.recordings if isinstance(r, Recording)]
+    names = [c.name for r in over_time[:1] for c in r.spare]
     if not names:
         return found
     models = [m for m in (found.refit, *found.trials) if found.odds.get(m.keys, 0.0) >= LEAST_ODDS]
     if len(models) < 2:
         return found
-    wide = fitter.again([_widened(r, names) for r in fitter.recordings])
+    wide = fitter.again([_in_order(r, names).with_spare() for r in over_time])
     first = [v.name for v in wide.base.model.outputs].index(names[0])
     heard = []
     for model in models:
@@ -52,11 +55,9 @@ def settled_by_spare_channels(fitter: CandidateFitter, found: Study) -> Study:
     if len(heard) < 2:
         return found
     best = max(one.log_likelihood for one in heard)
-    weights = dict(found.odds)
-    for one in heard:
-        weights[one.model] *= math.exp(one.log_likelihood - best)
-    total = sum(weights.values())
-    odds = {keys: weight / total for keys, weight in weights.items()}
+    weights = {one.model: found.odds[one.model] * math.exp(one.log_likelihood - best) for one in heard}
+    together = sum(found.odds[keys] for keys in weights) / sum(weights.values())
+    odds = {**found.odds, **{keys: weight * together for keys, weight in weights.items()}}
     trials = sorted(found.trials, key=lambda m: -odds.get(m.keys, 0.0))
     chosen = max((m for m in (found.refit, *trials) if m.keys in odds), key=lambda m: odds[m.keys])
     told = (*found.notes, _sentence(heard, {m.keys: m.label for m in models}, names))
@@ -74,17 +75,9 @@ def _sentence(heard: Sequence[SpareEvidence], labels: Mapping[frozenset[str], st
     return f"{what} speaks for {labels[best.model]} rather than {labels[second.model]}, {odds}"
 
 
-def _common(recordings: Sequence[Recording]) -> list[str]:
-    """The spare signals that every recording has."""
-    names = [{c.name for c in r.spare} for r in recordings]
-    return [c.name for r in recordings[:1] for c in r.spare if all(c.name in there for there in names)]
-
-
-def _widened(recording: Recorded, names: Sequence[str]) -> Recorded:
-    """The recording with some of its spare columns measured, after all others."""
-    if not isinstance(recording, Recording):
-        return recording
-    return replace(recording, spare=tuple(c for n in names for c in recording.spare if c.name == n)).with_spare()
+def _in_order(recording: Recording, names: Sequence[str]) -> Recording:
+    """The recording with its spare signals in an order."""
+    return replace(recording, spare=tuple(sorted(recording.spare, key=lambda c: names.index(c.name))))
 
 
 def _heard(wide: CandidateFitter, model: ScoredModel, first: int, names: Sequence[str]) -> SpareEvidence:

@@ -13,6 +13,7 @@ import pytest
 from diagnosis.api import diagnose
 from diagnosis.binding import find_recording
 from diagnosis.recordings.types import Recording
+from diagnosis.search.study import LEAST_ODDS
 from engine.errors import FlexarmError
 from scenarios.load import load
 from tests.diagnosis.plants import (
@@ -74,11 +75,16 @@ def blind(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return diagnose(case(tmp_path_factory.mktemp("blind"), "sensor", spare=False), workers=2)
 
 
+@pytest.fixture(scope="module")
+def seeing(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    return diagnose(case(tmp_path_factory.mktemp("seeing"), "sensor"), workers=2)
+
+
 @pytest.mark.parametrize(
     ("late", "wanted"), [("input", "lag at source.out -> motor.voltage"), ("sensor", "sensor_lag at motor.shaft.speed")]
 )
 def test_the_current_says_which_side_of_a_motor_is_late(
-    tmp_path: Path, blind: Any, late: Literal["input", "sensor"], wanted: str
+    tmp_path: Path, blind: Any, seeing: Any, late: Literal["input", "sensor"], wanted: str
 ) -> None:
     """From voltage and speed alone, a lag before a linear machine and one behind it are the same."""
     assert blind.verdict == "tie"
@@ -86,7 +92,8 @@ def test_the_current_says_which_side_of_a_motor_is_late(
         "lag at source.out -> motor.voltage",
         "sensor_lag at motor.shaft.speed",
     }
-    seeing = diagnose(case(tmp_path, late), workers=2)
+    if late == "input":
+        seeing = diagnose(case(tmp_path, late), workers=2)
     assert seeing.verdict == "named"
     assert seeing.study.chosen.label == wanted
     told = {row["effects"][0]: row for row in seeing.numbers()["spare_channels"]}
@@ -95,9 +102,8 @@ def test_the_current_says_which_side_of_a_motor_is_late(
     assert any(f"motor.current speaks for {wanted}" in text for text in seeing.warnings)
 
 
-def test_nothing_is_fitted_to_a_spare_column(tmp_path: Path, blind: Any) -> None:
+def test_nothing_is_fitted_to_a_spare_column(blind: Any, seeing: Any) -> None:
     """The fit and the evidence of each model are those without it."""
-    seeing = diagnose(case(tmp_path, "sensor"), workers=2)
     found = {m.keys: m.log_evidence for m in seeing.study.trials}
     assert found == {m.keys: pytest.approx(m.log_evidence, abs=1e-6) for m in blind.study.trials}
 
@@ -107,6 +113,25 @@ def test_a_spare_signal_that_the_model_does_not_have_is_refused_at_once(tmp_path
     path.write_text(path.read_text().replace("motor.current:", "motor.curent:"))
     with pytest.raises(FlexarmError, match=r"motor\.curent"):
         diagnose(path)
+
+
+def test_a_spare_signal_that_one_recording_lacks_is_refused_at_once(tmp_path: Path) -> None:
+    path = case(tmp_path, "sensor")
+    lines = path.read_text().splitlines(keepends=True)
+    last = max(k for k, line in enumerate(lines) if "use: evidence" in line)
+    path.write_text("".join(line for k, line in enumerate(lines) if k != last))
+    with pytest.raises(FlexarmError, match=r"'slow' has no spare column of 'motor\.current', which 'steps' has"):
+        diagnose(path)
+
+
+def test_models_that_were_not_heard_keep_their_probability(blind: Any, seeing: Any) -> None:
+    """What the column says is shared out among those that it was held against."""
+    heard = {one.model for one in seeing.study.spare}
+    before, after = blind.study.odds, seeing.study.odds
+    assert heard == {keys for keys, share in before.items() if share >= LEAST_ODDS} != set(before)
+    assert sum(after[keys] for keys in heard) == pytest.approx(sum(before[keys] for keys in heard))
+    for keys in set(before) - heard:
+        assert after[keys] == pytest.approx(before[keys], rel=1e-6, abs=1e-300)
 
 
 def test_a_recording_of_spare_columns_alone_is_refused(tmp_path: Path) -> None:
