@@ -508,7 +508,7 @@ class Search:
         "How close to the best a size that is only chosen, a delay, is looked for.",
         "delays of suite 'core' (ad31092)",
     )
-    slope: float = number(
+    slope_step: float = number(
         0.5**7,
         "distances between starting sizes",
         "Distance at which a size that is only chosen is moved to see what the residual owes to it.",

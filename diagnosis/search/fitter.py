@@ -149,7 +149,7 @@ class CandidateFitter:
             if effect.finer is None or size is None:
                 continue
             at = point.sizes[k]
-            near = sorted((at, *effect.finer(at, SEARCH.slope)), key=lambda sizes: sizes[size.name])
+            near = sorted((at, *effect.finer(at, SEARCH.slope_step)), key=lambda sizes: sizes[size.name])
             rows = []
             for there in (near[0], near[-1]):
                 made = self.build(partial.effects, _with(point.built, k, there), whole=True)
