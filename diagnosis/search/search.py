@@ -253,7 +253,7 @@ class _Search:
             self.known.finished(waiting[few : few + SEARCH.few])
         singles = sorted((m for m in self.known.models if len(m.effects) == 1), key=self.known.worth, reverse=True)
         best = [*(m.effects[0] for m in singles), *self._order]
-        pairs = [c for c in lookalikes(model, best) if len(c) <= SEARCH.most]
+        pairs = [c for c in lookalikes(model, best) if prices(c) <= SEARCH.most]
         self.known.fit([(c, [standing(model.fit)]) for c in pairs], len(pairs))
         self._enriched(model)
         if len(model.effects) < 2:

@@ -59,6 +59,24 @@ def test_a_single_effect_is_tried_as_the_pair_that_it_may_be_taken_for() -> None
     assert lookalikes(made(("lag", "u")), [m.effects[0] for m in singles]) == []
 
 
+def test_of_a_pair_what_has_no_place_there_is_put_everywhere() -> None:
+    """An offset does best alone in a reference; beside the friction, it is the one at the motor that does its work."""
+    singles = [
+        made((name, place))
+        for name, place in (
+            ("offset", "reference"),
+            ("coulomb_friction", "rotor"),
+            ("coulomb_friction", "arm"),
+            ("offset", "motor"),
+        )
+    ]
+    found = lookalikes(made(("direction_dependent_friction", "arm")), [m.effects[0] for m in singles])
+    assert [[c.key for c in pair] for pair in found] == [
+        ["coulomb_friction at arm", "offset at reference"],
+        ["coulomb_friction at arm", "offset at motor"],
+    ]
+
+
 def test_a_known_pair_counts_as_one_law() -> None:
     pair = made(("coulomb_friction", "arm"), ("offset", "u"))
     assert one_law(pair.effects) == 1

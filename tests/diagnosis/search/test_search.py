@@ -218,6 +218,22 @@ def test_rivals_get_the_nuisances_that_fit_beside_the_best() -> None:
     assert math.isclose(sum(odds.values()), 1.0)
 
 
+def test_a_pair_that_is_one_law_has_room_for_two_nuisances() -> None:
+    """Coulomb friction with an offset does what friction that differs between the directions does: both get them."""
+    rich, offset, scale = effect("direction_dependent_friction", sizes=2), effect("offset", "u"), effect("gain", "s")
+    nuisances = f"{LAG.key} + {scale.key}"
+    both = f"{FRICTION.key} + {offset.key}"
+    world = World(
+        by({rich.key: 300.0, f"{rich.key} + {nuisances}": 250.0, both: 301.0, f"{both} + {nuisances}": 251.0})
+    )
+    made: Any = searching._Search(world, world.refit, [rich, FRICTION, offset, LAG, scale], None)  # type: ignore[arg-type]
+    for effects in ((rich,), (FRICTION, offset), (rich, LAG, scale)):
+        made.known.keep(world.made(effects))
+    made._evened()
+    odds = probabilities(made.known.told, made.known.tried)
+    assert odds[frozenset({FRICTION.key, offset.key})] > 0.05
+
+
 def test_models_that_were_known_are_fitted_again_from_where_they_ended() -> None:
     world = World(by({FRICTION.key: 0.0}))
     made: Any = searching._Search(world, world.refit, [], None)  # type: ignore[arg-type]
