@@ -624,6 +624,12 @@ class Wording:
         "Change of a parameter that is mentioned then.",
         "tables and recordings of others (59a88f6)",
     )
+    seen: float = number(
+        5.0,
+        "standard deviations",
+        "A sample this far from zero is no noise: a signal that has some on either side goes both ways.",
+        "noise alone passes it once in two million samples",
+    )
 
 
 @dataclass(frozen=True)

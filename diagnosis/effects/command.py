@@ -53,7 +53,7 @@ def at_command(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     size, sample = place.size, scales.sample
     rates = combinations(rising=[size / (count * sample) for count in TIMES])
     rate = EffectParameter("rising", size / (USUAL * sample), usual=1.0, spread=UNKNOWN)
-    unit = f"({place.unit})/s" if "/" in place.unit else f"{place.unit or 1}/s"
+    unit = "*" if place.unit == "*" else f"({place.unit})/s" if "/" in place.unit else f"{place.unit or 1}/s"
     yield from in_signal(
         replace(place, unit=unit),
         "rate_limit",

@@ -9,8 +9,8 @@ import numpy as np
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.least_squares import Fit
-from diagnosis.estimation.time_experiment import over_time
-from diagnosis.search.posterior import strained
+from diagnosis.estimation.time_experiment import TimeExperiment, over_time
+from diagnosis.search.posterior import floor, strained
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
 from diagnosis.thresholds import EVIDENCE, WORDING
@@ -99,7 +99,9 @@ def finding_sentence(
         )
     if status == "unknown":
         return f"Something is missing near {place}; the best effect, {what}, explains {explained:.0%} of it."
-    return f"The model lacks {what} at {place}: with it, {numbers} ({explained:.0%} of what was unexplained)."
+    excess = before - floor(study.chosen)
+    share = f" ({(before - after) / excess:.0%} of what was unexplained)" if excess > 0 else ""
+    return f"The model lacks {what} at {place}: with it, {numbers}{share}."
 
 
 def nothing_sentence(study: Study, status: str, near: Candidate | None) -> str:
@@ -146,8 +148,11 @@ def warnings_of(study: Study) -> tuple[str, ...]:
     """What makes a verdict less sure, in sentences."""
     rows: list[str] = []
     problem = study.refit.fit.problem
-    drives = [np.asarray(e.drive.values) for e in over_time(problem.training) if e.drive is not None]
-    if drives and (all((d >= 0).all() for d in drives) or all((d <= 0).all() for d in drives)):
+    driven = [e for e in over_time(problem.training) if e.drive is not None]
+    drives = [np.asarray(e.drive.values) for e in driven if e.drive is not None]
+    one_way = bool(drives) and (all((d >= 0).all() for d in drives) or all((d <= 0).all() for d in drives))
+    # A reference of a loop need not change its sign for the machine to turn back: then its command or speed does.
+    if one_way and not any(_both_ways(e) for e in driven):
         rows.append(
             "the training recordings drive in one direction only: names given from one direction deserve distrust"
         )
@@ -165,6 +170,12 @@ def warnings_of(study: Study) -> tuple[str, ...]:
     if far := far_off(study.chosen.fit):
         rows.append(f"more than {WORDING.far:g} tolerances from the given value: {', '.join(far)}")
     return tuple(rows)
+
+
+def _both_ways(e: TimeExperiment) -> bool:
+    """Whether something that was measured is beyond the sensor's noise on either side of zero."""
+    far = WORDING.seen * e.sigma
+    return bool(((e.measured > far).any(axis=0) & (e.measured < -far).any(axis=0)).any())
 
 
 def _units(study: Study) -> list[str]:

@@ -293,6 +293,25 @@ def test_a_limit_of_the_rate_stands_before_every_driven_input(tmp_path: Path) ->
     assert block.unit_of("rising") == "V/s"
 
 
+def test_the_rate_of_a_signal_of_unknown_unit_has_none_either(tmp_path: Path) -> None:
+    """A controller of plain gains leaves open in what unit its reference is."""
+    blocks = (
+        "  reference: {type: Sine, amplitude: 0.1, frequency: 1 Hz}\n"
+        "  controller: {type: StateSpace, D: [[20, -20, -2]], unit: V}\n"
+        f"  motor: {MOTOR}\n"
+    )
+    wires = (
+        "  - [reference.out, controller.in1]\n  - [motor.shaft.angle, controller.in2]\n"
+        "  - [motor.shaft.speed, controller.in3]\n  - [controller.out, motor.voltage]\n"
+    )
+    path = rig(tmp_path, blocks, wires, ("controller.in1", "rad"), ("motor.shaft.angle", "rad"))
+    text = path.read_text().replace("measurements", "loop: reference\n    measurements")
+    path.write_text(text)
+    found = {c.place: c for c in proposed(path, "rate_limit")}
+    block = written(path, found["reference.out -> controller.in1"]).system.blocks["found_rate_limit"]
+    assert block.rising > 0
+
+
 def recorded(folder: Path, effect: str, place: str, **parameters: float) -> Path:
     """The geared two-mass plant with true parameters, and recordings of one with an effect."""
     case = draw(PLANTS["geared-two-mass"], [], [], 5, Options(nuisance=0.0, exact=True, seconds=2.0))

@@ -59,6 +59,7 @@ def test_one_direction_leaves_a_tie(tied: tuple[Any, Any, set[Any]]) -> None:
     found, folder, files = tied
     assert found.verdict == "tie"
     assert {t.label for t in (found.study.chosen, *found.rivals)} >= TIED
+    assert any("one direction only" in warning for warning in found.warnings)
     assert {"next-experiment.csv", "next-experiment.yaml", "next-experiment-predictions.csv"} <= files
     told = json.loads((folder / "diagnosis.json").read_text())["next_experiment"]
     assert set(told["separates"]) >= TIED

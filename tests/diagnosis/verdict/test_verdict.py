@@ -5,12 +5,14 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.thresholds import WORDING
 from diagnosis.verdict.verdict import _says_the_same
+from diagnosis.verdict.wording import _both_ways
 
 STIFFNESS = FreeParameter("shaft.stiffness", 2.0, 0.2, True)
 MASS = FreeParameter("load.mass", 1.0, 0.1, True)
@@ -39,3 +41,15 @@ def test_a_model_with_an_effect_is_a_rival_of_a_wrong_parameter_and_nothing_of_a
     lag = Candidate("lag", "u", "u", "found_lag", lambda sizes: [])
     assert not _says_the_same(model((9.0, 0.0), lag), wrong(STIFFNESS))
     assert not _says_the_same(model((9.0, 0.0)), lag)
+
+
+def test_a_machine_that_turns_back_is_not_driven_in_one_direction() -> None:
+    """Under a reference that never changes its sign the force does; noise around zero is no way back."""
+
+    def recorded(*signals: list[float]) -> Any:
+        return SimpleNamespace(measured=np.array(signals).T, sigma=np.full(len(signals), 0.1))
+
+    position, force = [0.0, 1.0, 2.0, np.nan], [3.0, 0.0, -3.0, 0.0]
+    assert _both_ways(recorded(position, force))
+    assert not _both_ways(recorded(position, [3.0, 0.0, -0.3, 0.0]))
+    assert not _both_ways(recorded(position))
