@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, shares, with_unit
+from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, combinations, shares, with_unit
 from diagnosis.effects.places import Place
 from diagnosis.effects.scales import OperatingScales
 from scenarios.amend import Edit, Feed, InSignal, Wire
@@ -15,8 +15,11 @@ LOSSES = (2e-3, 0.02, 0.1, 0.4)
 ABOVE = 2.0
 """Voltage of the supply over the largest command: how far it lies above it only scales its resistance."""
 
-QUICK = 0.5
-"""Time constant of the bus, in samples: with no inductance the winding's current would need the voltage at once."""
+QUICK = 0.15
+"""Time constant of the bus, in samples: with no inductance the winding's current would need the voltage at once.
+
+It is the same at every resistance: a lag that grew with it would speak against large ones.
+"""
 
 
 def at_motor_supply(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
@@ -38,7 +41,7 @@ def at_motor_supply(scales: OperatingScales, place: Place) -> Iterator[Candidate
     def edits(values: Sizes) -> list[Edit]:
         given = {"source_voltage": with_unit(voltage, "V"), "resistance": with_unit(values["resistance"], "ohm")}
         if not inductance:
-            given["capacitance"] = with_unit(values["capacitance"], "F")
+            given["time_constant"] = with_unit(QUICK * scales.sample, "s")
         duty, bridge, full = f"{name}_duty", f"{name}_bridge", f"{name}_full"
         return [
             InSignal(duty, "Product", place.target, {"operation": "divide", "unit": "1"}, entry="a"),
@@ -49,19 +52,13 @@ def at_motor_supply(scales: OperatingScales, place: Place) -> Iterator[Candidate
             Wire(f"{name}_drawn", (f"{bridge}.supply_current", f"{name}.current")),
         ]
 
-    starts: list[Sizes] = [{"resistance": value} for value in shares(reference, *LOSSES)]
-    parameters = [EffectParameter("resistance", reference)]
-    if not inductance:
-        # A capacitance of its own for each start: one for all would be slow in one and stiff in another.
-        starts = [{**start, "capacitance": QUICK * scales.sample / start["resistance"]} for start in starts]
-        parameters.append(EffectParameter("capacitance", starts[1]["capacitance"], fixed=True, unit="F"))
     yield Candidate(
         "supply_sag",
         place.name,
         motor,
         name,
         edits,
-        tuple(parameters),
-        tuple(starts),
-        held=("source_voltage", "capacitance"),
+        (EffectParameter("resistance", reference),),
+        combinations(resistance=shares(reference, *LOSSES)),
+        held=("source_voltage", "time_constant"),
     )

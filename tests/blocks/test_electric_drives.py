@@ -301,7 +301,12 @@ def test_a_sagging_bus_and_its_capacitor() -> None:
         "bus": Supply(source_voltage=48, resistance=0.2, capacitance=0.01),
     }
     result = run(parts, "drawn.out bus.current", stop=0.02, internal_step=1e-4)
-    np.testing.assert_allclose(result["bus.voltage"], 48 - 2 * (1 - np.exp(-result.time / 2e-3)), atol=1e-6)
+    closed_form = 48 - 2 * (1 - np.exp(-result.time / 2e-3))
+    np.testing.assert_allclose(result["bus.voltage"], closed_form, atol=1e-6)
+    parts["bus"] = Supply(source_voltage=48, resistance=0.2, time_constant=2e-3)
+    told = run(parts, "drawn.out bus.current", stop=0.02, internal_step=1e-4)
+    np.testing.assert_allclose(told["bus.voltage"], closed_form, atol=1e-6)
+    assert balance(told) == pytest.approx(balance(result), abs=1e-9)
     parts["bus"] = Supply(source_voltage=48, resistance=0.2)
     assert run(parts, "drawn.out bus.current", stop=0.01)["bus.voltage"][-1] == pytest.approx(46)
 
@@ -363,6 +368,10 @@ def test_the_chopper_switches_when_its_closed_form_says() -> None:
 def test_what_a_supply_cannot_be() -> None:
     with pytest.raises(ParameterError, match="needs a resistance"):
         Supply(source_voltage=48, capacitance=1e-3)
+    with pytest.raises(ParameterError, match="needs a resistance"):
+        Supply(source_voltage=48, time_constant=1e-3)
+    with pytest.raises(ParameterError, match="say the same in two ways"):
+        Supply(source_voltage=48, resistance=0.1, capacitance=1e-3, time_constant=1e-3)
     with pytest.raises(ParameterError, match="needs a capacitance"):
         Supply(source_voltage=48, resistance=0.1, returns=False)
     parts, wires = braking(resistance=4.0, switch_on=60.0, switch_off=55.0)

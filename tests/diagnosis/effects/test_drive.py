@@ -343,9 +343,7 @@ def test_a_supply_needs_a_motor_with_a_winding(tmp_path: Path) -> None:
     """Command over the supply's voltage is the duty of a bridge; the motor's current loads the supply."""
     path = geared(tmp_path)
     (found,) = proposed(path, "supply_sag")
-    assert [(p.name, p.fixed) for p in found.parameters] == [("resistance", False), ("capacitance", True)]
-    bus = {start["resistance"] * start["capacitance"] for start in found.starts}
-    assert max(bus) == pytest.approx(min(bus)), "as quick at every size"
+    assert len(found.structures()) == 1, "the bus is as quick at every size"
     system = written(path, found).system
     assert {block for block in system.blocks if block.startswith("found")} == {
         f"found_supply_sag{part}" for part in ("", "_duty", "_full", "_bridge")
@@ -361,7 +359,7 @@ def test_a_small_supply_resistance_changes_nothing(tmp_path: Path) -> None:
     (found,) = proposed(path, "supply_sag")
     scenario = load(str(path))
     bare = problem(scenario, gather(scenario, [], []))
-    made = variant(bare, found.edits({"resistance": 1e-3, "capacitance": 0.5}), [], found.held)
+    made = variant(bare, found.edits({"resistance": 1e-3}), [], found.held)
     e = bare.training[0]
     one, other = (p.simulate(np.zeros(len(p.free)), e) for p in (bare, made))
     assert np.abs(one - other).max() < 1e-3 * np.abs(one).max()
