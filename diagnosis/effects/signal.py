@@ -22,11 +22,11 @@ CORNERS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 SPACING = 0.4
 """Distance between the delays that are tried, as a share of the delay."""
 
-POSITIONS, OTHERS = 0.05, 0.2
-"""Standard deviation of the logarithm of a sensor's gain: of encoders and scales, which count, and of all others."""
+GAIN = 0.2
+"""Standard deviation of the logarithm of a gain that is wrong, of a sensor or of an amplifier in one direction.
 
-UNEVEN = 0.2
-"""The same of an amplifier's gain in one direction."""
+Encoders too: they are wrong more seldom, but then by a factor, such as that of a gear nobody thought of.
+"""
 
 
 def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
@@ -46,7 +46,7 @@ def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     offsets = combinations(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02))
     yield from in_signal(place, "offset", "Offset", offsets, EffectParameter("offset", size, signed=True))
     uneven = combinations(backward=(0.99, 1.01, 0.95, 1.05))
-    backward = EffectParameter("backward", 1.0, usual=1.0, spread=UNEVEN)
+    backward = EffectParameter("backward", 1.0, usual=1.0, spread=GAIN)
     yield from in_signal(place, "uneven_gain", "UnevenGain", uneven, backward, held=False, forward=1.0)
     corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield from in_signal(place, "lag", "LowPass", corners, EffectParameter("corner_frequency", 1 / sample))
@@ -103,12 +103,11 @@ def at_sensor(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         place, "sensor_bias", "Offset", combinations(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02)), offset
     )
     gains = combinations(gain=(1.01, 0.99, 1.05, 0.95))
-    known = POSITIONS if place.unit in ("rad", "m") else OTHERS
-    gain = EffectParameter("gain", 1.0, usual=1.0, spread=known)
+    gain = EffectParameter("gain", 1.0, usual=1.0, spread=GAIN)
     yield from behind_sensor(place, "sensor_scale", "Gain", gains, gain, unit="1")
     corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield from behind_sensor(place, "sensor_lag", "LowPass", corners, EffectParameter("corner_frequency", 1 / sample))
     if all(np.nanmin(m) > -0.05 * size for m in scales.measured(place.target)):
-        scale = EffectParameter("sensitivity", 1.0, usual=1.0, spread=OTHERS)
+        scale = EffectParameter("sensitivity", 1.0, usual=1.0, spread=GAIN)
         same = combinations(sensitivity=(1.0,))
         yield from behind_sensor(place, "rectified_sensor", "RectifiedSensor", same, scale, unit="1")
