@@ -24,7 +24,7 @@ from diagnosis.problems import problem
 from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.dask_fitter import DaskFitter
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.readings import as_they_were_taken, taken_otherwise
+from diagnosis.search.readings import as_described, as_they_were_taken, likelier, taken_otherwise
 from diagnosis.search.reported import as_reported
 from diagnosis.search.search import study
 from diagnosis.search.spare_channels import settled_by_spare_channels
@@ -229,7 +229,8 @@ def diagnose(
     workers = how.workers or cores()
     store = JsonStore(how.keep) if how.keep is not None else None
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
-        recorded = as_they_were_taken(scenario, _to_fit(scenario, recordings, how.hold_out), workers)
+        as_given = _to_fit(scenario, recordings, how.hold_out)
+        recorded = as_they_were_taken(scenario, as_given, workers)
         if how.scheduler:
             spread = stack.enter_context(Spread(how.workers, how.scheduler))
             fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, how.seed, store)
@@ -238,6 +239,12 @@ def diagnose(
         if how.warn is not None:
             how.warn([remark.text for remark in screen(fitter.base)])
         found = study(fitter, without=how.without, progress=how.progress)
+        described = as_described(as_given, recorded) if found.chosen.effects else None
+        if described is not None:
+            again = fitter.again(described)
+            other = study(again, without=how.without, progress=how.progress)
+            if likelier(other, found):
+                fitter, found = again, other
         if (anew := taken_otherwise(fitter, found)) is not None:
             fitter = fitter.again(anew)
             found = study(fitter, without=how.without, progress=how.progress, told=found.notes)

@@ -26,6 +26,7 @@ from diagnosis.recordings.types import Assumed, Recorded, Recording
 from diagnosis.search.evidence import evidence
 from diagnosis.search.fitter import CandidateFitter, end_of
 from diagnosis.search.partial_fit import place_of, standing
+from diagnosis.search.posterior import value
 from diagnosis.search.study import Study
 from diagnosis.thresholds import SEARCH
 from engine.threads import Threads
@@ -134,6 +135,35 @@ def taken_otherwise(fitter: CandidateFitter, found: Study) -> list[Recorded] | N
         if _likelier(_fitted(made, chosen.fit, fitter.workers), chosen.fit):
             return other
     return None
+
+
+def as_described(given: Sequence[Recorded], taken: Sequence[Recorded]) -> list[Recorded] | None:
+    """Recordings with inputs as they were described, where another reading was taken; None where none was.
+
+    Args:
+        given: as they were described.
+        taken: the same as `as_they_were_taken` gave them.
+    """
+    rows = [_described(a, b) for a, b in zip(given, taken, strict=True)]
+    return rows if _differ(rows, taken) else None
+
+
+def _described(given: Recorded, taken: Recorded) -> Recorded:
+    moved = {place for place in taken.assumed if place[-1] in ("hold", "sampled")}
+    if not moved or not isinstance(given, Recording) or not isinstance(taken, Recording):
+        return taken
+    kept = {place: said for place, said in taken.assumed.items() if place not in moved}
+    return replace(taken, drive=given.drive, sampled=given.sampled, assumed=kept)
+
+
+def likelier(described: Study, taken: Study) -> bool:
+    """Whether a study of recordings as they were described does as well as one with another reading of their inputs.
+
+    Without what is missing, a delay is an input that was logged late: either is searched, and the better one counts,
+    the other reading where its evidence is greater by odds of twenty to one.
+    """
+    one, other = (max(value(m, s.tried) for m in (s.refit, *s.trials)) for s in (described, taken))
+    return one + SEARCH.effort >= other
 
 
 def _differ(one: Sequence[Recorded], other: Sequence[Recorded]) -> bool:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from diagnosis.api import diagnose, gather
 from diagnosis.api import fit as fit_to
-from diagnosis.api import gather
+from diagnosis.effects.catalogue import EFFECTS
 from diagnosis.problems import problem
 from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Recording
@@ -125,19 +126,23 @@ def test_the_model_tells_whether_an_input_was_held(tmp_path: Path, held: bool) -
     assert as_they_were_taken(load(path), given, 1)[0] is given[0]
 
 
-def jerked(folder: Path, *, first: bool, steps: bool = True, odd: float = 0.0) -> Path:
+def jerked(folder: Path, *, first: bool, steps: bool = True, odd: float = 0.0, late: float = 0.0) -> Path:
     """m a = u - c v under held steps: the acceleration of a row is that of the step before, or of its own.
 
-    Without steps the force is constant. The acceleration of the first row is ``odd`` by so much.
+    Without steps the force is constant. The acceleration of the first row is ``odd`` by so much. The force acts
+    ``late`` by a share of an interval.
     """
     t = np.asarray(INTERVAL * np.arange(2000))
     force = np.repeat(np.random.default_rng(4).choice([-1.0, 1.0], 200), 10) if steps else np.ones(len(t))
-    x = driven(t, force)
-    decay = math.exp(-FRICTION / MASS * INTERVAL)
+    before = np.concatenate([[0.0], force[:-1]])
+    instants = np.column_stack([t, t + late * INTERVAL]).ravel()
+    x = driven(instants, np.column_stack([before, force]).ravel())[::2]
     v = np.zeros(len(t))
     for k in range(1, len(t)):
-        v[k] = force[k - 1] / FRICTION + (v[k - 1] - force[k - 1] / FRICTION) * decay
-    acting = np.concatenate([[0.0], force[:-1]]) if first else force
+        v[k] = v[k - 1]
+        for u, share in ((before[k - 1], late), (force[k - 1], 1 - late)):
+            v[k] = u / FRICTION + (v[k] - u / FRICTION) * math.exp(-FRICTION / MASS * share * INTERVAL)
+    acting = before if first or late else force
     rng = np.random.default_rng(8)
     a = (acting - FRICTION * v) / MASS + 1e-3 * rng.standard_normal(len(t))
     a[0] += odd
@@ -174,6 +179,31 @@ def test_an_odd_first_sample_does_not_tell_it(tmp_path: Path) -> None:
     (found,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
     assert isinstance(found, Recording)
     assert found.assumed == {}
+
+
+def test_a_force_that_comes_late_is_no_row_that_was_read_first(tmp_path: Path) -> None:
+    """By 0.8 of an interval: the acceleration of a row is that of the step before, and the position tells the rest."""
+    path = jerked(tmp_path, first=False, late=0.8)
+    scenario = load(path)
+    (taken,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
+    assert isinstance(taken, Recording)
+    assert taken.sampled == "before_input", "without a delay it looks like that"
+    tried = {"delay", "lag", "sensor_lag", "coulomb_friction"}
+    found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - tried))
+    (finding,) = found.findings
+    assert (found.verdict, finding["effect"]) == ("named", "delay")
+    assert finding["parameters"]["delay"]["value"] == pytest.approx(0.8 * INTERVAL, rel=0.02)
+    assert found.study.chosen.fit.problem.assumed == {}
+    assert found.study.chosen.fit.parameters()["table.mass"] == pytest.approx(MASS, rel=5e-3)
+
+
+def test_a_row_that_was_read_first_stays_so_beside_an_effect(tmp_path: Path) -> None:
+    """Friction that the model lacks does not make another time of the input."""
+    path = jerked(tmp_path, first=True)
+    path.write_text(path.read_text(encoding="utf-8").replace("0.48 N.s/m", "1 mN.s/m"), encoding="utf-8")
+    found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - {"viscous_friction", "coulomb_friction", "delay"}))
+    assert found.verdict in {"named", "wrong_parameter", "tie"}
+    assert found.study.chosen.fit.problem.assumed == {("recordings", "swing", "sampled"): "before_input"}
 
 
 TWO = """\
