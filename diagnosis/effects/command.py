@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-import scipy.fft
 
 from diagnosis.effects.effect import ANY, NAME, Candidate, EffectParameter, Sizes, combinations, with_unit
 from diagnosis.effects.insertion import in_signal
-from diagnosis.effects.linear_answer import LinearAnswer, white, whitened
 from diagnosis.effects.places import Place
 from diagnosis.effects.scales import OperatingScales
-from diagnosis.estimation.parameters import Array
-from diagnosis.estimation.problem import Problem
-from diagnosis.estimation.time_experiment import TimeExperiment
-from engine.errors import FlexarmError
+from diagnosis.effects.step_heights import NEAR, heights
 from scenarios.amend import Edit, InSignal
 
 TIMES = (2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
@@ -31,21 +26,8 @@ UNKNOWN = 3.0 * ANY
 FOLLOWS = 0.25
 """Lag of a limited command while its limit does not act, in samples: too short to be seen."""
 
-LEVELS = 100
-"""Steps of the largest command, of the finest that are looked for: finer ones are noise, not a law."""
-
 MOST_STEPS = 2
 """Steps that are tried: each costs a model of its own."""
-
-APART = 1.03
-"""Factor between two steps that are tried."""
-
-WORTH, SHARE = 30.0, 0.02
-"""What a height must explain: variances of the noise, of which the best of hundreds explains a dozen by chance, and a
-share of what is left over."""
-
-NEAR = 0.25
-"""Change of a step, in steps of the largest command, by which that command ends on another one: a fraction of it."""
 
 
 def at_command(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
@@ -92,65 +74,3 @@ def _steps(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         combinations(step=found),
         finer=finer,
     )
-
-
-def heights(problem: Problem, x: Array, target: str, size: float, most: int) -> list[float]:
-    """Heights of steps of a recorded command that explain most of what a model leaves over, the best first.
-
-    Args:
-        problem: the model.
-        x: its search vector, as fitted.
-        target: the driven input.
-        size: its largest value.
-        most: number of heights.
-    """
-    grid = [size]
-    while grid[-1] > size / LEVELS:
-        grid.append(grid[-1] * (1 - NEAR * grid[-1] / size))
-    try:
-        answer = LinearAnswer(problem, x, target)
-    except FlexarmError:
-        return []
-    number = [v.name for v in problem.model.inputs].index(target)
-    score, left = np.zeros(len(grid)), 0.0
-    for e in problem.training:
-        if isinstance(e, TimeExperiment) and e.drive is not None:
-            explained, rest = _explained(problem, x, answer, e, number, grid)
-            score, left = score + explained, left + rest
-    chosen: list[float] = []
-    for k in np.argsort(-score):
-        if (
-            score[k] > max(WORTH, SHARE * left)
-            and len(chosen) < most
-            and all(abs(np.log(grid[k] / c)) > np.log(APART) for c in chosen)
-        ):
-            chosen.append(grid[k])
-    return chosen
-
-
-def _explained(
-    problem: Problem, x: Array, answer: LinearAnswer, e: TimeExperiment, number: int, grid: Sequence[float]
-) -> tuple[Array, float]:
-    """What each height explains of the residual of an experiment, in its variances, and the whole of it."""
-    assert e.drive is not None
-    values = np.asarray(e.drive.values, dtype=float).reshape(len(np.asarray(e.drive.time)), -1)[:, number]
-    # What is held since the last row, at the samples.
-    last = np.searchsorted(np.asarray(e.drive.time), np.asarray(e.time) + 1e-9, side="right") - 1
-    command = values[np.maximum(last, 0)]
-    rows, interval = e.evenly(np.column_stack([command, problem.residual(x, e)]))
-    command, residual = rows[:, 0], rows[:, 1:]
-    n, count = len(command), 2 * len(command)
-    held = np.exp(-1j * np.pi * scipy.fft.fftfreq(count)) * np.sinc(scipy.fft.fftfreq(count))
-    response = answer.response(count, interval) / e.sigma * held[:, None]
-    weights = [white(e, residual[:, k]) for k in range(residual.shape[1])]
-    rest = [whitened(residual[:, [k]], weights[k])[:, 0] for k in range(residual.shape[1])]
-    found = np.zeros(len(grid))
-    for i, step in enumerate(grid):
-        spectrum = scipy.fft.fft(step * np.floor(command / step + 0.5) - command, count)
-        pull = power = 0.0
-        for k, flat in enumerate(rest):
-            made = whitened(scipy.fft.ifft(spectrum * response[:, k])[:n].real[:, None], weights[k])[:, 0]
-            pull, power = pull + float(made @ flat), power + float(made @ made)
-        if pull > 0 and power > 0:
-            found[i] = pull**2 / power
-    return found, float(sum(flat @ flat for flat in rest))

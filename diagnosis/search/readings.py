@@ -149,8 +149,10 @@ def as_described(given: Sequence[Recorded], taken: Sequence[Recorded]) -> list[R
 
 
 def _described(given: Recorded, taken: Recorded) -> Recorded:
+    if not isinstance(given, Recording) or not isinstance(taken, Recording):
+        return taken
     moved = {place for place in taken.assumed if place[-1] in ("hold", "sampled")}
-    if not moved or not isinstance(given, Recording) or not isinstance(taken, Recording):
+    if not moved:
         return taken
     kept = {place: said for place, said in taken.assumed.items() if place not in moved}
     return replace(taken, drive=given.drive, sampled=given.sampled, assumed=kept)

@@ -19,9 +19,9 @@ from benchmarks.concealed.plants import PLANTS
 from benchmarks.concealed.recording import record
 from benchmarks.concealed.scenario import write
 from diagnosis.api import diagnose, gather, possible_effects
-from diagnosis.effects.command import NEAR, heights
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.orders import explained_energy, standing_out
+from diagnosis.effects.step_heights import NEAR, heights
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, variant
 from diagnosis.verdict.verdict import Diagnosis
@@ -322,9 +322,9 @@ def recorded(folder: Path, effect: str, place: str, **parameters: float) -> Path
     return folder / "case" / "scenario.yaml"
 
 
-@pytest.mark.parametrize("step", [0.08, 0.3, 0.9])
+@pytest.mark.parametrize("step", [0.03, 0.08, 0.3, 0.9])
 def test_the_height_of_steps_stands_out(tmp_path: Path, step: float) -> None:
-    """Of a command of 3 V: one of the two that are proposed is the one of several hundred that is nearest the truth."""
+    """Of a command of 3 V: one of the two that are proposed is the one of thousands that is nearest the truth."""
     scenario = load(str(recorded(tmp_path, "command_quantisation", "source.out -> motor.voltage", step=step)))
     made = problem(scenario, gather(scenario, [], []))
     found = heights(made, np.zeros(len(made.free)), "motor.voltage", 3.0, 2)
