@@ -454,6 +454,12 @@ class Search:
         "Steps from each of the best starts.",
         "the rules drawn together on 100 cases (ea5630f)",
     )
+    beginning: float = number(
+        1 / 32,
+        "1",
+        "Share of each recording to which a wave is fitted first, before it is doubled step by step.",
+        "cogging of 18 and 36 waves a turn, 300 thresholds, on a geared motor: from 1/16 on the higher is lost",
+    )
     bold_steps: int = number(
         60,
         "steps",

@@ -3,6 +3,9 @@
 A sin(n angle + phase) is linear in A cos(phase) and A sin(phase), and the model's own parameters always take up part of
 what it does: they have moved in the parent's fit, and with them left there a wave looks poor at every size, or good at
 the wrong order. So both are solved for at once, by the tangents from a wave that is hardly there.
+
+A wave of a high order in an angle is out of step as soon as the model's angle is off by a fraction of it, as it is soon
+after the start. So both are also solved for over the beginning of each recording, and fitted to ever more of it.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.least_squares import descend
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.whitened import WhitenedResiduals
@@ -38,14 +42,31 @@ def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[
     for group in replace(effects[k], starts=wave.starts).structures():
         together = [tuple(sizes if i == k else c.starts[0] for i, c in enumerate(effects)) for sizes in group]
         for made, there, sizes in builder.placed(tuple(effects), together, parent):
-            x = _solution(made, there, effects[k])
-            if x is not None:
-                rows.append(StartingPoint(_cost(made, x), made, x, sizes, together[0]))
+            for x in (_solution(made, there, effects[k]), _grown(made, there, effects[k])):
+                if x is not None:
+                    rows.append(StartingPoint(_cost(made, x), made, x, sizes, together[0]))
     return sorted(rows, key=lambda point: point.cost)
 
 
 def _cost(made: Problem, x: Array) -> float:
     return made.cost(x, made.training, noise="white")
+
+
+def _grown(made: Problem, x: Array, effect: Candidate) -> Array | None:
+    """The solution over the beginning of each recording, fitted to ever more of it; None where there is none."""
+    share = SEARCH.beginning
+    there = _solution(_cut(made, share), x, effect)
+    while there is not None and share < 1:
+        begun = _cut(made, share)
+        with Threads(1) as pool:
+            there, *_ = descend(begun, there, begun.training, pool, iterations=SEARCH.first_steps, noise="white")
+        share *= 2
+    return there
+
+
+def _cut(made: Problem, share: float) -> Problem:
+    """The problem with the beginning of each recording."""
+    return replace(made, experiments=tuple(e.cut(share) for e in made.experiments))
 
 
 def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
