@@ -21,12 +21,13 @@ from diagnosis.problems import problem, resolved, variant
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.coarse import coarse
 from diagnosis.search.evidence import ChosenSize
+from diagnosis.search.growing import grown
 from diagnosis.search.nearby import Nearby
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.screening import Origin, begun
 from diagnosis.search.wave_starts import solved
-from diagnosis.thresholds import COARSE, FITTING, SEARCH
+from diagnosis.thresholds import COARSE, EVIDENCE, FITTING, SEARCH
 from engine.errors import FlexarmError, SimulationError
 from engine.spread import Store
 from engine.threads import Threads
@@ -335,16 +336,41 @@ class CandidateFitter:
         Raises:
             SimulationError: as of `finish`.
         """
-        there = self._descended(self._descended(partial, noise="white"))
+        there = self._descended(self._in_step(partial))
         finer = self._refined(there, noise="coloured")
         if self.coarse is self.base:
             return self._descended(finer) if finer is not there else there
         for end in (finer, partial):
             whole = self._descended(end, whole=True)
             if whole is not end:
-                return whole
+                return self._back_in_step(end, whole)
         # Coarse recordings have fewer samples to leave something over of: a model judged on them would win.
         raise SimulationError("it follows coarse recordings only, at sizes at which it cannot follow the whole ones")
+
+    def _in_step(self, partial: PartialFit) -> PartialFit:
+        """The partial fit fitted with white noise; from the beginning of the recordings too, if it leaves much."""
+        there = self._descended(partial, noise="white")
+        made = there.point.problem
+        if self.tables or made.chi2(there.point.x, made.training) < EVIDENCE.stated:
+            return there
+        point = partial.point
+        again = self._descended(replace(partial, point=replace(point, x=grown(point.problem, point.x))), noise="white")
+        return min(there, again, key=lambda fitted: fitted.point.cost)
+
+    def _back_in_step(self, rough: PartialFit, whole: PartialFit) -> PartialFit:
+        """The fit to whole recordings, again from their beginnings if it has lost them: coarse ones show no less."""
+        end, made = rough.point, whole.point.problem
+        left = made.chi2(whole.point.x, made.training)
+        if left < max(end.problem.chi2(end.x, end.problem.training), EVIDENCE.stated):
+            return whole
+        x = grown(made, end.x)
+        with Threads(1) as pool:
+            x, cost, converged = descend(
+                made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow
+            )
+        if not cost < whole.point.cost:
+            return whole
+        return PartialFit(whole.effects, replace(whole.point, x=x, cost=cost), converged)
 
     def _descended(self, partial: PartialFit, *, whole: bool = False, noise: Noise = "coloured") -> PartialFit:
         """The partial fit fitted until it converges or hardly gains: to coarse recordings, or to all."""

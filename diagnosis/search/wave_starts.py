@@ -17,10 +17,10 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects.effect import Candidate
-from diagnosis.estimation.least_squares import descend
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.whitened import WhitenedResiduals
+from diagnosis.search.growing import beginning, grown
 from diagnosis.search.partial_fit import Builder, StartingPoint
 from diagnosis.thresholds import SEARCH
 from engine.errors import SimulationError
@@ -42,9 +42,9 @@ def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[
     for group in replace(effects[k], starts=wave.starts).structures():
         together = [tuple(sizes if i == k else c.starts[0] for i, c in enumerate(effects)) for sizes in group]
         for made, there, sizes in builder.placed(tuple(effects), together, parent):
-            for x in (_solution(made, there, effects[k]), _grown(made, there, effects[k])):
-                if x is not None:
-                    rows.append(StartingPoint(_cost(made, x), made, x, sizes, together[0]))
+            both = (_solution(made, there, effects[k]), _grown(made, there, effects[k]))
+            points = [StartingPoint(_cost(made, x), made, x, sizes, together[0]) for x in both if x is not None]
+            rows += sorted(points, key=lambda point: point.cost)[:1]
     return sorted(rows, key=lambda point: point.cost)
 
 
@@ -54,19 +54,9 @@ def _cost(made: Problem, x: Array) -> float:
 
 def _grown(made: Problem, x: Array, effect: Candidate) -> Array | None:
     """The solution over the beginning of each recording, fitted to ever more of it; None where there is none."""
-    share = SEARCH.beginning
-    there = _solution(_cut(made, share), x, effect)
-    while there is not None and share < 1:
-        begun = _cut(made, share)
-        with Threads(1) as pool:
-            there, *_ = descend(begun, there, begun.training, pool, iterations=SEARCH.first_steps, noise="white")
-        share *= 2
-    return there
-
-
-def _cut(made: Problem, share: float) -> Problem:
-    """The problem with the beginning of each recording."""
-    return replace(made, experiments=tuple(e.cut(share) for e in made.experiments))
+    begun = beginning(made, SEARCH.beginning)
+    there = _solution(begun, x, effect)
+    return there if there is None else grown(made, there)
 
 
 def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:

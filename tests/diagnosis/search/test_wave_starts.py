@@ -1,4 +1,4 @@
-"""A ripple is solved for from one that is hardly there, alone and beside an offset."""
+"""A ripple is solved for from one that is hardly there, alone, beside an offset, and where it falls out of step."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from scipy.integrate import solve_ivp
 
 from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.partial_fit import ended, standing
+from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, standing
 from diagnosis.search.wave_starts import solved
 from scenarios.load import load
 from tests.diagnosis import plants
@@ -96,3 +97,54 @@ def test_the_linear_solution_ranks_the_orders(pushed: Any) -> None:
     best, second, *_ = solved(fitter, effects, 0, standing(fitter.refit.fit))
     assert best.sizes[0]["order"] == 2.0
     assert best.cost < 0.5 * second.cost
+
+
+def of_twelve(listed: dict[Any, Any]) -> Candidate:
+    """A ripple of twelve waves a turn that is hardly there."""
+    start = {"order": 12.0, "amplitude": 1e-7, "phase": 0.0}
+    ripple: Candidate = listed["torque_ripple"]
+    assert ripple.wave is not None
+    return replace(ripple, starts=(start,), wave=replace(ripple.wave, starts=(start,)))
+
+
+@pytest.fixture(scope="module")
+def turning(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """A motor that turns 24 times while its speed is off by a fifth: no wave of a whole recording is in step."""
+    return bench(tmp_path_factory.mktemp("turning"), 3, amplitude=3e-4, order=12.0, phase=1.0)
+
+
+def test_a_wave_that_falls_out_of_step_is_fitted_from_the_beginning(turning: Any) -> None:
+    fitter, listed = turning
+    ripple, refit = of_twelve(listed), fitter.refit
+    found = fitter.finish(fitter.partial_fit((ripple,), [standing(refit.fit)]))
+    assert refit.fit.chi2 > 500
+    assert found.fit.chi2 < 1.2
+    share = found.fit.parameters()["motor.rotor_inertia"] / plants.INERTIA
+    assert found.added()["torque_ripple.amplitude"] == pytest.approx(3e-4 * share, rel=0.01)
+
+
+@pytest.fixture(scope="module")
+def ends(turning: Any) -> tuple[Any, PartialFit, PartialFit]:
+    """Where a fit to coarse recordings ends that is in step, and one to whole recordings that is not."""
+    fitter, listed = turning
+    ripple = of_twelve(listed)
+    sizes = ({"order": 12.0, "amplitude": 1e-4, "phase": 2.5},)
+    ((made, x, _),) = fitter.placed((ripple,), [sizes], standing(fitter.refit.fit))
+    begun = PartialFit((ripple,), StartingPoint(math.inf, made, x, sizes, sizes), False)
+    rough = fitter.finish(fitter.partial_fit((ripple,), [standing(fitter.refit.fit)]))
+    return fitter, begun, fitter._descended(begun, whole=True) if rough.fit.chi2 < 1.2 else begun
+
+
+def test_a_fit_that_leaves_much_is_begun_again_over_the_beginning(ends: Any) -> None:
+    fitter, begun, lost = ends
+    assert lost.point.problem.chi2(lost.point.x, lost.point.problem.training) > 100
+    there = fitter._in_step(begun)
+    made = there.point.problem
+    assert made.chi2(there.point.x, made.training) < 1.2
+
+
+def test_whole_recordings_that_show_more_than_coarse_ones_are_fitted_again(ends: Any) -> None:
+    fitter, begun, lost = ends
+    found = fitter._back_in_step(fitter._in_step(begun), lost)
+    assert found.point.problem.chi2(found.point.x, found.point.problem.training) < 1.2
+    assert fitter._back_in_step(begun, found) is found, "what is in step stays"
