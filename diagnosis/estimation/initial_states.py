@@ -401,19 +401,30 @@ def _rate(name: str) -> str:
 
 
 def _slope(time: Array, y: Array, sigma: float) -> tuple[float, float]:
-    """Slope at the first sample by a parabola, and its deviation: the noise's, and what half the samples say else."""
+    """Slope at the first sample by a parabola, and its deviation: the noise's, and what a cubic says else.
 
-    def parabola(count: int) -> tuple[float, float]:
-        matrix = np.vander(time[:count] - time[0], 3)
+    A signal that swings within these samples is no parabola over them: half of them count then. Where even those show
+    none, it may change within one sample by as much as it does in all of them.
+    """
+
+    def polynomial(degree: int, count: int) -> tuple[float, float, float]:
+        matrix = np.vander(time[:count] - time[0], degree + 1)
         scale = np.linalg.norm(matrix, axis=0)
         inverse = np.linalg.pinv(matrix / scale)
-        return float(inverse[1] @ y[:count] / scale[1]), float(sigma * np.linalg.norm(inverse[1]) / scale[1])
+        left = float(np.linalg.norm(y[:count] - matrix / scale @ (inverse @ y[:count])))
+        noise = max(sigma, left / math.sqrt(max(count - degree - 1, 1)))
+        per_noise = float(np.linalg.norm(inverse[-2]) / scale[-2])
+        return float(inverse[-2] @ y[:count] / scale[-2]), per_noise, noise
 
-    slope, deviation = parabola(len(y))
-    if len(y) < 8:
-        return slope, deviation
-    other, wider = parabola(len(y) // 2)
-    return slope, float(np.hypot(deviation, max(abs(other - slope) - wider, 0.0)))
+    count = len(y)
+    slope, per_noise, noise = polynomial(2, count)
+    if noise > 2 * sigma and count >= 16:
+        count //= 2
+        slope, per_noise, noise = polynomial(2, count)
+    if noise > 2 * sigma:
+        return slope, float(np.ptp(y[:count]) / (time[1] - time[0]))
+    other, wider, _ = polynomial(3, count)
+    return slope, float(np.hypot(noise * per_noise, max(abs(other - slope) - sigma * wider, 0.0)))
 
 
 def _in_turn(stages: Sequence[tuple[Array, Array, Array]], begin: Array) -> tuple[Array, Array]:

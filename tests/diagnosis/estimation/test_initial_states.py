@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.optimize import brentq
 
 from diagnosis.api import fit
 from diagnosis.binding import find_recording
+from diagnosis.estimation.initial_states import _slope
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.problems import problem, variant
 from diagnosis.thresholds import FITTING
@@ -193,3 +195,25 @@ def test_an_amended_model_begins_in_its_own_equilibrium(arm: Path) -> None:
     positions = sorted(x[: model.coordinates])
     motor = float(e.measured[0, 0])
     assert positions == pytest.approx(sorted([motor, sagging(motor), sagging(motor)]), abs=1e-9)
+
+
+@pytest.mark.parametrize("samples_a_period", [7.0, 9.0, 14.0, 30.0, 200.0])
+def test_a_start_in_mid_swing_is_known_no_better_than_its_samples_tell(samples_a_period: float) -> None:
+    """The slope of a sine at any phase lies within what is said of it, however few samples a period has."""
+    t, sigma = np.linspace(0.0, 0.015, 16), 1e-3
+    w = 2 * math.pi / samples_a_period / 1e-3
+    random = np.random.default_rng(6)
+    off = []
+    for phase in np.linspace(0, 2 * math.pi, 24, endpoint=False):
+        found, deviation = _slope(t, np.sin(w * t + phase) + sigma * random.standard_normal(16), sigma)
+        off.append(abs(found - w * math.cos(phase)) / deviation)
+    assert np.quantile(off, 0.9) < 3
+    assert max(off) < 8
+
+
+def test_the_slope_of_a_parabola_is_as_sure_as_the_noise_allows() -> None:
+    t, sigma = np.linspace(0.0, 0.015, 16), 1e-3
+    random = np.random.default_rng(7)
+    found = [_slope(t, 3 * t - 40 * t**2 + sigma * random.standard_normal(16), sigma) for _ in range(200)]
+    off = np.array([slope - 3 for slope, _ in found])
+    assert np.median([deviation for _, deviation in found]) == pytest.approx(off.std(), rel=0.3)
