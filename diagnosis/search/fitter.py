@@ -353,8 +353,8 @@ class CandidateFitter:
         made = there.point.problem
         if self.tables or made.chi2(there.point.x, made.training) < EVIDENCE.stated:
             return there
-        point = partial.point
-        again = self._descended(replace(partial, point=replace(point, x=grown(point.problem, point.x))), noise="white")
+        begun = replace(partial.point, x=grown(partial.point.problem, partial.point.x), cost=math.inf)
+        again = self._descended(replace(partial, point=begun), noise="white")
         return min(there, again, key=lambda fitted: fitted.point.cost)
 
     def _back_in_step(self, rough: PartialFit, whole: PartialFit) -> PartialFit:
