@@ -69,11 +69,15 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
     simpler = {m.keys: [s for s in models if s is not m and _simpler(s, m)] for m in models}
     worse = {m.keys for m in models if any(_worse(m, s) for s in simpler[m.keys])}
 
-    def simplest(model: ScoredModel) -> ScoredModel:
-        enough = [s for s in simpler[model.keys] if _worse(model, s) or _owes_little(model, s, explained)]
-        return simplest(max(enough, key=lambda s: s.log_evidence)) if enough else model
+    def simplest(model: ScoredModel, whole: ScoredModel) -> ScoredModel:
+        enough = [
+            s
+            for s in simpler[model.keys]
+            if _worse(model, s) or (_owes_little(model, s, explained) and _one_of_several(whole, s))
+        ]
+        return simplest(max(enough, key=lambda s: s.log_evidence), whole) if enough else model
 
-    pairs = [(simplest(m), m) for m in models if m.keys not in worse]
+    pairs = [(simplest(m, m), m) for m in models if m.keys not in worse]
     return [(as_, m) for as_, m in pairs if as_.effects or as_ is m]
 
 
@@ -89,8 +93,16 @@ def _owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> 
     if simpler.bent and model.strain < EVIDENCE.most * simpler.strain:
         return False  # nuisances do not bend parameters
     little = energy(simpler) - energy(model) < EVIDENCE.share * explained
-    one_of_several = not misses(simpler.unseen) or _excess(model) > EVIDENCE.several * _excess(simpler)
-    return little and one_of_several
+    return little and _one_of_several(model, simpler)
+
+
+def _one_of_several(model: ScoredModel, simpler: ScoredModel) -> bool:
+    """Whether a model leaves more than what it has more than a simpler one took away, unless that leaves but noise.
+
+    It is asked of the whole model at each step to a simpler one: a richer law and the law itself may each leave much of
+    what the other takes away.
+    """
+    return not misses(simpler.unseen) or _excess(model) > EVIDENCE.several * _excess(simpler)
 
 
 def _excess(model: ScoredModel) -> float:

@@ -117,6 +117,15 @@ def test_several_nuisances_speak_together_where_none_was_left_out_alone() -> Non
     assert (friction, both) in told_as([REFIT, friction, both], REFIT)
 
 
+def test_what_takes_away_nearly_all_is_no_nuisance_in_two_steps_either() -> None:
+    """The richer law leaves noise, its simpler one half of what there was: that one is told, and not nothing."""
+    strong = model(LAG, excess=1200)
+    simple, rich = model(LAG, FRICTION, excess=700), model(LAG, STRIBECK, excess=5)
+    told = {m.keys: as_ for as_, m in told_as([REFIT, strong, simple, rich], REFIT)}
+    assert told[rich.keys] is simple
+    assert told[simple.keys] is strong, "by itself it leaves too much"
+
+
 def test_nothing_speaks_for_the_model_without_effects() -> None:
     """A small effect that fits beside nothing is no evidence that nothing is missing."""
     small = model(LAG, excess=1e5 * (1 - 0.5 * EVIDENCE.share), log_evidence=1e4)
