@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 from diagnosis.estimation.parameters import FreeParameter
 from scenarios.amend import Edit
@@ -149,6 +150,53 @@ class Candidate:
                 made = FreeParameter(name, value, step, True, low, high, prior=False, like=like)
                 rows.append(replace(made, spread=parameter.spread / step, centre=math.log(usual / value) / step))
         return rows
+
+
+def beside(kept: Sequence[Candidate], effect: Candidate) -> Candidate | None:
+    """An effect as it can be put in beside others, or None: a place has it once, a block of the user one change.
+
+    What is put in a second time, elsewhere, gets blocks of another name.
+    """
+    if any(c.key == effect.key for c in kept):
+        return None
+    taken = {c.name for c in kept}
+    if effect.name not in taken:
+        return effect
+    other = f"{effect.name}_2"
+    if other in taken or not effect.name.startswith(NAME):
+        return None
+
+    def edits(sizes: Sizes) -> list[Edit]:
+        return [_renamed(edit, effect.name, other) for edit in effect.edits(sizes)]
+
+    return replace(effect, name=other, edits=edits)
+
+
+def all_beside(kept: Sequence[Candidate], effects: Sequence[Candidate]) -> tuple[Candidate, ...] | None:
+    """Others with effects put in beside them one by one; None if one of them cannot be."""
+    rows = list(kept)
+    for effect in effects:
+        able = beside(rows, effect)
+        if able is None:
+            return None
+        rows.append(able)
+    return tuple(rows)
+
+
+def _renamed(edit: Edit, name: str, other: str) -> Edit:
+    """An edit with another name for the blocks that an effect puts in, whose names begin with its own."""
+
+    def told(value: str) -> str:
+        return other + value[len(name) :] if value.startswith(name) else value
+
+    changed: dict[str, Any] = {}
+    for f in fields(edit):
+        value = getattr(edit, f.name)
+        if isinstance(value, str):
+            changed[f.name] = told(value)
+        elif isinstance(value, tuple):
+            changed[f.name] = tuple(told(end) for end in value)
+    return replace(edit, **changed)
 
 
 def combinations(**values: Sequence[float]) -> tuple[Sizes, ...]:

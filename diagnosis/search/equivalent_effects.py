@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-from diagnosis.effects.effect import Candidate
+from diagnosis.effects.effect import Candidate, all_beside
 from diagnosis.search.scored_model import ScoredModel
 
 NESTED = {
@@ -55,7 +55,7 @@ def lookalikes(chosen: ScoredModel, listed: Sequence[Candidate]) -> list[tuple[C
     for k, effect in enumerate(chosen.effects):
         others = tuple(c for j, c in enumerate(chosen.effects) if j != k)
         options = [_where(name, effect.place, listed) for name in KNOWN.get(effect.effect, ())]
-        rows += [(*others, *pair) for pair in itertools.product(*options) if pair]
+        rows += [row for pair in itertools.product(*options) if pair and (row := all_beside(others, pair)) is not None]
     return rows
 
 

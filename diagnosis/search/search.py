@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects.catalogue import candidates
-from diagnosis.effects.effect import Candidate
+from diagnosis.effects.effect import Candidate, all_beside, beside
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.exchange import exchanged
@@ -126,7 +126,8 @@ class _Search:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             if kept and frozenset(c.key for c in kept) not in self.known:
                 self.known.fit([(kept, [standing(model.fit)])], 1)
-            simpler = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
+            laws = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
+            simpler = _able_beside(kept, laws)
             begun = [
                 replace(c, starts=({k: values.get(f"{effect.name}.{k}", v) for k, v in c.starts[0].items()},))
                 for c in simpler
@@ -143,13 +144,11 @@ class _Search:
         nuisances = tuple(ended(whole, c) for c in whole.effects if c.key not in best.keys)
         near = self.known.worth(best) - self.known.price - SEARCH.effort
         rivals = {m.keys: m for m, _ in self.known.told if m.effects and self.known.worth(m) > near}
-        tasks = [
-            ((*(ended(m, c) for c in m.effects), *nuisances), [standing(m.fit)])
-            for m in rivals.values()
-            if m is not best
-            and prices((*m.effects, *nuisances)) <= SEARCH.most
-            and not m.keys & {c.key for c in nuisances}
-        ]
+        tasks: list[tuple[tuple[Candidate, ...], list[Values]]] = []
+        for m in rivals.values():
+            both = all_beside([ended(m, c) for c in m.effects], nuisances)
+            if m is not best and both is not None and prices(both) <= SEARCH.most:
+                tasks.append((both, [standing(m.fit)]))
         self.known.fit(tasks, len(tasks))
 
     def _enriched(self, model: ScoredModel) -> None:
@@ -159,7 +158,7 @@ class _Search:
             found = ended(model, effect).starts[0]
             richer = [
                 replace(c, starts=tuple({k: found.get(k, v) for k, v in start.items()} for start in c.starts))
-                for c in self.listed
+                for c in _able_beside(kept, self.listed)
                 if (c.place, c.option) == (effect.place, effect.option) and c.key != effect.key and is_in(effect, c)
             ]
             new = [c for c in richer if frozenset(k.key for k in (*kept, c)) not in self.known]
@@ -378,5 +377,4 @@ def _begun_from(than: ScoredModel) -> list[Values]:
 
 def _able_beside(kept: Sequence[Candidate], among: Sequence[Candidate]) -> list[Candidate]:
     """Effects that can be put in beside others."""
-    names, blocks = {c.key for c in kept}, {c.name for c in kept}
-    return [c for c in among if c.key not in names and c.name not in blocks]
+    return [able for c in among if (able := beside(kept, c)) is not None]
