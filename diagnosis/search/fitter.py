@@ -336,7 +336,39 @@ class CandidateFitter:
         Raises:
             SimulationError: as of `finish`.
         """
-        there = self._descended(self._in_step(partial))
+        ends, why = [], SimulationError("")
+        for there in self._in_step(partial):
+            try:
+                ends.append(self._ended(partial, there))
+            except SimulationError as error:
+                why = error
+        if not ends:
+            raise why
+        return self._likelier(ends)
+
+    def _in_step(self, partial: PartialFit) -> list[PartialFit]:
+        """The partial fit fitted with white noise; from the beginning of the recordings too, if that leaves much."""
+        there = self._descended(partial, noise="white")
+        made = there.point.problem
+        if self.tables or made.chi2(there.point.x, made.training) < EVIDENCE.stated:
+            return [there]
+        begun = replace(partial.point, x=grown(partial.point.problem, partial.point.x), cost=math.inf)
+        again = self._descended(replace(partial, point=begun), noise="white")
+        if not math.isfinite(again.point.cost) or abs(again.point.cost - there.point.cost) < SEARCH.effort:
+            return [there]
+        return [there, again]
+
+    def _ended(self, partial: PartialFit, there: PartialFit) -> PartialFit:
+        """A fit with white noise fitted to the end, with coloured noise and to whole recordings.
+
+        Args:
+            partial: where it began.
+            there: where it ended.
+
+        Raises:
+            SimulationError: as of `finish`.
+        """
+        there = self._descended(there)
         finer = self._refined(there, noise="coloured")
         if self.coarse is self.base:
             return self._descended(finer) if finer is not there else there
@@ -347,30 +379,31 @@ class CandidateFitter:
         # Coarse recordings have fewer samples to leave something over of: a model judged on them would win.
         raise SimulationError("it follows coarse recordings only, at sizes at which it cannot follow the whole ones")
 
-    def _in_step(self, partial: PartialFit) -> PartialFit:
-        """The partial fit fitted with white noise; from the beginning of the recordings too, if it leaves much."""
-        there = self._descended(partial, noise="white")
-        made = there.point.problem
-        if self.tables or made.chi2(there.point.x, made.training) < EVIDENCE.stated:
-            return there
-        begun = replace(partial.point, x=grown(partial.point.problem, partial.point.x), cost=math.inf)
-        again = self._descended(replace(partial, point=begun), noise="white")
-        return min(there, again, key=lambda fitted: fitted.point.cost)
-
     def _back_in_step(self, rough: PartialFit, whole: PartialFit) -> PartialFit:
-        """The fit to whole recordings, again from their beginnings if it has lost them: coarse ones show no less."""
+        """The fit to whole recordings, again from their beginnings if it has lost them: if it leaves twice as much.
+
+        Averages of several samples show a mismatch as clearly, unless it is faster than they are.
+        """
         end, made = rough.point, whole.point.problem
-        left = made.chi2(whole.point.x, made.training)
-        if left < max(end.problem.chi2(end.x, end.problem.training), EVIDENCE.stated):
+        left, before = made.chi2(whole.point.x, made.training), end.problem.chi2(end.x, end.problem.training)
+        if left < 2 * max(before, 1.0):
             return whole
         x = grown(made, end.x)
         with Threads(1) as pool:
             x, cost, converged = descend(
                 made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow
             )
-        if not cost < whole.point.cost:
-            return whole
-        return PartialFit(whole.effects, replace(whole.point, x=x, cost=cost), converged)
+        again = PartialFit(whole.effects, replace(whole.point, x=x, cost=cost), converged)
+        return self._likelier([whole, again]) if math.isfinite(cost) else whole
+
+    def _likelier(self, ends: Sequence[PartialFit]) -> PartialFit:
+        """The first of several ends of a fit, or a later one that leaves less of all recordings and is likelier."""
+        best, *others = ends
+        for other in others:
+            known, new = self._trial(best), self._trial(other)
+            if new.log_evidence > known.log_evidence and new.left.energy.sum() < known.left.energy.sum():
+                best = other
+        return best
 
     def _descended(self, partial: PartialFit, *, whole: bool = False, noise: Noise = "coloured") -> PartialFit:
         """The partial fit fitted until it converges or hardly gains: to coarse recordings, or to all."""
