@@ -33,6 +33,7 @@ from fmu.python_child import Request
 from fmu.source import headers
 from fmu.verify import references, slave
 from tests.fmu.makers import Unpacked, python_arm, wave
+from tests.fmu.test_importers import _imported
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the hosts load the linux64 binary"),
@@ -507,7 +508,7 @@ def test_sanitizers_find_nothing(made: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("importer", ["libcosimpy", "ecospy"])
 def test_other_importers(importer: str, made: Path) -> None:
     """Each has its own way to say where the resources are."""
-    pytest.importorskip(importer)
+    loaded = _imported(importer)
     plain = simulate_fmu(str(made), stop_time=0.1, output_interval=1e-3, start_values={"control_in1": 2})
     description = described(made)
     u, y = references(description, "input"), references(description, "output")
@@ -524,7 +525,7 @@ def test_other_importers(importer: str, made: Path) -> None:
         assert run.simulate_until(100_000_000)
         given = seen.last_real_values(index, y)
     else:
-        ecos = importlib.import_module("ecospy")
+        ecos = loaded
         names = {v.valueReference: v.name for v in description.modelVariables if v.type == "Real"}
         with ecos.EcosSimulationStructure() as structure:
             structure.add_model("arm", str(made))
