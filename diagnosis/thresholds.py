@@ -460,6 +460,12 @@ class Search:
         "Share of each recording to which a wave is fitted first, before it is doubled step by step.",
         "cogging of 18 and 36 waves a turn, 300 thresholds, on a geared motor: from 1/16 on the higher is lost",
     )
+    lost: float = number(
+        2.0,
+        "1",
+        "Whole recordings are lost by a fit that leaves so many times what it leaves of coarse ones.",
+        "cogging beside friction leaves 60 times as much, a recorded damper whose mismatch is fast 1.002 times",
+    )
     bold_steps: int = number(
         60,
         "steps",

@@ -380,13 +380,13 @@ class CandidateFitter:
         raise SimulationError("it follows coarse recordings only, at sizes at which it cannot follow the whole ones")
 
     def _back_in_step(self, rough: PartialFit, whole: PartialFit) -> PartialFit:
-        """The fit to whole recordings, again from their beginnings if it has lost them: if it leaves twice as much.
+        """The fit to whole recordings, again from their beginnings if it has lost them.
 
         Averages of several samples show a mismatch as clearly, unless it is faster than they are.
         """
         end, made = rough.point, whole.point.problem
         left, before = made.chi2(whole.point.x, made.training), end.problem.chi2(end.x, end.problem.training)
-        if left < 2 * max(before, 1.0):
+        if left < SEARCH.lost * max(before, 1.0):
             return whole
         x = grown(made, end.x)
         with Threads(1) as pool:
