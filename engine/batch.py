@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import itertools
 import json
 import os
 from collections import deque
@@ -20,8 +21,10 @@ from typing import Any
 import numpy as np
 
 from engine import interpret, native
-from engine.errors import CompilerUnavailable, SimulationError
+from engine.errors import CompilerUnavailable, FlexarmError, SimulationError
+from engine.lanes import lanes_of
 from engine.model import Model
+from engine.native import Job, Outcome
 from engine.simulate import Drive, Result, as_result, fault, prepare
 
 Progress = Callable[[int], None]
@@ -79,8 +82,9 @@ def batch(
     """
     cancel = ctypes.c_int32(0)
     count = workers or os.cpu_count() or 1
+    lanes = lanes_of(model)
 
-    def one(case: Case) -> Result | Failure:
+    def prepared(case: Case) -> Job | Failure | FlexarmError:
         try:
             job = prepare(
                 model,
@@ -94,34 +98,56 @@ def batch(
             )
         except SimulationError as error:
             return Failure(case, error.message)
+        except FlexarmError as error:  # ends the batch, after the results before
+            return error
         job.cancel = cancel
-        backend = "c"
+        return job
+
+    def alone(job: Job) -> tuple[str, Outcome]:
         try:
             outcome = native.run(model, job)
         except CompilerUnavailable:
-            backend, outcome = "interpreter", interpret.run(model, job)
-        reason = fault(model, job, outcome)
-        if reason:
-            return Failure(case, reason)
-        return as_result(model, job, outcome, step, backend, case.parameters)
+            return "interpreter", interpret.run(model, job)
+        lanes.note(model, job)
+        return "c", outcome
 
-    waiting: deque[Future[Result | Failure]] = deque()
+    def some(given: list[Case]) -> list[Result | Failure | FlexarmError]:
+        found: list[Any] = [prepared(case) for case in given]
+        places = [place for place, one in enumerate(found) if isinstance(one, Job)]
+        jobs = [found[place] for place in places]
+        for group in lanes.groups(jobs):
+            if len(group) > 1:
+                outcomes = [("c", outcome) for outcome in lanes.run(model, [jobs[k] for k in group])]
+            else:
+                outcomes = [alone(jobs[k]) for k in group]
+            for k, (backend, outcome) in zip(group, outcomes, strict=True):
+                case, reason = given[places[k]], fault(model, jobs[k], outcome)
+                made = as_result(model, jobs[k], outcome, step, backend, case.parameters) if not reason else None
+                found[places[k]] = made or Failure(case, reason)
+        return found
+
+    waiting: deque[Future[list[Result | Failure | FlexarmError]]] = deque()
     source, done = iter(cases), 0
     with ThreadPoolExecutor(count, thread_name_prefix="flexarm-batch") as pool:
         try:
-            for given in source:
-                case = given if isinstance(given, Case) else Case(parameters=dict(given))
-                waiting.append(pool.submit(one, case))
-                if len(waiting) >= 4 * count:
-                    yield waiting.popleft().result()
+            more = True
+            while more or waiting:
+                # Enough that no thread waits for the caller, and no more: each holds a run's results.
+                while more and len(waiting) < (4 if lanes.width == 1 else 2) * count:
+                    given = [
+                        case if isinstance(case, Case) else Case(parameters=dict(case))
+                        for case in itertools.islice(source, lanes.width)
+                    ]
+                    more = bool(given)
+                    if given:
+                        waiting.append(pool.submit(some, given))
+                for found in waiting.popleft().result() if waiting else ():
+                    if isinstance(found, FlexarmError):
+                        raise found
+                    yield found
                     done += 1
                     if progress:
                         progress(done)
-            while waiting:
-                yield waiting.popleft().result()
-                done += 1
-                if progress:
-                    progress(done)
         finally:
             cancel.value = 1
             for future in waiting:

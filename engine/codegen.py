@@ -16,6 +16,7 @@ from typing import Any
 
 import casadi as ca
 
+from engine.forms import LANES
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, COSTLY, UNARY, literal
 from engine.ports import Expression
@@ -180,8 +181,12 @@ class Emitter:
         low = [*self._reach(constant, _CONSTANT), *self._reach([*constant, *parameter], _PARAMETER)]
         return Plan(constant, parameter, mode, low, modes, state)
 
-    def text(self) -> str:
-        """C source of the preparations and of every function added."""
+    def text(self, lanes: Sequence[str] = ()) -> str:
+        """C source of the preparations and of every function added.
+
+        Args:
+            lanes: functions that are written once more, as ``fa_NAME_lanes``, for several runs (`engine.forms`).
+        """
         plan = self.plan()
         cp, cm = Shelf("cp"), Shelf("cm")
 
@@ -209,23 +214,30 @@ class Emitter:
             "const double *restrict m, const double *restrict p, const double *restrict cp, "
             "const double *restrict cm, const double *restrict fire, double *restrict r"
         )
+        targets = {name: [("r", node) for node in results] for name, results in self.functions.items()}
         large = False
         for name, results in self.functions.items():
             if name == "full" and large:
                 # What both share is worked out twice; compiling it twice costs more.
                 parts.append(_function("fa_full", arguments, _both(len(self.functions["derivative"]))))
                 continue
-            body = bodies[name].text([("r", node) for node in results])
+            body = bodies[name].text(targets[name])
             inlined = name == "derivative" and len(bodies[name]) + len(results) <= _INLINED
             large = large or (name == "derivative" and not inlined)
             parts.append(_function(f"fa_{name}", arguments, body, inlined))
+        for name in lanes:
+            if name == "full" and large:
+                body = _both(len(self.functions["derivative"]), "_lanes")
+            else:
+                body = bodies[name].text(targets[name], LANES)
+            parts.append(_function(f"fa_{name}_lanes", arguments.replace("double", LANES.number), body))
         return "\n".join(parts)
 
 
-def _both(states: int) -> list[str]:
-    """The body of ``full`` for a large model."""
+def _both(states: int, suffix: str = "") -> list[str]:
+    """The body of ``full`` for a large model; the suffix is that of the functions' names."""
     given = "(t, x, u, d, m, p, cp, cm, fire, "
-    return [f"  fa_derivative{given}r);", f"  fa_guards{given}r + {states});"]
+    return [f"  fa_derivative{suffix}{given}r);", f"  fa_guards{suffix}{given}r + {states});"]
 
 
 def _function(name: str, arguments: str, body: list[str], inlined: bool = False) -> str:
@@ -361,6 +373,33 @@ def simulation_source(model: Model) -> str:
         run_emitter(model).text(),
         runtime("core.c"),
         runtime("simulate.c"),
+    ]
+    return "".join(parts)
+
+
+_IN_LANES = ("derivative", "guards", "full", "outputs", "update")
+
+
+def lanes_source(model: Model) -> str:
+    """The same for several runs, which are worked on together in the lanes of vectors.
+
+    Raises:
+        NotImplementedError: the model calls Python functions.
+    """
+    if model.externals:
+        raise NotImplementedError(
+            f"'{model.externals[0].name}' is a Python function, which is called for one run alone"
+        )
+    parts = [
+        INCLUDES,
+        CALLED,
+        runtime("vectors.c"),
+        _sizes(model, called=True),
+        "\n\n",
+        run_emitter(model).text(_IN_LANES),
+        runtime("core.c"),
+        runtime("simulate.c"),
+        runtime("lanes.c"),
     ]
     return "".join(parts)
 

@@ -172,6 +172,11 @@ ENOUGH, ENOUGH_FOR_EACH = 0.12, 2e-4
 """Time lost (s) after which the model's own code is compiled, and more for each instruction of a step: its cost."""
 
 
+def steps_of(job: Job) -> int:
+    """About how many steps a run takes."""
+    return job.outputs * math.ceil(job.output_ticks * job.resolution / job.hmax) + len(job.knot)
+
+
 class Way:
     """How the runs of a model are carried out: by byte code, until its own compiled code pays.
 
@@ -203,8 +208,7 @@ class Way:
         with self._lock:
             if self.own is None:
                 assert self.code is not None
-                steps = job.outputs * math.ceil(job.output_ticks * job.resolution / job.hmax) + len(job.knot)
-                self._lost += steps * self.code.step * self.code.slower
+                self._lost += steps_of(job) * self.code.step * self.code.slower
                 enough = self._lost > ENOUGH + ENOUGH_FOR_EACH * self.code.step
                 if enough or (not self._looked and self._lost > LOOK):
                     self._looked = True
@@ -275,6 +279,50 @@ def run(model: Model, job: Job) -> Outcome:
     return call(model, job, lambda c: function(ctypes.byref(c), None), code)
 
 
+class Call:
+    """The C struct of a run, with the arrays that it points to.
+
+    Args:
+        model: the model.
+        job: the run.
+        code: the model's byte code, if the function that is called is for that.
+
+    Attributes:
+        struct: what C reads and fills.
+    """
+
+    def __init__(self, model: Model, job: Job, code: bytecode.Code | None = None) -> None:
+        rows, keep = job.outputs + 1, _Keep()
+        self._keep = keep
+        self._y = np.empty((rows, len(model.outputs)))
+        self._states = np.empty((rows, len(model.states))) if job.record_states else None
+        self._modes = np.empty((rows, len(model.modes))) if job.record_states else None
+        self._ends = [np.zeros(len(part)) for part in (model.states, model.memories, model.modes)]
+        self._log = np.empty((job.log_capacity, 3))
+        self.struct = c = _Job()
+        c.p, c.x0, c.d0, c.m0 = (keep.address(part, np.float64) for part in (job.p, job.x0, job.d0, job.m0))
+        c.period, c.offset = keep.address(job.period, np.int64), keep.address(job.offset, np.int64)
+        c.knot, c.value = keep.address(job.knot, np.int64), keep.address(job.value, np.float64)
+        c.linear = keep.address(job.linear, np.int32)
+        if model.lines:
+            c.stage = keep.address([stage for line in model.lines for stage in line.stages], np.int64)
+        c.t0, c.resolution, c.hmax = job.t0, job.resolution, job.hmax
+        c.outputs, c.output_ticks, c.knots = job.outputs, job.output_ticks, len(job.knot)
+        c.y, c.x1, c.d1, c.m1, c.log = (array.ctypes.data for array in (self._y, *self._ends, self._log))
+        if self._states is not None and self._modes is not None:
+            c.states, c.modes = self._states.ctypes.data, self._modes.ctypes.data
+        c.log_capacity = job.log_capacity
+        c.code = None if code is None else code.address
+        if job.cancel is not None:
+            c.cancel = ctypes.pointer(job.cancel)
+
+    def outcome(self, cause: BaseException | None = None) -> Outcome:
+        """What C has filled in; and what an external function failed with."""
+        c, log, (x1, d1, m1) = self.struct, self._log[: self.struct.log_length], self._ends
+        y, states, modes = self._y, self._states, self._modes
+        return Outcome(y, states, modes, x1, d1, m1, log, c.steps, c.events, c.row, c.status, c.culprit, c.t1, cause)
+
+
 def call(model: Model, job: Job, function: Callable[[Any], int], code: bytecode.Code | None = None) -> Outcome:
     """Fill the C struct of a run, call ``function`` with it, and collect the results.
 
@@ -287,28 +335,8 @@ def call(model: Model, job: Job, function: Callable[[Any], int], code: bytecode.
     Raises:
         SimulationError: an external function cannot be made.
     """
-    rows, keep = job.outputs + 1, _Keep()
-    y = np.empty((rows, len(model.outputs)))
-    states = np.empty((rows, len(model.states))) if job.record_states else None
-    modes = np.empty((rows, len(model.modes))) if job.record_states else None
-    x1, d1, m1 = np.zeros(len(model.states)), np.zeros(len(model.memories)), np.zeros(len(model.modes))
-    log = np.empty((job.log_capacity, 3))
-    c = _Job()
-    c.p, c.x0, c.d0, c.m0 = (keep.address(part, np.float64) for part in (job.p, job.x0, job.d0, job.m0))
-    c.period, c.offset = keep.address(job.period, np.int64), keep.address(job.offset, np.int64)
-    c.knot, c.value = keep.address(job.knot, np.int64), keep.address(job.value, np.float64)
-    c.linear = keep.address(job.linear, np.int32)
-    if model.lines:
-        c.stage = keep.address([stage for line in model.lines for stage in line.stages], np.int64)
-    c.t0, c.resolution, c.hmax = job.t0, job.resolution, job.hmax
-    c.outputs, c.output_ticks, c.knots = job.outputs, job.output_ticks, len(job.knot)
-    c.y, c.x1, c.d1, c.m1, c.log = (array.ctypes.data for array in (y, x1, d1, m1, log))
-    if states is not None and modes is not None:
-        c.states, c.modes = states.ctypes.data, modes.ctypes.data
-    c.log_capacity = job.log_capacity
-    c.code = None if code is None else code.address
-    if job.cancel is not None:
-        c.cancel = ctypes.pointer(job.cancel)
+    made = Call(model, job, code)
+    c = made.struct
     calls = Calls(model)
     if model.externals:
         c.external = _callback(calls)
@@ -324,8 +352,7 @@ def call(model: Model, job: Job, function: Callable[[Any], int], code: bytecode.
     calls.finish()
     if inherited is not None and inherited.value:
         raise KeyboardInterrupt
-    log, cause = log[: c.log_length], calls.failure
-    return Outcome(y, states, modes, x1, d1, m1, log, c.steps, c.events, c.row, c.status, c.culprit, c.t1, cause)
+    return made.outcome(calls.failure)
 
 
 _own = threading.local()

@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, Protocol
 
-from engine.operations import BINARY, UNARY, literal
+from engine.forms import SCALAR, Form, Term, constant
 from engine.rolling import Line, Section, sections
 
 _MARGIN = 2
@@ -124,6 +124,7 @@ class Statements:
         self._copies: dict[tuple[int, ...], int] = {}
         self._wanted: dict[int, list[tuple[str, int]]] = {}
         self._width = 0
+        self._form: Form = SCALAR
 
     def __len__(self) -> int:
         """How many values are computed."""
@@ -150,16 +151,18 @@ class Statements:
 
     # -- text --------------------------------------------------------------------------------------------------------
 
-    def text(self, targets: Sequence[tuple[str, int]]) -> list[str]:
+    def text(self, targets: Sequence[tuple[str, int]], form: Form = SCALAR) -> list[str]:
         """Lines of C.
 
         Args:
             targets: arrays and the nodes that are put into them, an array's in its order.
+            form: how values are written.
         """
+        self._form = form
         for _ in range(2 if self._sections else 1):  # the first time tells what has to lie in `w`
             lines = self._written(targets)
         if self._width:
-            lines.insert(0, f"  double w[{self._width}];")
+            lines.insert(0, f"  {form.number} w[{self._width}];")
         return lines
 
     def reserve(self) -> None:
@@ -180,7 +183,7 @@ class Statements:
             at = section.end
         lines += self._straight(at, len(self._order))
         for (array, place), node in pending.items():
-            lines.append(f"  {array}[{place}] = {self.operand(node)};")
+            lines.append(f"  {array}[{place}] = {self._whole(node)};")
         return lines
 
     @staticmethod
@@ -193,39 +196,42 @@ class Statements:
             placed[array, place] = node
         return placed
 
-    def operand(self, node: int) -> str:
-        """C of a node in a straight line."""
+    def _whole(self, node: int) -> str:
+        """C of a node by itself in a straight line."""
+        return self._form.whole(self.operand(node))
+
+    def operand(self, node: int) -> Term:
+        """A node in a straight line."""
         key = self._graph.nodes[node]
         if key[0] == "const":
-            return literal(key[1])
+            return constant(key[1])
         if key[0] == "input":
-            return "t" if key[1] == "t" else f"{key[1]}[{key[2]}]"
+            return Term("t" if key[1] == "t" else f"{key[1]}[{key[2]}]")
         if node in self._own:
             section, turn, slot = self._own[node]
-            return f"w[{self._room(section, slot) + turn}]"
+            return Term(f"w[{self._room(section, slot) + turn}]")
         if node in self._line:
-            return f"v{node}"
+            return Term(f"v{node}")
         assert self._shelf is not None
-        return self._shelf(node).text(node)
+        return Term(self._shelf(node).text(node))
 
     def _straight(self, first: int, end: int) -> list[str]:
         lines: list[str] = []
         for conditions, run in itertools.groupby(range(first, end), lambda k: self._conditions[k]):
             texts = {self._order[k]: self._value(k, [self.operand(o) for o in self._reads(k)]) for k in run}
             if conditions:
-                tests = " && ".join(f"{self.operand(c)} != 0" for c in conditions)
-                lines.append("  double " + ", ".join(f"v{node} = 0" for node in texts) + ";")
-                lines.append(f"  if ({tests}) {{")
+                zeros = ", ".join(f"v{node} = {self._form.zero}" for node in texts)
+                lines.append(f"  {self._form.number} {zeros};")
+                lines.append(f"  if ({self._form.test([self.operand(c) for c in conditions])}) {{")
                 lines += [f"    v{node} = {text};" for node, text in texts.items()]
                 lines.append("  }")
             else:
-                lines += [f"  const double v{node} = {text};" for node, text in texts.items()]
+                lines += [f"  const {self._form.number} v{node} = {text};" for node, text in texts.items()]
             lines += [f"  w[{self._lent[node]}] = v{node};" for node in texts if node in self._lent]
         return lines
 
-    def _value(self, k: int, operands: Sequence[str]) -> str:
-        operation = self._graph.nodes[self._order[k]][0]
-        return (UNARY.get(operation) or BINARY[operation]).format(*operands)
+    def _value(self, k: int, operands: Sequence[Term]) -> str:
+        return self._form.value(self._graph.nodes[self._order[k]][0], operands)
 
     # -- loops -------------------------------------------------------------------------------------------------------
 
@@ -243,16 +249,17 @@ class Statements:
         for conditions, run in itertools.groupby(range(section.period), lambda slot: tests[slot]):
             slots = list(run)
             if conditions:
-                lines.append("    double " + ", ".join(f"a{slot} = 0" for slot in slots) + ";")
-                lines.append(f"    if ({' && '.join(f'{test} != 0' for test in conditions)}) {{")
+                zeros = ", ".join(f"a{slot} = {self._form.zero}" for slot in slots)
+                lines.append(f"    {self._form.number} {zeros};")
+                lines.append(f"    if ({self._form.test(conditions)}) {{")
                 lines += [f"      a{slot} = {values[slot]};" for slot in slots]
                 lines.append("    }")
             else:
-                lines += [f"    const double a{slot} = {values[slot]};" for slot in slots]
+                lines += [f"    const {self._form.number} a{slot} = {values[slot]};" for slot in slots]
             for slot in slots:
                 lines += self._kept(section, slot, pending)
         lines += [f"    {name} = a{slot};" for (slot, _), name in carried.items()]
-        first = [f"  double {name} = {self.operand(node)};" for (_, node), name in carried.items()]
+        first = [f"  {self._form.number} {name} = {self._whole(node)};" for (_, node), name in carried.items()]
         return ["  {", *before, *first, *lines, "  }", "  }"]
 
     def _nodes(self, section: Section, slot: int) -> list[int]:
@@ -282,30 +289,30 @@ class Statements:
 
     def _read(
         self, section: Section, slot: int, place: int, before: list[str], carried: dict[tuple[int, int], str]
-    ) -> str:
-        """C of what a slot reads."""
+    ) -> Term:
+        """What a slot reads."""
         sequence = [self._reads(k)[place] for k in range(section.first + slot, section.end, section.period)]
         last = self._own.get(sequence[-1])
         if last is not None and last[0] is section:
             if last[1] == section.turns - 1:
-                return f"a{last[2]}"
-            return carried.setdefault((last[2], sequence[0]), f"b{last[2]}_{sequence[0]}")
+                return Term(f"a{last[2]}")
+            return Term(carried.setdefault((last[2], sequence[0]), f"b{last[2]}_{sequence[0]}"))
         if all(node == sequence[0] for node in sequence):
             return self.operand(sequence[0])
         key = self._graph.nodes[sequence[0]]
         if key[0] == "input":
             found = even([self._graph.nodes[node][2] for node in sequence])
             if found is not None:
-                return _indexed(key[1], *found)
+                return Term(_indexed(key[1], *found))
         elif sequence[0] not in self._line:
             assert self._shelf is not None
             shelf = self._shelf(sequence[0])
-            return _indexed(shelf.name, *shelf.line(sequence))
+            return Term(_indexed(shelf.name, *shelf.line(sequence)))
         else:
             found = self._in_line(sequence)
             if found is not None:
-                return _indexed("w", *found)
-        return _indexed("w", self._copied(sequence, before), 1)
+                return Term(_indexed("w", *found))
+        return Term(_indexed("w", self._copied(sequence, before), 1))
 
     def _room(self, section: Section, slot: int) -> int:
         """Where in ``w`` the first turn of a slot lies."""
@@ -346,5 +353,5 @@ class Statements:
             self._copies[key] = self._width
             self._width += len(sequence)
         first = self._copies[key]
-        before += [f"  w[{first + turn}] = {self.operand(node)};" for turn, node in enumerate(sequence)]
+        before += [f"  w[{first + turn}] = {self._whole(node)};" for turn, node in enumerate(sequence)]
         return first

@@ -80,6 +80,15 @@ static int fa_clocks(fa_sim *s, const fa_job *job, int64_t tick, int64_t *due) {
   return any ? fa_tick(s, fire) : FA_OK;
 }
 
+/* The tick up to which nothing but the model itself happens; due: the next tick of each clock. */
+static int64_t fa_next_tick(const fa_sim *s, const fa_job *job, int64_t row, int64_t knot, const int64_t *due) {
+  (void)s;
+  int64_t tick = (row + 1) * job->output_ticks;
+  for (int c = 0; c < FA_NC; c++) if (due[c] < tick) tick = due[c];
+  if (FA_NU && knot < job->knots && job->knot[knot] < tick) tick = job->knot[knot];
+  return tick;
+}
+
 static int fa_run(fa_sim *s, fa_job *job) {
   const int64_t last = job->outputs * job->output_ticks;
   int64_t tick = 0, knot = 0, row = 0, due[FA_SIZE(FA_NC)];
@@ -88,9 +97,7 @@ static int fa_run(fa_sim *s, fa_job *job) {
   if (fa_start(s) || fa_clocks(s, job, 0, due)) return s->status;
   fa_record(s, job, 0);
   while (tick < last) {
-    tick = (row + 1) * job->output_ticks;
-    for (int c = 0; c < FA_NC; c++) if (due[c] < tick) tick = due[c];
-    if (FA_NU && knot < job->knots && job->knot[knot] < tick) tick = job->knot[knot];
+    tick = fa_next_tick(s, job, row, knot, due);
     if (fa_integrate_to(s, job->t0 + (double)tick * job->resolution)) return s->status;
     int driven = 0;
     if (FA_NU) while (knot < job->knots && job->knot[knot] <= tick) { fa_drive_inputs(s, job, knot++); driven = 1; }
@@ -101,14 +108,7 @@ static int fa_run(fa_sim *s, fa_job *job) {
   return fa_update_derivative(s);
 }
 
-FA_EXPORT int fa_simulate(fa_job *job, void *listener) {
-  fa_sim sim, *s = &sim;
-  memset(s, 0, sizeof *s);
-#ifdef FA_BYTECODE
-  s->code = job->code;
-  double file[s->code->registers];
-  s->file = fa_filled(s->code, file);
-#endif
+static void fa_take(fa_sim *s, const fa_job *job) {
   s->t = job->t0;
   s->hmax = job->hmax;
   memcpy(s->x, job->x0, sizeof(double) * FA_NX);
@@ -117,10 +117,11 @@ FA_EXPORT int fa_simulate(fa_job *job, void *listener) {
   memcpy(s->p, job->p, sizeof(double) * FA_NP);
   s->log = job->log;
   s->log_capacity = job->log_capacity;
-  s->listener = listener;
   s->stage = job->stage;
   s->cancel = job->cancel;
-  fa_run(s, job);
+}
+
+static void fa_give(const fa_sim *s, fa_job *job) {
   memcpy(job->x1, s->x, sizeof(double) * FA_NX);
   memcpy(job->d1, s->d, sizeof(double) * FA_ND);
   memcpy(job->m1, s->m, sizeof(double) * FA_NM);
@@ -130,5 +131,19 @@ FA_EXPORT int fa_simulate(fa_job *job, void *listener) {
   job->status = s->status;
   job->culprit = s->culprit;
   job->t1 = s->t;
+}
+
+FA_EXPORT int fa_simulate(fa_job *job, void *listener) {
+  fa_sim sim, *s = &sim;
+  memset(s, 0, sizeof *s);
+#ifdef FA_BYTECODE
+  s->code = job->code;
+  double file[s->code->registers];
+  s->file = fa_filled(s->code, file);
+#endif
+  fa_take(s, job);
+  s->listener = listener;
+  fa_run(s, job);
+  fa_give(s, job);
   return s->status;
 }

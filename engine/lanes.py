@@ -1,0 +1,133 @@
+"""Runs of one model that are worked on together, one in each lane of a processor's vectors.
+
+A single run is bound by operations that wait for one another; as many runs as a vector has lanes take little longer
+than two or three. Each gives the numbers of a single run to the bit (``runtime/lanes.c``, `engine.forms`).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import math
+import platform
+import threading
+from collections import OrderedDict
+from collections.abc import Hashable, Sequence
+from ctypes import c_int64, c_void_p
+from typing import Any
+
+from engine import native
+from engine.codegen import lanes_source
+from engine.compile import known, library
+from engine.errors import CompilerUnavailable
+from engine.model import Model
+from engine.native import Call, Job, Outcome
+
+log = logging.getLogger("flexarm.lanes")
+
+SAVED = 0.08e-9
+"""Time (s) that lanes save of each operation of a run alone by its own code, measured."""
+
+MOST = 100
+"""Models of which it is known whether lanes pay."""
+
+
+class Lanes:
+    """The compiled code of a model for runs in lanes, once that pays; made with `lanes_of`.
+
+    Args:
+        model: the model.
+
+    Attributes:
+        width: how many runs are worked on together; 1 as long as each is carried out alone.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.width = 1
+        self._function: Any = None
+        self._lost = 0.0
+        self._possible = not model.externals and platform.machine().lower() in ("x86_64", "amd64")
+        self._looked = False
+        self._lock = threading.Lock()
+
+    def note(self, model: Model, job: Job) -> None:
+        """Count a run that was carried out alone; once the time lost is that of compiling, the code is made.
+
+        As for a single run's own code (`native.Way`), the cache is searched sooner.
+        """
+        if not self._possible or not self._lock.acquire(blocking=False):
+            return  # while one thread compiles, the others go on
+        try:
+            operations = 4 * model.operations
+            self._lost += native.steps_of(job) * operations * SAVED
+            enough = self._lost > 2 * (native.ENOUGH + native.ENOUGH_FOR_EACH * operations)
+            if enough or (not self._looked and self._lost > native.LOOK):
+                self._looked = True
+                if enough or known(lanes_source(model)):
+                    self._possible = False
+                    self.make(model)
+        except CompilerUnavailable as error:
+            log.info("runs are carried out one by one: %s", error)
+            self._possible = False
+        finally:
+            self._lock.release()
+
+    def make(self, model: Model) -> None:
+        """Make the code now.
+
+        Raises:
+            CompilerUnavailable: no compiler runs.
+        """
+        loaded = library(lanes_source(model))
+        loaded.fa_lanes_width.restype = c_int64
+        width = loaded.fa_lanes_width()
+        if width > 1:
+            self._function = loaded.fa_simulate_lanes
+            self._function.argtypes = [c_void_p, c_int64]
+            self._function.restype = None
+            self.width = width
+
+    def run(self, model: Model, jobs: Sequence[Job]) -> list[Outcome]:
+        """Carry out runs that are alike (`alike`), at most `width`; their outcomes in the same order."""
+        calls = [Call(model, job) for job in jobs]
+        addresses = (c_void_p * len(calls))(*(ctypes.addressof(call.struct) for call in calls))
+        self._function(addresses, len(calls))
+        return [call.outcome() for call in calls]
+
+    def groups(self, jobs: Sequence[Job]) -> list[list[int]]:
+        """Places of jobs that are worked on together; those of a group of one are carried out alone.
+
+        With less than half of the lanes used, as many runs alone take no longer.
+        """
+        found: dict[Hashable, list[int]] = {}
+        for place, job in enumerate(jobs):
+            found.setdefault(alike(job), []).append(place)
+        together = [places for places in found.values() if 2 <= self.width <= 2 * len(places)]
+        return together + [[place] for places in found.values() if places not in together for place in places]
+
+
+def alike(job: Job) -> Hashable:
+    """Equal for runs that share rows, clocks and knots; and the number of steps between rows, as lanes take them."""
+    between = math.ceil(job.output_ticks * job.resolution / job.hmax)
+    times = (job.t0, job.resolution, job.outputs, job.output_ticks, *job.period, *job.offset)
+    return times, job.knot.tobytes(), between, job.record_states, id(job.cancel)
+
+
+_lanes: OrderedDict[str, Lanes] = OrderedDict()
+_lanes_lock = threading.Lock()
+
+
+def lanes_of(model: Model) -> Lanes:
+    """The lanes of a model, kept from batch to batch."""
+    with _lanes_lock:
+        found = _lanes.setdefault(model.signature, Lanes(model))
+        _lanes.move_to_end(model.signature)
+        while len(_lanes) > MOST:
+            _lanes.popitem(last=False)
+    return found
+
+
+def forget() -> None:
+    """Begin again as in a new process."""
+    with _lanes_lock:
+        _lanes.clear()

@@ -1,0 +1,38 @@
+/* Vectors that hold one double of each of FA_WIDTH runs, for generated functions; see lanes.c. Included before them.
+ * Without vectors of at least four doubles, runs are carried out one after another. */
+
+#ifndef FA_WIDTH
+#if defined(__AVX512F__)
+#define FA_WIDTH 8
+#elif defined(__AVX2__)
+#define FA_WIDTH 4
+#else
+#define FA_WIDTH 1
+#endif
+#endif
+
+#define FA_EACH_LANE(l) for (int l = 0; l < FA_WIDTH; l++)
+typedef double fa_lane __attribute__((vector_size(FA_WIDTH * sizeof(double)), may_alias));
+typedef int64_t fa_mask __attribute__((vector_size(FA_WIDTH * sizeof(int64_t)), may_alias)); /* a lane is -1 or 0 */
+
+#if FA_WIDTH == 8
+#define FA_ALL(c) ((fa_lane){c, c, c, c, c, c, c, c})
+#elif FA_WIDTH == 4
+#define FA_ALL(c) ((fa_lane){c, c, c, c})
+#else
+#define FA_ALL(c) ((fa_lane){c})
+#endif
+#define FA_LANE_BY_LANE(value) ({ fa_lane r_; FA_EACH_LANE(l) r_[l] = (value); r_; })
+
+static inline fa_mask fa_true(fa_lane a) { return a != 0; }
+static inline fa_mask fa_sign_bits(fa_lane a) { return (fa_mask)a >> 63; }
+static inline fa_lane fa_where(fa_mask yes, fa_lane a) { return (fa_lane)(yes & (fa_mask)a); }
+static inline fa_lane fa_flag(fa_mask yes) { return fa_where(yes, FA_ALL(1.0)); }
+static inline fa_lane fa_chosen(fa_mask yes, fa_lane a, fa_lane b) {
+  return (fa_lane)((yes & (fa_mask)a) | (~yes & (fa_mask)b));
+}
+static inline int fa_any(fa_mask yes) {
+  int64_t found = 0;
+  FA_EACH_LANE(l) found |= yes[l];
+  return found != 0;
+}
