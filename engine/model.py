@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from engine.display import counts
 from engine.errors import ParameterError, Where, nearest
+from engine.evaluation import Evaluation
 from engine.ports import Expression
 from engine.quantity import Parameter
 from engine.relations import Relation
@@ -339,6 +340,16 @@ class Model:
     def jacobian(self) -> Any:
         """Function of ``t, x, u, d, m, p``: the derivative by the states, shape (states, states), 1/s and the like."""
         return self.derived("jacobian", lambda e: [ca.jacobian(e.derivative, e.x)])
+
+    @functools.cached_property
+    def jacobian_at(self) -> Evaluation:
+        """`jacobian` for arrays."""
+        return Evaluation(self.jacobian)
+
+    @functools.cached_property
+    def following_at(self) -> Evaluation:
+        """``following`` of `functions` for arrays."""
+        return Evaluation(self.functions["following"])
 
     @functools.cached_property
     def shapes(self) -> NDArray[np.intp]:

@@ -293,7 +293,7 @@ def as_result(
         values=outcome.y,
         states=outcome.states,
         modes=outcome.modes,
-        events=tuple((float(t), names[int(k)], float(v)) for t, k, v in outcome.log),
+        events=tuple((t, names[int(k)], v) for t, k, v in outcome.log.tolist()),
         event_count=outcome.events,
         steps=outcome.steps,
         internal_step=job.hmax,
@@ -425,10 +425,7 @@ def _check_cost(model: Model, p: Vector, x0: Vector, stop: float, hmax: float) -
         )
     timed = [mode.name for mode in model.modes if mode.kind == TIME]
     if timed:
-        first, later = (
-            np.array(model.functions["following"](np.full(len(model.modes), count), p).full()).ravel()
-            for count in (1.0, 3.0)
-        )
+        first, later = (model.following_at(np.full(len(model.modes), count), p).ravel() for count in (1.0, 3.0))
         with np.errstate(invalid="ignore"):
             hasty = np.flatnonzero((later - first) / 2 * MOST_STEPS < stop)
         if len(hasty):
