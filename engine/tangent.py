@@ -118,7 +118,7 @@ def tangents(
     job = prepare(model, stop, step, parameters=parameters, drive=drive, initial=initial, internal_step=internal_step)
     room = max(len(ordered), room)
     S0, D0 = _seeds(model, job.p, dict(initial or {}), ordered, indices, room)
-    rows = np.zeros((job.outputs + 1, len(model.outputs), room))
+    rows = np.zeros((room, job.outputs + 1, len(model.outputs)))
     least = np.zeros(1)
     way = _way(model, indices, room)
     code = None if way.chosen(job) else way.code
@@ -128,8 +128,9 @@ def tangents(
     if outcome.status:
         raise SimulationError(explain(model, outcome))
     back = [ordered.index(name) for name in wrt]
+    rows = rows[: len(back)] if back == sorted(back) else rows[back]
     result = as_result(model, job, outcome, step, "c", parameters)
-    return Tangents(result, tuple(wrt), rows[:, :, back], bool(least[0] < GRAZING))
+    return Tangents(result, tuple(wrt), rows.transpose(1, 2, 0), bool(least[0] < GRAZING))
 
 
 def _seeds(

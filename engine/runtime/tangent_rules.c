@@ -8,7 +8,8 @@ typedef struct {
   fa_columns dt, aim;                       /* of the present time, of the step's end */
   fa_columns begin, goal;                   /* of the segment's start and end, which several steps may divide */
   int moving;                               /* whether any of these is not zero */
-  double *rows;                             /* output tangents, (row, output, direction) */
+  double *rows;                             /* output tangents, (direction, row, output) */
+  int64_t height;                           /* how many rows */
   double least;                             /* smallest |g_x Phi_h + g_t| met, relative; small means grazing */
 } fa_tangents;
 
@@ -153,10 +154,11 @@ static void fa_tangent_record(void *sim, int64_t row) {
   fa_inputs(s, s->t, u);
   fa_outputs_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, j);
   fa_outputs_tangent(s, j, T->S, T->D, 0, dy);
-  for (int i = 0; i < FA_NY; i++) memcpy(T->rows + (row * FA_NY + i) * FA_DIRS, dy[i], sizeof(double) * FA_DIRS);
+  for (int c = 0; c < FA_DIRS; c++)
+    for (int i = 0; i < FA_NY; i++) T->rows[(c * T->height + row) * FA_NY + i] = FA_COLUMN(dy[i], c);
 }
 
-/* S0 is (FA_NX, FA_DIRS), D0 (FA_ND, FA_DIRS), rows (outputs + 1, FA_NY, FA_DIRS). */
+/* S0 is (FA_NX, FA_DIRS), D0 (FA_ND, FA_DIRS), rows (FA_DIRS, outputs + 1, FA_NY). */
 FA_EXPORT int fa_simulate_tangents(fa_job *job, const double *S0, const double *D0, double *rows, double *least) {
 #ifdef FA_BYTECODE
   const fa_job *s = job; /* whose code says the sizes */
@@ -171,6 +173,7 @@ FA_EXPORT int fa_simulate_tangents(fa_job *job, const double *S0, const double *
       memcpy(T.line[fa_line_first[fa_read_line[i]] + k], T.D[fa_read_memory[i]], sizeof T.D[0]);
 #endif
   T.rows = rows;
+  T.height = job->outputs + 1;
   T.least = HUGE_VAL;
   const int status = fa_simulate(job, &T);
   *least = T.least;
