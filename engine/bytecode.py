@@ -73,7 +73,7 @@ _PROGRAMS = (
     "following",
     "entering",
     "line_start",
-    "stage_values",
+    "derivative_values",
     "guards_values",
     "update_values",
     "outputs_values",
@@ -340,7 +340,7 @@ def _programs(code: Code, emitter: Emitter) -> bool:
     for name in _PROGRAMS[2:]:
         results = emitter.functions.get(name, [])
         fill(name, instructions(plan.state.get(name, []), results), results)
-    stage = "stage_values" if "stage_values" in plan.state else "derivative"
+    stage = "derivative_values" if "derivative_values" in plan.state else "derivative"
     often = {stage: 4, "guards": 1, "outputs": 1}
     code.step = sum(times * (len(plan.state.get(name, [])) + s.nx + 20) for name, times in often.items())
     return True

@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from engine.forms import LANES
+from engine.forms import LANES, STAGES, Lanes
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, COSTLY, UNARY, literal
 from engine.ports import Expression
@@ -181,11 +181,12 @@ class Emitter:
         low = [*self._reach(constant, _CONSTANT), *self._reach([*constant, *parameter], _PARAMETER)]
         return Plan(constant, parameter, mode, low, modes, state)
 
-    def text(self, lanes: Sequence[str] = ()) -> str:
+    def text(self, lanes: Sequence[str] = (), form: Lanes = LANES) -> str:
         """C source of the preparations and of every function added.
 
         Args:
             lanes: functions that are written once more, as ``fa_NAME_lanes``, for several runs (`engine.forms`).
+            form: how values are written in these.
         """
         plan = self.plan()
         cp, cm = Shelf("cp"), Shelf("cm")
@@ -229,8 +230,8 @@ class Emitter:
             if name == "full" and large:
                 body = _both(len(self.functions["derivative"]), "_lanes")
             else:
-                body = bodies[name].text(targets[name], LANES)
-            parts.append(_function(f"fa_{name}_lanes", arguments.replace("double", LANES.number), body))
+                body = bodies[name].text(targets[name], form)
+            parts.append(_function(f"fa_{name}_lanes", form.arguments(arguments), body))
         return "\n".join(parts)
 
 
@@ -421,7 +422,8 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
             lines.append(_array("int", f"fa_{name}_col", [str(i) for i in jacobian.columns]))
         if name != "following":
             rules.append(_tangent_rule(name, model, jacobian))
-    head = [INCLUDES, CALLED, _sizes(model, called=True), *lines, emitter.text(), runtime("tangent.c")]
+    head = [INCLUDES, CALLED, _sizes(model, called=True), *lines, runtime("tangent.c"), runtime("vectors.c")]
+    head.append(emitter.text(["derivative_values"], STAGES))
     return "\n".join([*head, runtime("core.c") + runtime("simulate.c"), *rules, runtime("tangent_rules.c")])
 
 
@@ -442,8 +444,7 @@ class Jacobian:
 def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter, dict[str, Jacobian]]:
     """The functions that a run with tangents needs, and the patterns of the Jacobians among them.
 
-    The values of the Jacobian of NAME are the function ``NAME_values``; those of the derivative follow it in
-    ``stage_values``.
+    The values of the Jacobian of NAME are the function ``NAME_values``.
 
     Args:
         model: the model.
@@ -458,10 +459,7 @@ def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter,
         jacobian = ca.jacobian(getattr(e, name), seeds)
         values = ca.vertcat(*jacobian.nonzeros())
         row, column = (list(part) for part in jacobian.sparsity().get_triplet())
-        if name == "derivative":
-            emitter.add("stage_values", arguments, ca.vertcat(e.derivative, values))
-        else:
-            emitter.add(f"{name}_values", arguments, values if row else ca.SX(0, 1))
+        emitter.add(f"{name}_values", arguments, values if row else ca.SX(0, 1))
         found[name] = Jacobian(jacobian.size1(), row, column)
     return emitter, found
 
@@ -485,33 +483,39 @@ def _tangent_rule(name: str, model: Model, jacobian: Jacobian) -> str:
     at_q = at_d + len(model.memories)
     lines = [
         f"FA_INLINE void fa_{name}_tangent(const fa_sim *s, const double *j, const fa_columns *S, const fa_columns *D,",
-        "    const fa_lane *dt, fa_columns *out) {",
+        "    const fa_lane *dt, const int lanes, fa_columns *out) {",
     ]
+    of = "j[{k} * FA_WIDTH]" if name == "derivative" else "j[{k}]"
     for i in range(jacobian.height):
         sums, rates, own = [], [], {}
         for k, (row, c) in enumerate(zip(jacobian.rows, jacobian.columns, strict=True)):
             if row != i:
                 continue
+            value = of.format(k=k)
             if c < at_t:
-                sums.append(f"j[{k}] * S[{c}][l]")
+                sums.append(f"{value} * S[{c}][l]")
             elif c < at_u:
-                rates.append(f"j[{k}]")
+                rates.append(value)
             elif c < at_d:
-                rates.append(f"j[{k}] * s->slope[{c - at_u}]")
+                rates.append(f"{value} * s->slope[{c - at_u}]")
             elif c < at_q:
-                sums.append(f"j[{k}] * D[{c - at_d}][l]")
+                sums.append(f"{value} * D[{c - at_d}][l]")
             else:
-                own[c - at_q] = f"j[{k}]"
-        lines.append(f"  FA_EACH(l) out[{i}][l] = {' + '.join(sums) or '(fa_lane){0}'};")
+                own[c - at_q] = value
+        lines.append(f"  FA_EACH_OF(lanes, l) out[{i}][l] = {' + '.join(sums) or '(fa_lane){0}'};")
         if rates:
-            lines.append(f"  if (dt) FA_EACH(l) out[{i}][l] += ({' + '.join(rates)}) * dt[l];")
+            lines.append(f"  if (dt) FA_EACH_OF(lanes, l) out[{i}][l] += ({' + '.join(rates)}) * dt[l];")
         if own:
-            lines += ["#if FA_WIDTH == 4", *_own_columns(i, own, 4), "#else", *_own_columns(i, own, 8), "#endif"]
+            lines += _own_columns(i, own)
     return "\n".join([*lines, "}"])
 
 
-def _own_columns(row: int, own: Mapping[int, str], width: int) -> list[str]:
-    """Lines that add values at columns to a row, a vector of ``width`` at a time."""
-    lanes = sorted({c // width for c in own})
-    vectors = {lane: ", ".join(own.get(lane * width + c, "0") for c in range(width)) for lane in lanes}
+_WIDTH = 4
+"""Directions in a vector, and stages of a step; see ``tangent.c``."""
+
+
+def _own_columns(row: int, own: Mapping[int, str]) -> list[str]:
+    """Lines that add values at columns to a row, a vector at a time."""
+    lanes = sorted({c // _WIDTH for c in own})
+    vectors = {lane: ", ".join(own.get(lane * _WIDTH + c, "0") for c in range(_WIDTH)) for lane in lanes}
     return [f"  out[{row}][{lane}] += (fa_lane){{{vector}}};" for lane, vector in vectors.items()]

@@ -6,7 +6,8 @@ done lane by lane with the text of one run. Both therefore give the same numbers
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -20,7 +21,7 @@ class Term:
 
     Attributes:
         text: C of one run's value, or of the vector of several.
-        constant: whether it is a number that stands there, the same in every run.
+        constant: whether it is one double, the same in every lane, such as a number that stands in the text.
     """
 
     text: str
@@ -36,6 +37,10 @@ class Scalar:
     """
 
     number, zero = "double", "0"
+
+    def read(self, array: str, text: str) -> Term:
+        """An element of an argument or a shelf."""
+        return Term(text)
 
     def value(self, operation: int, terms: Sequence[Term]) -> str:
         """C of an operation's result."""
@@ -77,9 +82,27 @@ _IN_LANES = {
 
 
 class Lanes:
-    """Vectors of one double for each run; attributes and methods as those of `Scalar`."""
+    """Vectors of one double for each run; attributes and methods as those of `Scalar`.
+
+    Args:
+        shared: arrays of doubles, which all lanes have in common.
+    """
 
     number, zero = "fa_lane", "{0}"
+
+    def __init__(self, shared: Collection[str] = ()) -> None:
+        self._shared = frozenset(shared)
+
+    def read(self, array: str, text: str) -> Term:
+        """An element of an argument or a shelf."""
+        return Term(text, constant=array in self._shared)
+
+    def arguments(self, arguments: str) -> str:
+        """C of a function's arguments, from that for doubles."""
+        each = re.split(r",\s*", arguments)
+        return ", ".join(
+            a if a.split("restrict ")[-1] in self._shared else a.replace("double", self.number) for a in each
+        )
 
     def value(self, operation: int, terms: Sequence[Term]) -> str:
         """C of an operation's result in every lane."""
@@ -95,10 +118,14 @@ class Lanes:
 
     def test(self, terms: Sequence[Term]) -> str:
         """C of a condition: whether there is a lane in which none of some values is zero."""
+        if all(term.constant for term in terms):
+            return SCALAR.test(terms)
         return f"fa_any({' & '.join(f'fa_true({self.whole(term)})' for term in terms)})"
 
 
 SCALAR, LANES = Scalar(), Lanes()
+STAGES = Lanes(("d", "m", "p", "cp", "cm", "fire"))
+"""The four stages of one run's step: all but time, states and inputs is the same in them."""
 Form = Scalar | Lanes
 
 

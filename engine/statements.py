@@ -206,14 +206,15 @@ class Statements:
         if key[0] == "const":
             return constant(key[1])
         if key[0] == "input":
-            return Term("t" if key[1] == "t" else f"{key[1]}[{key[2]}]")
+            return self._form.read(key[1], "t" if key[1] == "t" else f"{key[1]}[{key[2]}]")
         if node in self._own:
             section, turn, slot = self._own[node]
             return Term(f"w[{self._room(section, slot) + turn}]")
         if node in self._line:
             return Term(f"v{node}")
         assert self._shelf is not None
-        return Term(self._shelf(node).text(node))
+        shelf = self._shelf(node)
+        return self._form.read(shelf.name, shelf.text(node))
 
     def _straight(self, first: int, end: int) -> list[str]:
         lines: list[str] = []
@@ -303,11 +304,11 @@ class Statements:
         if key[0] == "input":
             found = even([self._graph.nodes[node][2] for node in sequence])
             if found is not None:
-                return Term(_indexed(key[1], *found))
+                return self._form.read(key[1], _indexed(key[1], *found))
         elif sequence[0] not in self._line:
             assert self._shelf is not None
             shelf = self._shelf(sequence[0])
-            return Term(_indexed(shelf.name, *shelf.line(sequence)))
+            return self._form.read(shelf.name, _indexed(shelf.name, *shelf.line(sequence)))
         else:
             found = self._in_line(sequence)
             if found is not None:

@@ -118,7 +118,7 @@ def tangents(
     job = prepare(model, stop, step, parameters=parameters, drive=drive, initial=initial, internal_step=internal_step)
     room = max(len(ordered), room)
     S0, D0 = _seeds(model, job.p, dict(initial or {}), ordered, indices, room)
-    rows = np.zeros((room, job.outputs + 1, len(model.outputs)))
+    rows = np.empty((room, job.outputs + 1, len(model.outputs)))
     least = np.zeros(1)
     way = _way(model, indices, room)
     code = None if way.chosen(job) else way.code

@@ -23,7 +23,7 @@ typedef struct {                      /* nonzeros of a Jacobian by rows */
 
 enum {
   FA_PARAMETERS, FA_MODES, FA_DERIVATIVE, FA_GUARDS, FA_FULL, FA_OUTPUTS, FA_UPDATE, FA_FOLLOWING, FA_ENTERING,
-  FA_LINE_START, FA_STAGE_VALUES, FA_GUARDS_VALUES, FA_UPDATE_VALUES, FA_OUTPUTS_VALUES, FA_FOLLOWING_VALUES,
+  FA_LINE_START, FA_DERIVATIVE_VALUES, FA_GUARDS_VALUES, FA_UPDATE_VALUES, FA_OUTPUTS_VALUES, FA_FOLLOWING_VALUES,
   FA_ENTERING_VALUES, FA_PROGRAMS
 };
 
@@ -133,7 +133,7 @@ static void fa_prepare_file(const fa_code *code, double *v, int which, const dou
 #define fa_following(t, x, u, d, m, p, cp, cm, fire, r) FA_EVALUATE(FA_FOLLOWING, t, x, u, d, fire, r)
 #define fa_entering(t, x, u, d, m, p, cp, cm, fire, r) FA_EVALUATE(FA_ENTERING, t, x, u, d, fire, r)
 #define fa_line_start(t, x, u, d, m, p, cp, cm, fire, r) FA_EVALUATE(FA_LINE_START, t, x, u, d, fire, r)
-#define fa_stage_values(t, x, u, d, m, p, cp, cm, fire, r) FA_EVALUATE(FA_STAGE_VALUES, t, x, u, d, fire, r)
+#define fa_derivative_values(t, x, u, d, m, p, cp, cm, fire, r) FA_EVALUATE(FA_DERIVATIVE_VALUES, t, x, u, d, fire, r)
 #define fa_guards_values(t, x, u, d, m, p, cp, cm, fire, r) FA_EVALUATE(FA_GUARDS_VALUES, t, x, u, d, fire, r)
 #define fa_update_values(t, x, u, d, m, p, cp, cm, fire, r) FA_EVALUATE(FA_UPDATE_VALUES, t, x, u, d, fire, r)
 #define fa_outputs_values(t, x, u, d, m, p, cp, cm, fire, r) FA_EVALUATE(FA_OUTPUTS_VALUES, t, x, u, d, fire, r)

@@ -1,6 +1,6 @@
 /* What generated code writes out for each Jacobian, by its pattern; sums are taken in the same order. */
 
-#define FA_DERIVATIVE_NNZ FA_CODE->program[FA_STAGE_VALUES].count /* with dx/dt itself, which is as much again */
+#define FA_DERIVATIVE_NNZ FA_CODE->program[FA_DERIVATIVE_VALUES].count
 #define FA_GUARDS_NNZ FA_CODE->program[FA_GUARDS_VALUES].count
 #define FA_UPDATE_NNZ FA_CODE->program[FA_UPDATE_VALUES].count
 #define FA_OUTPUTS_NNZ FA_CODE->program[FA_OUTPUTS_VALUES].count
@@ -48,7 +48,8 @@ FA_INLINE void fa_apply(const fa_sim *s, const fa_pattern *p, const double *j, c
 
 #define FA_TANGENT(name)                                                                                        \
   static void fa_##name##_tangent(const fa_sim *s, const double *j, const fa_columns *S, const fa_columns *D, \
-                                  const fa_lane *dt, fa_columns *out) {                                       \
+                                  const fa_lane *dt, int lanes, fa_columns *out) {                            \
+    (void)lanes;                                                                                               \
     if (FA_CODE->name.machine && !dt) FA_CODE->name.machine(j, S, D, out);                                     \
     else fa_apply(s, &FA_CODE->name, j, S, D, dt, out);                                                        \
   }

@@ -241,9 +241,21 @@ static void fa_line_push(fa_sim *s, const double *fire, const double *value) {
 #define FA_EACH_STATE(i) _Pragma("clang loop vectorize(disable) unroll(disable)") for (int i = 0; i < FA_NX; i++)
 #endif
 
+typedef struct {
+  double h, x[FA_ROOM(FA_NX)], guards[FA_ROOM(FA_NG)];
+#ifdef FA_HOOKS
+  double k[3][FA_ROOM(FA_NX)];                                   /* dx/dt at the second to fourth stage */
+#endif
+} fa_trial;
+
 /* x after h from the present state, with modes frozen; the derivative at the start is s->full. */
-static void fa_rk4(const fa_sim *s, double h, double *restrict x1) {
-  double k2[FA_SIZE(FA_NX)], k3[FA_SIZE(FA_NX)], k4[FA_SIZE(FA_NX)], y[FA_SIZE(FA_NX)], u[FA_SIZE(FA_NI)];
+static void fa_rk4(const fa_sim *s, double h, fa_trial *restrict r) {
+#ifdef FA_HOOKS
+  double *k2 = r->k[0], *k3 = r->k[1], *k4 = r->k[2];
+#else
+  double k2[FA_SIZE(FA_NX)], k3[FA_SIZE(FA_NX)], k4[FA_SIZE(FA_NX)];
+#endif
+  double y[FA_SIZE(FA_NX)], u[FA_SIZE(FA_NI)], *x1 = r->x;
   const double *k1 = s->full;
   fa_inputs(s, s->t + h / 2, u);
   FA_EACH_STATE(i) y[i] = s->x[i] + h / 2 * k1[i];
@@ -256,12 +268,10 @@ static void fa_rk4(const fa_sim *s, double h, double *restrict x1) {
   FA_EACH_STATE(i) x1[i] = s->x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
 }
 
-typedef struct { double h, x[FA_ROOM(FA_NX)], guards[FA_ROOM(FA_NG)]; } fa_trial;
-
 static void fa_try_step(const fa_sim *s, double h, fa_trial *r) {
   double u[FA_SIZE(FA_NI)];
   r->h = h;
-  fa_rk4(s, h, r->x);
+  fa_rk4(s, h, r);
   if (!FA_NG) return;
   fa_inputs(s, s->t + h, u);
   fa_guards(s->t + h, r->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, r->guards);
@@ -355,7 +365,7 @@ static int fa_step(fa_sim *s, double h) {
     s->ready = 0;
 #endif
     if (!(fa_worst_guard(s, b.guards, &which) > 0)) {
-      FA_ON_STEP(s, b.h, -1);
+      FA_ON_STEP(s, &b, -1);
       fa_accept(s, &b);
       s->t = end;
       s->steps++;
@@ -363,7 +373,7 @@ static int fa_step(fa_sim *s, double h) {
     }
     fa_locate(s, h, &b);
     fa_worst_guard(s, b.guards, &which);
-    FA_ON_STEP(s, b.h, which);
+    FA_ON_STEP(s, &b, which);
     fa_accept(s, &b);
     s->t = end - s->t - b.h > 1e-13 * h ? s->t + b.h : end;
     if (!fa_finite(s->x, FA_NX)) return fa_not_finite(s);
@@ -374,7 +384,7 @@ static int fa_step(fa_sim *s, double h) {
     s->events++;
     if (fa_settle(s)) return s->status;
     if (s->t == end) {
-      FA_ON_STEP(s, 0.0, -1);
+      FA_ON_STEP(s, 0, -1);
       s->steps++;
       return FA_OK;
     }

@@ -12,26 +12,24 @@
 #ifndef FA_BYTECODE
 #define FA_MOST_DIRS FA_DIRS
 #endif
-#ifdef __AVX512F__
-#define FA_WIDTH (FA_MOST_DIRS < 4 ? 4 : 8)
-#else
 #define FA_WIDTH 4
-#endif
 #define FA_LANES (FA_MOST_DIRS / FA_WIDTH + 1)
 typedef double fa_lane __attribute__((vector_size(FA_WIDTH * sizeof(double)), may_alias));
 typedef fa_lane fa_columns[FA_LANES];
+#define FA_OWN_LANES ((FA_MOST_DIRS + FA_WIDTH - 1) / FA_WIDTH) /* without column FA_DIRS, which is for events */
 #define FA_EACH(l) for (int l = 0; l < FA_LANES; l++)
+#define FA_EACH_OF(lanes, l) for (int l = 0; l < (lanes); l++)
 #define FA_COLUMN(v, c) (v)[(c) / FA_WIDTH][(c) % FA_WIDTH]
 
 static void fa_tangent_target(void *sim, int event, int64_t i, int64_t n);
-static void fa_tangent_step(void *sim, double h, int guard);
+static void fa_tangent_step(void *sim, const void *trial, int guard);
 static void fa_tangent_stop(void *sim, int coordinate);
 static void fa_tangent_tick(void *sim, const double *fire);
 static void fa_tangent_record(void *sim, int64_t row);
 
 #define FA_HOOKS
 #define FA_ON_TARGET(s, event, i, n) fa_tangent_target(s, (event), (i), (n))
-#define FA_ON_STEP(s, h, guard) fa_tangent_step(s, (h), (guard))
+#define FA_ON_STEP(s, trial, guard) fa_tangent_step(s, (trial), (guard))
 #define FA_ON_STOP(s, coordinate) fa_tangent_stop(s, (coordinate))
 #define FA_ON_TICK(s, fire) fa_tangent_tick(s, (fire))
 #define FA_ON_RECORD(s, row) fa_tangent_record(s, (row))

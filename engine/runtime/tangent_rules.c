@@ -13,43 +13,67 @@ typedef struct {
   double least;                             /* smallest |g_x Phi_h + g_t| met, relative; small means grazing */
 } fa_tangents;
 
-/* Derivative and its tangent at (t, x). */
-FA_INLINE void fa_stage(const fa_sim *s, double t, const double *x, const fa_columns *S, const fa_lane *dt, double *k,
-                        fa_columns *dk) {
-  const fa_tangents *T = s->listener;
-  double u[FA_SIZE(FA_NI)], r[FA_SIZE(FA_NX + FA_DERIVATIVE_NNZ)];
-  fa_inputs(s, t, u);
-  fa_stage_values(t, x, u, s->d, s->m, s->p, s->cp, s->cm, 0, r);
-  memcpy(k, r, sizeof(double) * FA_NX);
-  fa_derivative_tangent(s, r + FA_NX, S, T->D, dt, dk);
+/* The Jacobian of the derivative at the four stages of a step, whose rates are k. The stages are known once the step has been
+ * tried, so they are worked out together, in lanes; FA_AT_STAGE is that of one of them. */
+#ifdef FA_BYTECODE
+#define FA_JACOBIANS(j) double j[4 * FA_SIZE(FA_DERIVATIVE_NNZ)]
+#define FA_AT_STAGE(j, a) ((j) + (a) * FA_DERIVATIVE_NNZ)
+static void fa_jacobians(const fa_sim *s, const double *t, const double (*x)[FA_ROOM(FA_NX)], double *j) {
+  double u[FA_SIZE(FA_NI)];
+  for (int a = 0; a < 4; a++) {
+    fa_inputs(s, t[a], u);
+    fa_derivative_values(t[a], x[a], u, s->d, s->m, s->p, s->cp, s->cm, 0, FA_AT_STAGE(j, a));
+  }
 }
+#else
+#define FA_JACOBIANS(j) fa_lane j[FA_SIZE(FA_DERIVATIVE_NNZ)]
+#define FA_AT_STAGE(j, a) ((const double *)(j) + (a))
+static void fa_jacobians(const fa_sim *s, const double *t, const double (*x)[FA_ROOM(FA_NX)], fa_lane *j) {
+  fa_lane time, state[FA_SIZE(FA_NX)], input[FA_SIZE(FA_NI)];
+  for (int a = 0; a < FA_WIDTH; a++) time[a] = t[a];
+  for (int i = 0; i < FA_NX; i++)
+    for (int a = 0; a < FA_WIDTH; a++) state[i][a] = x[a][i];
+  for (int i = 0; i < FA_NI; i++) input[i] = s->base[i] + s->slope[i] * (time - s->from[i]);
+  fa_derivative_values_lanes(time, state, input, s->d, s->m, s->p, s->cp, s->cm, 0, j);
+}
+#endif
 
-/* Tangent of one RK4 step of length h from the present state, into T->S; end receives the state there. dh may be NULL.
- * With with_length, column FA_DIRS of T->S becomes Phi_h: its only seed is a unit change of the length. */
-FA_INLINE void fa_tangent_rk4(fa_sim *s, double h, const fa_lane *dh, int with_length, double *end) {
+/* Tangent of one RK4 step as it was tried from the present state, into T->S. dh may be NULL. With with_length, column FA_DIRS
+ * of T->S becomes Phi_h: its only seed is a unit change of the length; and end receives the state at the end. */
+FA_INLINE void fa_tangent_rk4(fa_sim *s, const fa_trial *trial, const fa_lane *dh, int with_length, double *end) {
   static const double part[4] = {0, 0.5, 0.5, 1};
   fa_tangents *T = s->listener;
   const int timed = T->moving || with_length || dh;
-  double k[4][FA_SIZE(FA_NX)], x[FA_SIZE(FA_NX)];
+  const int lanes = with_length ? FA_LANES : FA_OWN_LANES;
+  const double h = trial->h, *k[4] = {s->full, trial->k[0], trial->k[1], trial->k[2]};
+  double t[4], x[4][FA_ROOM(FA_NX)];
   fa_columns dk[4][FA_SIZE(FA_NX)], y[FA_SIZE(FA_NX)], dt, length;
-  FA_EACH(l) length[l] = dh ? dh[l] : (fa_lane){0};
-  FA_COLUMN(length, FA_DIRS) = with_length;
-  fa_stage(s, s->t, s->x, T->S, timed ? T->dt : 0, k[0], dk[0]);
+  FA_JACOBIANS(j);
+  t[0] = s->t;
+  memcpy(x[0], s->x, sizeof x[0]);
+  for (int a = 1; a < 4; a++) {
+    t[a] = s->t + part[a] * h;
+    for (int i = 0; i < FA_NX; i++) x[a][i] = s->x[i] + part[a] * h * k[a - 1][i];
+  }
+  fa_jacobians(s, t, x, j);
+  FA_EACH_OF(lanes, l) length[l] = dh ? dh[l] : (fa_lane){0};
+  if (with_length) FA_COLUMN(length, FA_DIRS) = 1;
+  fa_derivative_tangent(s, FA_AT_STAGE(j, 0), T->S, T->D, timed ? T->dt : 0, lanes, dk[0]);
   for (int a = 1; a < 4; a++) {
     const double c = part[a];
     for (int i = 0; i < FA_NX; i++) {
-      x[i] = s->x[i] + c * h * k[a - 1][i];
-      FA_EACH(l) y[i][l] = T->S[i][l] + c * h * dk[a - 1][i][l];
-      if (timed) FA_EACH(l) y[i][l] += c * length[l] * k[a - 1][i];
+      FA_EACH_OF(lanes, l) y[i][l] = T->S[i][l] + c * h * dk[a - 1][i][l];
+      if (timed) FA_EACH_OF(lanes, l) y[i][l] += c * length[l] * k[a - 1][i];
     }
-    if (timed) FA_EACH(l) dt[l] = T->dt[l] + c * length[l];
-    fa_stage(s, s->t + c * h, x, y, timed ? dt : 0, k[a], dk[a]);
+    if (timed) FA_EACH_OF(lanes, l) dt[l] = T->dt[l] + c * length[l];
+    fa_derivative_tangent(s, FA_AT_STAGE(j, a), y, T->D, timed ? dt : 0, lanes, dk[a]);
   }
   for (int i = 0; i < FA_NX; i++) {
+    FA_EACH_OF(lanes, l) T->S[i][l] += h / 6 * (dk[0][i][l] + 2 * (dk[1][i][l] + dk[2][i][l]) + dk[3][i][l]);
+    if (!timed) continue;
     const double mean = (k[0][i] + 2 * (k[1][i] + k[2][i]) + k[3][i]) / 6;
-    end[i] = s->x[i] + h * mean;
-    FA_EACH(l) T->S[i][l] += h / 6 * (dk[0][i][l] + 2 * (dk[1][i][l] + dk[2][i][l]) + dk[3][i][l]);
-    if (timed) FA_EACH(l) T->S[i][l] += length[l] * mean;
+    FA_EACH_OF(lanes, l) T->S[i][l] += length[l] * mean;
+    if (with_length) end[i] = s->x[i] + h * mean;
   }
 }
 
@@ -78,25 +102,27 @@ static void fa_tangent_target(void *sim, int event, int64_t i, int64_t n) {
   FA_EACH(l) T->aim[l] = i == n ? T->goal[l] : T->begin[l] + (T->goal[l] - T->begin[l]) * share;
 }
 
-static void fa_tangent_step(void *sim, double h, int guard) {
+static void fa_tangent_step(void *sim, const void *tried, int guard) {
   fa_sim *s = sim;
   fa_tangents *T = s->listener;
-  double end[FA_SIZE(FA_NX)];
+  fa_trial still;
+  const fa_trial *trial = tried ? tried : &still;
+  if (!tried) fa_try_step(s, 0, &still);
   if (guard < 0) {
     fa_columns dh;
     FA_EACH(l) dh[l] = T->aim[l] - T->dt[l];
-    fa_tangent_rk4(s, h, T->moving ? dh : 0, 0, end);
+    fa_tangent_rk4(s, trial, T->moving ? dh : 0, 0, 0);
     memcpy(T->dt, T->aim, sizeof T->dt);
     return;
   }
-  double u[FA_SIZE(FA_NI)], j[FA_SIZE(FA_GUARDS_NNZ)], size = 1e-300;
+  double end[FA_SIZE(FA_NX)], u[FA_SIZE(FA_NI)], j[FA_SIZE(FA_GUARDS_NNZ)], size = 1e-300;
   fa_columns dg[FA_SIZE(FA_NG)], unit;
-  fa_tangent_rk4(s, h, 0, 1, end);
-  fa_inputs(s, s->t + h, u);
-  fa_guards_values(s->t + h, end, u, s->d, s->m, s->p, s->cp, s->cm, 0, j);
+  fa_tangent_rk4(s, trial, 0, 1, end);
+  fa_inputs(s, s->t + trial->h, u);
+  fa_guards_values(s->t + trial->h, end, u, s->d, s->m, s->p, s->cp, s->cm, 0, j);
   memcpy(unit, T->dt, sizeof unit);
   FA_COLUMN(unit, FA_DIRS) = 1;
-  fa_guards_tangent(s, j, T->S, T->D, unit, dg);
+  fa_guards_tangent(s, j, T->S, T->D, unit, FA_LANES, dg);
   for (int k = 0; k < FA_GUARDS_NNZ; k++)
     if (fa_guards_row[k] == guard && fa_guards_col[k] < FA_AT_T)
       size += fabs(j[k] * FA_COLUMN(T->S[fa_guards_col[k]], FA_DIRS));
@@ -130,12 +156,12 @@ static void fa_tangent_tick(void *sim, const double *fire) {
   fa_inputs(s, s->t, u);
   fa_update_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, j);
   memset(next, 0, sizeof next);
-  fa_update_tangent(s, j, T->S, T->D, 0, next);
+  fa_update_tangent(s, j, T->S, T->D, 0, FA_LANES, next);
 #ifdef FA_LINES
   double v[FA_SIZE(FA_ENTERING_NNZ)];
   fa_columns entering[FA_SIZE(FA_NL)];
   fa_entering_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, v);
-  fa_entering_tangent(s, v, T->S, T->D, 0, entering);
+  fa_entering_tangent(s, v, T->S, T->D, 0, FA_LANES, entering);
   for (int i = 0; i < FA_NLR; i++)
     if (fire[fa_line_clock[fa_read_line[i]]] != 0)
       memcpy(next[fa_read_memory[i]], T->line[fa_line_place(s, fa_read_line[i], FA_STAGE(s, i))], sizeof next[0]);
@@ -153,7 +179,7 @@ static void fa_tangent_record(void *sim, int64_t row) {
   fa_columns dy[FA_SIZE(FA_NY)];
   fa_inputs(s, s->t, u);
   fa_outputs_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, 0, j);
-  fa_outputs_tangent(s, j, T->S, T->D, 0, dy);
+  fa_outputs_tangent(s, j, T->S, T->D, 0, FA_OWN_LANES, dy);
   for (int c = 0; c < FA_DIRS; c++)
     for (int i = 0; i < FA_NY; i++) T->rows[(c * T->height + row) * FA_NY + i] = FA_COLUMN(dy[i], c);
 }
