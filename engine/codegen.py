@@ -231,7 +231,9 @@ class Emitter:
                 body = _both(len(self.functions["derivative"]), "_lanes")
             else:
                 body = bodies[name].text(targets[name], form)
-            parts.append(_function(f"fa_{name}_lanes", form.arguments(arguments), body))
+            parts.append(
+                _function(f"fa_{name}_lanes", form.arguments(arguments), body, name == "derivative" and not large)
+            )
         return "\n".join(parts)
 
 

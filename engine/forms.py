@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from engine.operations import BINARY, UNARY, literal
+from engine.operations import BINARY, COSTLY, UNARY, literal
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,9 @@ class Lanes:
         if operation in _IN_LANES:
             return _IN_LANES[operation].format(*(self.whole(term) for term in terms))
         # A number stays a number here: the compiler knows more of `pow(x, 2.0)` than of `pow(x, y)`.
-        each = (Term(term.text if term.constant else f"{term.text}[l]") for term in terms)
-        return f"FA_LANE_BY_LANE({SCALAR.value(operation, list(each))})"
+        each = [Term(term.text if term.constant else f"{term.text}[l]") for term in terms]
+        same = " && ".join(f"fa_same({term.text})" for term in terms if not term.constant) or "1"
+        return f"FA_LANE_BY_LANE({same if operation in COSTLY else 0}, {SCALAR.value(operation, each)})"
 
     def whole(self, term: Term) -> str:
         """C of a value in every lane."""

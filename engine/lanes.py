@@ -28,6 +28,9 @@ log = logging.getLogger("flexarm.lanes")
 SAVED = 0.08e-9
 """Time (s) that lanes save of each operation of a run alone by its own code, measured."""
 
+DEARER = 2.5
+"""How many times as long as a model's own code this takes to compile, measured: it holds that too."""
+
 MOST = 100
 """Models of which it is known whether lanes pay."""
 
@@ -37,16 +40,17 @@ class Lanes:
 
     Args:
         model: the model.
+        possible: False if runs are to be carried out alone in any case.
 
     Attributes:
         width: how many runs are worked on together; 1 as long as each is carried out alone.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, *, possible: bool = True) -> None:
         self.width = 1
         self._function: Any = None
         self._lost = 0.0
-        self._possible = not model.externals and platform.machine().lower() in ("x86_64", "amd64")
+        self._possible = possible and not model.externals and platform.machine().lower() in ("x86_64", "amd64")
         self._looked = False
         self._lock = threading.Lock()
 
@@ -60,7 +64,7 @@ class Lanes:
         try:
             operations = 4 * model.operations
             self._lost += native.steps_of(job) * operations * SAVED
-            enough = self._lost > 2 * (native.ENOUGH + native.ENOUGH_FOR_EACH * operations)
+            enough = self._lost > DEARER * (native.ENOUGH + native.ENOUGH_FOR_EACH * operations)
             if enough or (not self._looked and self._lost > native.LOOK):
                 self._looked = True
                 if enough or known(lanes_source(model)):

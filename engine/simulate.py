@@ -287,13 +287,14 @@ def as_result(
 ) -> Result:
     """A finished run with its names."""
     names = [mode.name for mode in model.modes]
+    instants, switched, values = outcome.log.reshape(-1, 3).T.tolist()
     return Result(
         model=model,
         time=np.arange(job.outputs + 1, dtype=np.float64) * np.float64(rational(step)),
         values=outcome.y,
         states=outcome.states,
         modes=outcome.modes,
-        events=tuple((t, names[int(k)], v) for t, k, v in outcome.log.tolist()),
+        events=tuple(zip(instants, [names[int(k)] for k in switched], values, strict=True)),
         event_count=outcome.events,
         steps=outcome.steps,
         internal_step=job.hmax,

@@ -106,14 +106,14 @@ static void fa_lanes_step(fa_lanes *L, double h) {
     apart = fa_lanes_not_finite(k1, FA_NX) & ~rated;
   }
   fa_lanes_inputs(L, t + h / 2, u);
-  for (int i = 0; i < FA_NX; i++) y[i] = L->x[i] + h / 2 * k1[i];
+  FA_EACH_STATE(i) y[i] = L->x[i] + h / 2 * k1[i];
   FA_LANES_CALL(derivative, t + h / 2, y, u, 0, k2);
-  for (int i = 0; i < FA_NX; i++) y[i] = L->x[i] + h / 2 * k2[i];
+  FA_EACH_STATE(i) y[i] = L->x[i] + h / 2 * k2[i];
   FA_LANES_CALL(derivative, t + h / 2, y, u, 0, k3);
-  for (int i = 0; i < FA_NX; i++) y[i] = L->x[i] + h * k3[i];
+  FA_EACH_STATE(i) y[i] = L->x[i] + h * k3[i];
   fa_lanes_inputs(L, t + h, u);
   FA_LANES_CALL(derivative, t + h, y, u, 0, k4);
-  for (int i = 0; i < FA_NX; i++) y[i] = L->x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
+  FA_EACH_STATE(i) y[i] = L->x[i] + h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
   apart |= fa_lanes_not_finite(y, FA_NX);
   if (FA_NG) {
     FA_LANES_CALL(guards, t + h, y, u, 0, guards);

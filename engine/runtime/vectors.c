@@ -22,8 +22,6 @@ typedef int64_t fa_mask __attribute__((vector_size(FA_WIDTH * sizeof(int64_t)), 
 #else
 #define FA_ALL(c) ((fa_lane){c})
 #endif
-#define FA_LANE_BY_LANE(value) ({ fa_lane r_; FA_EACH_LANE(l) r_[l] = (value); r_; })
-
 static inline fa_mask fa_true(fa_lane a) { return a != 0; }
 static inline fa_mask fa_sign_bits(fa_lane a) { return (fa_mask)a >> 63; }
 static inline fa_lane fa_where(fa_mask yes, fa_lane a) { return (fa_lane)(yes & (fa_mask)a); }
@@ -36,3 +34,18 @@ static inline int fa_any(fa_mask yes) {
   FA_EACH_LANE(l) found |= yes[l];
   return found != 0;
 }
+
+/* Whether all lanes have the same bits, as what depends on time alone. */
+static inline int fa_same(fa_lane a) { return !fa_any((fa_mask)a ^ (fa_mask)FA_ALL(a[0])); }
+
+/* A value of lane l in every lane, worked out once if that is known to be the same in all. */
+#define FA_LANE_BY_LANE(same, value)                                                                        \
+  ({                                                                                                        \
+    fa_lane r_;                                                                                             \
+    if (same) {                                                                                             \
+      const int l = 0;                                                                                      \
+      const double one_ = (value);                                                                          \
+      r_ = FA_ALL(one_);                                                                                    \
+    } else FA_EACH_LANE(l) r_[l] = (value);                                                                 \
+    r_;                                                                                                     \
+  })
