@@ -342,14 +342,16 @@ class Model:
         return self.derived("jacobian", lambda e: [ca.jacobian(e.derivative, e.x)])
 
     @functools.cached_property
-    def jacobian_at(self) -> Evaluation:
-        """`jacobian` for arrays."""
-        return Evaluation(self.jacobian)
+    def _evaluations(self) -> dict[str, Evaluation]:
+        return {}
 
-    @functools.cached_property
-    def following_at(self) -> Evaluation:
-        """``following`` of `functions` for arrays."""
-        return Evaluation(self.functions["following"])
+    def at(self, name: str) -> Evaluation:
+        """A function for arrays: `jacobian`, or one of `functions` by its name."""
+        found = self._evaluations.get(name)
+        if found is None:
+            made = Evaluation(self.jacobian if name == "jacobian" else self.functions[name])
+            found = self._evaluations.setdefault(name, made)
+        return found
 
     @functools.cached_property
     def shapes(self) -> NDArray[np.intp]:

@@ -382,7 +382,7 @@ def _begin(model: Model, p: Vector, initial: dict[str, float] | None) -> tuple[V
     same = (p[model.shapes].tobytes(), *(tuple((given or {}).items()) for given in (model.initial, initial)))
     before = model.begun.get(same)
     if before is None:
-        before = start_values(model, p, initial), np.array(model.functions["memory_start"](p).full()).ravel()
+        before = start_values(model, p, initial), model.at("memory_start")(p).ravel()
         if len(model.begun) >= MOST_BEGUN:
             model.begun.clear()
         model.begun[same] = before
@@ -426,7 +426,7 @@ def _check_cost(model: Model, p: Vector, x0: Vector, stop: float, hmax: float) -
         )
     timed = [mode.name for mode in model.modes if mode.kind == TIME]
     if timed:
-        first, later = (model.following_at(np.full(len(model.modes), count), p).ravel() for count in (1.0, 3.0))
+        first, later = (model.at("following")(np.full(len(model.modes), count), p).ravel() for count in (1.0, 3.0))
         with np.errstate(invalid="ignore"):
             hasty = np.flatnonzero((later - first) / 2 * MOST_STEPS < stop)
         if len(hasty):

@@ -34,12 +34,12 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
     """
     whole = bool(initial) and all(state.name in (initial or {}) for state in model.states)
     given = {**({} if whole else model.initial), **(initial or {})}
-    x = np.array(model.functions["start"](p).full()).ravel()
+    x = model.at("start")(p).ravel()
     if not given:
         return x
     names = [state.name for state in model.states]
     n = model.coordinates
-    transform = np.array(model.functions["transform"](p).full())
+    transform = model.at("transform")(p)
     offset = _imposed(model, p, x)
     rows: dict[int, list[tuple[Vector, float, str]]] = {0: [], 1: []}
     for name, value in given.items():
@@ -72,5 +72,5 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
 def _imposed(model: Model, p: Vector, x: Vector) -> Vector:
     """Angles and speeds that impositions add at time 0, shape (2, motions)."""
     e = model.equations
-    u, d, m = np.zeros(e.u.numel()), np.array(model.functions["memory_start"](p).full()), np.zeros(e.m.numel())
-    return np.array(model.functions["imposed"](0, x, u, d, m, p).full()).reshape(2, -1)
+    u, d, m = np.zeros(e.u.numel()), model.at("memory_start")(p), np.zeros(e.m.numel())
+    return model.at("imposed")(0.0, x, u, d, m, p).reshape(2, -1)

@@ -60,7 +60,7 @@ def _spectra(
     for level in (0.0, 1.0, -1.0) if model.count(SWITCH) else (0.0,):
         m = [{FRICTION: 1.0, SWITCH: level}.get(mode.kind, 0.0) for mode in model.modes]
         inputs = np.zeros(e.u.numel()) if u is None else u
-        matrix = model.jacobian_at(0.0, x, inputs, np.zeros(e.d.numel()), m, p)
+        matrix = model.at("jacobian")(0.0, x, inputs, np.zeros(e.d.numel()), m, p)
         if not matrix.size or not np.isfinite(matrix).all():
             continue
         try:

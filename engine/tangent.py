@@ -141,7 +141,7 @@ def _seeds(
     D0 = np.zeros((len(model.memories), room))
 
     def memories(q: Vector) -> Vector:
-        return np.array(model.functions["memory_start"](q).full()).ravel()
+        return model.at("memory_start")(q).ravel()
 
     moving = model.shaping
     for j, name in enumerate(names):

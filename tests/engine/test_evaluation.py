@@ -22,7 +22,7 @@ def test_a_jacobian_is_the_same_to_the_bit(name: str) -> None:
     expected = [np.array(model.jacobian(0.0, x, *rest, p).full()) for x in cases]
     assert expected[0].any()
     with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(lambda x: model.jacobian_at(0.0, x, *rest, p), cases))
+        found = list(pool.map(lambda x: model.at("jacobian")(0.0, x, *rest, p), cases))
     for one, other in zip(expected, found, strict=True):
         assert one.shape == other.shape
         assert np.ascontiguousarray(one).tobytes() == other.tobytes()
