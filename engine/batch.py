@@ -1,7 +1,8 @@
 """Many runs of one model over all cores: in order, streamed, interruptible, resumable.
 
-Threads suffice, because the compiled runtime holds no interpreter lock. Each run is computed by itself, so the results
-do not depend on how many threads there are. Only a bounded number of runs is in flight at a time.
+Threads suffice, because the compiled runtime holds no interpreter lock. Each run is computed by itself, or beside
+others in lanes that give the same numbers (`engine.lanes`), so the results depend neither on how many threads there are
+nor on which runs are neighbours. Only a bounded number of runs is in flight at a time.
 """
 
 from __future__ import annotations

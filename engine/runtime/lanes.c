@@ -151,7 +151,7 @@ static void fa_lanes_to(fa_lanes *L, double t_end) {
   const double start = L->t, span = t_end - start, close = FA_SNAP * fmax(1, fabs(t_end));
   if (!(start < t_end)) return;
   int64_t n;
-  const fa_mask on = L->on, apart = on & (~fa_lanes_alike(L, span, &n) | ~(L->knot > t_end - close));
+  const fa_mask apart = L->on & (~fa_lanes_alike(L, span, &n) | ~(L->knot > t_end - close));
   const int any = fa_any(apart);
   if (any) FA_EACH_LANE(l) if (apart[l]) {
     fa_integrate_to(fa_alone(L, l), t_end);
@@ -159,9 +159,8 @@ static void fa_lanes_to(fa_lanes *L, double t_end) {
   }
   for (int64_t i = 1; i <= n; i++) {
     const double to = i < n ? fa_on_the_way(start, span, i, n) : t_end;
-    if (L->run[0].cancel && *L->run[0].cancel) FA_EACH_LANE(l) if (on[l]) {
-      if (L->on[l]) fa_alone(L, l)->status = FA_CANCELLED;
-      L->on[l] = -1;
+    if (L->run[0].cancel && *L->run[0].cancel) FA_EACH_LANE(l) if (L->on[l]) {
+      fa_alone(L, l)->status = FA_CANCELLED;
       fa_end(L, l);
     }
     if (!fa_any(L->on)) break;
@@ -169,7 +168,7 @@ static void fa_lanes_to(fa_lanes *L, double t_end) {
     L->t = to;
   }
   L->t = t_end;
-  if (any) FA_EACH_LANE(l) if (apart[l] && L->job[l]) {
+  if (any) FA_EACH_LANE(l) if (apart[l]) {
     L->on[l] = -1;
     fa_join(L, l);
   }
@@ -261,7 +260,8 @@ static void fa_lanes_run(fa_lanes *L) {
 
 /* Carry out runs that share rows, clocks, knots and the flag that ends them, at most as many as vectors have lanes. */
 FA_EXPORT void fa_simulate_lanes(fa_job *const *jobs, int64_t count) {
-  fa_lanes lanes, *L = &lanes;
+  static _Thread_local fa_lanes lanes;
+  fa_lanes *L = &lanes;
   memset(L, 0, sizeof *L);
   for (int l = 0; l < count; l++) {
     L->job[l] = jobs[l];
