@@ -26,7 +26,7 @@ from engine.model import Model
 from engine.ports import MOTION
 from engine.quantity import convert
 from engine.start import start_values
-from engine.step import STEP_PER_RATE, fastest, internal_step
+from engine.step import FOLLOWED, StepRule, fastest, internal_step
 from scenarios.amend import Edit
 from scenarios.load import Scenario
 from scenarios.variant import edited, renamed
@@ -163,7 +163,7 @@ def variant(
     inputs = renamed([v.name for v in base.model.inputs], edits)
     outputs = renamed([v.name for v in base.model.outputs], edits)
     model, experiments = base.experiments[0].on_variant(scenario, inputs, outputs, base.experiments)
-    return _pose(scenario, model, experiments, _tolerances(scenario, None), extra, held, base.step_per_rate)
+    return _pose(scenario, model, experiments, _tolerances(scenario, None), extra, held, base.steps)
 
 
 def _pose(
@@ -173,7 +173,7 @@ def _pose(
     tolerances: Mapping[str, float],
     extra: Sequence[FreeParameter] = (),
     held: Collection[str] = (),
-    step_per_rate: float = STEP_PER_RATE,
+    steps: StepRule = FOLLOWED,
 ) -> Problem:
     named = {f.name: f for f in free_parameters(model, tolerances)} | {f.name: f for f in extra}
     bounds = {p.name: _within(p.declared.bounds) for p in model.parameters}
@@ -183,7 +183,7 @@ def _pose(
         if f.name in bounds and f.name not in held
     ]
     starts = [start for e in experiments for start in free_starts(e)]
-    whole = Problem(scenario, model, tuple(experiments), (*free, *starts), step_per_rate=step_per_rate)
+    whole = Problem(scenario, model, tuple(experiments), (*free, *starts), steps=steps)
     return resolved(whole, np.zeros(len(whole.free))) or whole
 
 
@@ -240,7 +240,7 @@ def resolved(made: Problem, x: Array) -> Problem | None:
         start = start_values(model, p)
         if fastest(model, p, start).rate * least > FITTING.stable:
             return None
-        finest = min(finest, internal_step(model, p, start, step, per_rate=made.step_per_rate))
+        finest = min(finest, internal_step(model, p, start, step, rule=made.steps))
     return replace(made, internal_step=max(finest, least))
 
 

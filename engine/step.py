@@ -21,6 +21,29 @@ STEP_PER_RATE = 0.5
 """Internal step times the fastest rate; RK4 is stable up to 2.78, and loses 1e-4 of a cycle's phase at 0.5."""
 
 
+@dataclass(frozen=True)
+class StepRule:
+    """How long an internal step may be, times the rate of a mode.
+
+    Attributes:
+        swinging: for modes that swing, or grow.
+        dying: for modes that lose more in a cycle than they swing, Re < -|Im|. The faster such a mode, the sooner it
+            stands where the slower ones put it: RK4 puts it there as well as long as it is stable.
+    """
+
+    swinging: float = STEP_PER_RATE
+    dying: float = STEP_PER_RATE
+
+    def longest(self, values: NDArray[np.complex128]) -> float:
+        """The longest step (s) for modes of some eigenvalues (1/s)."""
+        dies = values.real < -np.abs(values.imag)
+        rates = ((self.swinging, np.abs(values[~dies])), (self.dying, np.abs(values[dies])))
+        return min(share / float(column.max(initial=1e-300)) for share, column in rates)
+
+
+FOLLOWED = StepRule()
+"""All modes are followed in their course, as runs do."""
+
 SAME = 1e-6
 """Rates and shares that differ by no more than this fraction are equal."""
 
@@ -99,18 +122,16 @@ def internal_step(
     step: float,
     stop: float | None = None,
     u: Vector | None = None,
-    per_rate: float = STEP_PER_RATE,
+    rule: StepRule = FOLLOWED,
 ) -> float:
-    """A step (s) no longer than ``step``, and than ``per_rate`` over the rate of the fastest mode, which it resolves.
+    """A step (s) no longer than ``step``, and than a rule allows for the modes of the model.
 
     Given the length of the run (s), it also follows every lightly damped mode to its end; see `lasting_step`. Modes
     that there are only while a contact is closed are resolved, and not followed: they last no longer than the contact.
     """
     found, spectra = step, list(_spectra(model, p, x, u))
     for values, _ in spectra:
-        rate = float(np.abs(values).max())
-        if rate > 0:
-            found = min(found, per_rate / rate)
+        found = min(found, rule.longest(values))
     if stop is not None and spectra:
         found = min(found, lasting_step(spectra[0][0], stop))
     return found

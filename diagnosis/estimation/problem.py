@@ -17,7 +17,7 @@ from diagnosis.estimation.time_experiment import over_time
 from diagnosis.thresholds import FITTING
 from engine.errors import ParameterError, SimulationError
 from engine.model import Model
-from engine.step import STEP_PER_RATE
+from engine.step import FOLLOWED, StepRule
 
 if TYPE_CHECKING:
     from diagnosis.recordings.types import Assumed
@@ -47,7 +47,7 @@ class Problem:
         experiments: all recordings, whatever their role.
         free: what may move.
         internal_step: longest integration step (s), the same for every evaluation, so that comparisons are fair.
-        step_per_rate: what integration steps are at most, times the rate of the model's fastest mode.
+        steps: how long integration steps may be.
     """
 
     scenario: Scenario
@@ -55,7 +55,7 @@ class Problem:
     experiments: tuple[Experiment, ...]
     free: tuple[FreeParameter, ...]
     internal_step: float | None = None
-    step_per_rate: float = STEP_PER_RATE
+    steps: StepRule = FOLLOWED
 
     @property
     def training(self) -> list[Experiment]:

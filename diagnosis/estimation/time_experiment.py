@@ -49,7 +49,7 @@ class TimeExperiment(Experiment):
         stated: starting values that the user gave (SI).
         first: what was recorded at first, before any resampling; None if the model's own start is meant.
         begin: where the state begins on the model; see `on_model`.
-        merged: how many simulated rows' intervals of the recording as it was prepared make one of these.
+        merged: interval of the simulated rows over that of the recording as it was prepared, and over ``thinned``.
     """
 
     sparse: ClassVar[bool] = False
@@ -65,7 +65,7 @@ class TimeExperiment(Experiment):
     assumed: Mapping[tuple[str, ...], Assumed] = field(default_factory=dict)
     noise_stated: tuple[bool, ...] = ()
     stated: dict[str, float] = field(default_factory=dict)
-    merged: int = 1
+    merged: float = 1.0
     first: FirstSamples | None = None
     begin: Start = field(default_factory=Start)
 
@@ -166,14 +166,14 @@ class TimeExperiment(Experiment):
         )
 
     def stepped(self, parts: int) -> TimeExperiment:
-        """The same samples with so many simulated rows for each, if that is fewer; else the experiment as it is."""
-        if self.uneven or parts >= self.every:
+        """The same samples with so many simulated rows for each; as it is if the recording itself has no more."""
+        if self.uneven or parts == self.every or parts > self.every * self.thinned:
             return self
         return replace(
             self,
             step=self.interval / parts,
             every=parts,
-            merged=math.ceil(self.merged * self.every / parts),
+            merged=self.merged * self.every / parts,
             coarse=True,
         )
 

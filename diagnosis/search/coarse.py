@@ -21,8 +21,9 @@ from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.problems import resolved
-from diagnosis.thresholds import COARSE, EVIDENCE
+from diagnosis.thresholds import COARSE, EVIDENCE, FITTING
 from engine.errors import SimulationError
+from engine.step import StepRule
 
 
 def coarse(problem: Problem, x: Array) -> Problem:
@@ -61,24 +62,32 @@ def _with_few_samples(problem: Problem, x: Array, given: Sequence[TimeExperiment
 def _with_long_steps(problem: Problem, x: Array) -> Problem:
     """The problem with the longest integration steps whose error stays well below the sensors' noise.
 
+    Where none does, the steps between coarse samples are those between the samples that were recorded, for the models
+    that are compared too.
+
     Raises:
         SimulationError: a run diverges.
     """
     given = [e for e in problem.experiments if isinstance(e, TimeExperiment)]
     fine = [e.residual(problem.simulate(x, e)) for e in given]
-    for per_rate in (COARSE.per_rate, problem.step_per_rate):
+    swinging = (COARSE.per_rate, problem.steps.swinging)
+    rules = [StepRule(rate, FITTING.stable) for rate in swinging]
+    tried = {problem.internal_step}
+    for rule in (*rules, StepRule(COARSE.per_rate, COARSE.per_rate), problem.steps):
         parts = 1
         while parts == 1 or any(e.stepped(parts) is not e for e in given):
             experiments = tuple(replace(e.stepped(parts), coarse=True) for e in given)
-            made = resolved(replace(problem, experiments=experiments, step_per_rate=per_rate), x)
-            if made is None or made.internal_step == problem.internal_step:
-                break
+            made = resolved(replace(problem, experiments=experiments, steps=rule), x)
+            parts *= 2
+            if made is None or made.internal_step in tried:
+                continue
+            tried.add(made.internal_step)
             apart = [_apart(made, x, e, r) for e, r in zip(experiments, fine, strict=True)]
             if all(math.sqrt(float(np.mean(d**2, axis=0).max())) < COARSE.solver for d in apart):
                 pairs = zip(experiments, apart, strict=True)
                 return replace(made, experiments=tuple(replace(e, measured=e.measured + d * e.sigma) for e, d in pairs))
-            parts *= 2
-    return problem
+    finest = tuple(e.stepped(e.every * e.thinned) for e in given)
+    return problem if finest == tuple(given) else replace(problem, experiments=finest)
 
 
 def _apart(made: Problem, x: Array, e: TimeExperiment, r: Array) -> Array:

@@ -10,7 +10,7 @@ import pytest
 from engine.assemble import build
 from engine.simulate import simulate
 from engine.start import start_values
-from engine.step import STEP_PER_RATE, fastest
+from engine.step import STEP_PER_RATE, StepRule, fastest, internal_step
 from tests.engine.parts import Anchor, Body, Rest, Spring, system
 
 
@@ -40,3 +40,35 @@ def test_a_step_too_long_is_noticed_and_the_mode_named() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         simulate(model, 1.0, 1e-2, initial=start, internal_step=2e-4, step_tolerance=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("values", "longest"),
+    [
+        ([-1 + 100j, -1 - 100j], 0.5 / abs(-1 + 100j)),
+        ([-1000.0, -1.0], 2.0 / 1000),
+        ([-30 + 20j, -30 - 20j], 2.0 / abs(30 + 20j)),
+        ([400.0, -400.0], 0.5 / 400),
+        ([-1000.0, -1 + 400j, -1 - 400j], 0.5 / abs(-1 + 400j)),
+    ],
+)
+def test_a_mode_that_dies_is_given_longer_steps_than_one_that_swings_or_grows(
+    values: list[complex], longest: float
+) -> None:
+    assert StepRule(0.5, 2.0).longest(np.array(values, dtype=complex)) == pytest.approx(longest, rel=1e-9)
+    assert StepRule(0.5, 2.0).longest(np.zeros(1, dtype=complex)) > 1e200
+
+
+def test_behind_a_mode_that_has_died_a_model_is_where_it_should_be_whatever_its_steps() -> None:
+    """A light body on a stiff damper, pulled by a soft spring: x' = -k x / d after the first instants."""
+    inertia, damping, stiffness = 1e-6, 1e-2, 1e-2
+    blocks = {"m": Body(inertia=inertia), "s": Spring(stiffness=stiffness, damping=damping), "g": Anchor()}
+    model = build(system(blocks, ("g.shaft", "s.a"), ("s.b", "m.shaft")))
+    p = model.parameter_values
+    short, long = (
+        internal_step(model, p, start_values(model, p), 1.0, rule=rule) for rule in (StepRule(), StepRule(0.5, 2.0))
+    )
+    assert long == pytest.approx(4 * short)
+    run = simulate(model, 2.0, 0.1, initial={"m.shaft.angle": 1.0}, internal_step=long)
+    slow = min(abs(root) for root in np.roots([inertia, damping, stiffness]))
+    np.testing.assert_allclose(run["m.shaft.angle"][1:], np.exp(-slow * run.time[1:]), rtol=2e-4)

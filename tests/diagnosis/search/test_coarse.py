@@ -12,7 +12,7 @@ from diagnosis.api import gather
 from diagnosis.estimation.least_squares import descend
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment, _mean_drive
-from diagnosis.problems import problem
+from diagnosis.problems import problem, variant
 from diagnosis.search.coarse import coarse
 from diagnosis.thresholds import COARSE
 from engine.simulate import Drive
@@ -92,6 +92,17 @@ def test_the_steps_of_a_fast_machine_still_resolve_its_fastest_mode(tmp_path: Pa
     assert rough.internal_step <= COARSE.per_rate / STEP_PER_RATE * made.internal_step * (1 + 1e-9)
     for e, there in zip(made.experiments, rough.experiments, strict=True):
         np.testing.assert_allclose(rough.residual(x, there), made.residual(x, e), atol=1e-9)
+
+
+def test_models_that_are_compared_run_in_the_same_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no long step is good enough, coarse samples are no reason to take one in an amended model."""
+    monkeypatch.setattr("diagnosis.search.coarse.COARSE", replace(COARSE, samples=800, solver=0.0))
+    scenario = load(case(tmp_path, seed=2))
+    made = problem(scenario, gather(scenario, [], []))
+    rough = coarse(made, np.zeros(len(made.free)))
+    assert {e.thinned for e in rough.experiments} == {3}
+    assert rough.internal_step == made.internal_step
+    assert variant(rough, []).internal_step == made.internal_step
 
 
 def test_a_mean_input_has_the_area_of_the_input() -> None:
