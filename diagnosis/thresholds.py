@@ -460,6 +460,12 @@ class Search:
         "Share of each recording to which a wave is fitted first, before it is doubled step by step.",
         "cogging of 18 and 36 waves a turn, 300 thresholds, on a geared motor: from 1/16 on the higher is lost",
     )
+    telling: float = number(
+        1 / 8,
+        "1",
+        "Share of each recording from which on the half of a wave's orders that leaves more is dropped.",
+        "over less of it, neighbouring orders are alike",
+    )
     lost: float = number(
         2.0,
         "1",
@@ -495,6 +501,12 @@ class Search:
         "mean squared residuals",
         "A fit is left where a step lowers its cost by less, until its model turns out to be the best.",
         "half a unit of evidence; odds of twenty to one are six of these",
+    )
+    digits: float = number(
+        1e-3,
+        "1",
+        "The user's own model is fitted until a step takes less than this share of its squared error away.",
+        "an error is told in three digits",
     )
     settled: int = number(
         4,

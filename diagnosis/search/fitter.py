@@ -97,17 +97,22 @@ class CandidateFitter:
     def closest(self, model: ScoredModel) -> ScoredModel:
         """A model at its least squared error, unless all recordings together are then followed less closely.
 
-        The user's own is begun from several starts too, as `flexarm fit` begins it, on coarse recordings.
+        The user's own is begun from several starts too, as `flexarm fit` begins it, on coarse recordings. Its error may
+        be millions of times the noise, and is fitted to the digits that are told.
         """
         point = end_of(model)
 
         def compute() -> PartialFit:
-            made, begins = point.problem, [point.x]
+            made, begins, drop = point.problem, [point.x], 0.0
             if not model.effects:
-                begins.append(fit(self.coarse, random_starts=2, seed=self.seed, workers=self.workers).x)
+                drop = SEARCH.digits * sum(e.measured.size for e in made.training)
+                starts = fit(self.coarse, random_starts=2, seed=self.seed, workers=self.workers, least_gain=drop)
+                begins.append(starts.x)
+            steps = SEARCH.most_steps
             with Threads(self.workers) as pool:
                 ends = [
-                    descend(made, x, made.training, pool, iterations=SEARCH.most_steps, noise="stated") for x in begins
+                    descend(made, x, made.training, pool, iterations=steps, least_gain=drop, noise="stated")
+                    for x in begins
                 ]
             x, cost, converged = min(ends, key=lambda end: end[1])
             return PartialFit(model.effects, replace(point, x=x, cost=cost), converged)

@@ -7,6 +7,7 @@ own. Over the beginning it does not, and each doubling of the time moves the par
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from diagnosis.estimation.least_squares import descend
@@ -28,10 +29,38 @@ def grown(made: Problem, x: Array) -> Array:
         made: what is fitted.
         x: where to begin.
     """
+    for share in _shares():
+        x, _ = _fitted(made, x, share)
+    return x
+
+
+def raced(begun: Sequence[tuple[Problem, Array]]) -> list[tuple[int, Array]]:
+    """The same for models of which one is sought: those that keep up with the best, by number, with their vectors.
+
+    Over `SEARCH.telling` of the recordings and with each doubling after it, the half that leaves more is dropped.
+
+    Args:
+        begun: what is fitted to the same recordings, and where to begin.
+    """
+    found = [(k, x) for k, (_, x) in enumerate(begun)]
+    for share in _shares():
+        ends = [(k, *_fitted(begun[k][0], x, share)) for k, x in found]
+        if share >= SEARCH.telling:
+            ends = sorted(ends, key=lambda end: end[2])[: (len(ends) + 1) // 2]
+        found = [(k, x) for k, x, _ in ends]
+    return found
+
+
+def _shares() -> Iterator[float]:
     share = SEARCH.beginning
     while share < 1:
-        begun = beginning(made, share)
-        with Threads(1) as pool:
-            x, *_ = descend(begun, x, begun.training, pool, iterations=SEARCH.first_steps, noise="white")
+        yield share
         share *= 2
-    return x
+
+
+def _fitted(made: Problem, x: Array, share: float) -> tuple[Array, float]:
+    """A few steps on the beginning of each recording: search vector and cost."""
+    begun = beginning(made, share)
+    with Threads(1) as pool:
+        x, cost, _ = descend(begun, x, begun.training, pool, iterations=SEARCH.first_steps, noise="white")
+    return x, cost

@@ -5,7 +5,8 @@ what it does: they have moved in the parent's fit, and with them left there a wa
 the wrong order. So both are solved for at once, by the tangents from a wave that is hardly there.
 
 A wave of a high order in an angle is out of step as soon as the model's angle is off by a fraction of it, as it is soon
-after the start. So both are also solved for over the beginning of each recording, and fitted to ever more of it.
+after the start. So both are also solved for over the beginning of each recording, and fitted to ever more of it, in
+ever fewer of the orders.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.effects.effect import Candidate
+from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.whitened import WhitenedResiduals
-from diagnosis.search.growing import beginning, grown
+from diagnosis.search.growing import beginning, raced
 from diagnosis.search.partial_fit import Builder, StartingPoint
 from diagnosis.thresholds import SEARCH
 from engine.errors import SimulationError
@@ -38,25 +39,25 @@ def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[
     """
     wave = effects[k].wave
     assert wave is not None
-    rows: list[StartingPoint] = []
+    orders: list[tuple[Problem, Array, tuple[Sizes, ...], tuple[Sizes, ...]]] = []
     for group in replace(effects[k], starts=wave.starts).structures():
         together = [tuple(sizes if i == k else c.starts[0] for i, c in enumerate(effects)) for sizes in group]
-        for made, there, sizes in builder.placed(tuple(effects), together, parent):
-            both = (_solution(made, there, effects[k]), _grown(made, there, effects[k]))
-            points = [StartingPoint(_cost(made, x), made, x, sizes, together[0]) for x in both if x is not None]
-            rows += sorted(points, key=lambda point: point.cost)[:1]
-    return sorted(rows, key=lambda point: point.cost)
+        orders += [(*made, together[0]) for made in builder.placed(tuple(effects), together, parent)]
 
+    rows = [_solution(made, x, effects[k]) for made, x, *_ in orders]
+    first = [_solution(beginning(made, SEARCH.beginning), x, effects[k]) for made, x, *_ in orders]
+    able = [number for number, x in enumerate(first) if x is not None]
+    racing = raced([(orders[number][0], x) for number in able if (x := first[number]) is not None])
+    ends = [*enumerate(rows), *((able[k], x) for k, x in racing)]
 
-def _cost(made: Problem, x: Array) -> float:
-    return made.cost(x, made.training, noise="white")
-
-
-def _grown(made: Problem, x: Array, effect: Candidate) -> Array | None:
-    """The solution over the beginning of each recording, fitted to ever more of it; None where there is none."""
-    begun = beginning(made, SEARCH.beginning)
-    there = _solution(begun, x, effect)
-    return there if there is None else grown(made, there)
+    found: dict[int, StartingPoint] = {}
+    for number, x in ends:
+        made, _, sizes, built = orders[number]
+        if x is not None:
+            point = StartingPoint(made.cost(x, made.training, noise="white"), made, x, sizes, built)
+            if number not in found or point.cost < found[number].cost:
+                found[number] = point
+    return sorted(found.values(), key=lambda point: point.cost)
 
 
 def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
