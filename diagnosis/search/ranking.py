@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from diagnosis.effects.effect import Candidate
 
@@ -44,7 +44,17 @@ def spoken_for(able: Sequence[Candidate]) -> tuple[list[Candidate], dict[tuple[s
     return first, laws
 
 
-def ranked(able: Sequence[Candidate], promise: dict[int, float]) -> list[Candidate]:
-    """Effects that can be put in, those that promise most first."""
-    found = sorted(able, key=lambda c: -promise[id(c)])
-    return [c for c in found if promise[id(c)] > -math.inf]
+def ranked(able: Sequence[Candidate], promise: Mapping[int, Sequence[float]]) -> list[Candidate]:
+    """Effects that can be put in, those that promise most first.
+
+    Args:
+        able: effects.
+        promise: by the identity of each, what it promises to gain at each of the points that fits begin from. Where
+            parameters are bent for want of an effect, others promise more there; so the points take turns.
+    """
+    if not able:
+        return []
+    points = range(len(promise[id(able[0])]))
+    orders = [sorted(able, key=lambda c, k=k: -promise[id(c)][k]) for k in points]  # type: ignore[misc]
+    turns = {id(c): c for row in zip(*orders, strict=True) for c in row}
+    return [c for c in turns.values() if max(promise[id(c)]) > -math.inf]

@@ -101,7 +101,8 @@ class _Search:
     def run(self, most: int) -> None:
         """Add effects one by one, from the best few models, while even a perfect further effect would pay."""
         self._grow(most)
-        for model in sorted(self.known.models, key=self.known.worth, reverse=True)[: SEARCH.settled]:
+        near = [m for m in self.known.models if self.known.worth(m) > self.known.reach]
+        for model in sorted(near, key=self.known.worth, reverse=True)[: SEARCH.settled]:
             self.known.settled(model)
         self.known.confirmed(self.known.best)
         before = None
@@ -142,8 +143,7 @@ class _Search:
         if not best.keys < whole.keys:
             return
         nuisances = tuple(ended(whole, c) for c in whole.effects if c.key not in best.keys)
-        near = self.known.worth(best) - self.known.price - SEARCH.effort
-        rivals = {m.keys: m for m, _ in self.known.told if m.effects and self.known.worth(m) > near}
+        rivals = {m.keys: m for m, _ in self.known.told if m.effects and self.known.worth(m) > self.known.reach}
         tasks: list[tuple[tuple[Candidate, ...], list[Values]]] = []
         for m in rivals.values():
             both = all_beside([ended(m, c) for c in m.effects], nuisances)
@@ -326,10 +326,16 @@ class _Search:
         return [o for o in [self.fitter.origin(kept, parents[0])] if o is not None]
 
     def _pays(self, origins: Sequence[Origin], effect: Candidate) -> bool:
-        """Whether an effect promises to raise the likelihood by more than it costs."""
-        found = [course.likelihood for origin in origins for course in courses(self.fitter, origin, effect)]
+        """Whether an effect promises to raise the likelihood by more than it costs, at any of the origins."""
         cost = price(self.known.refit.own) if effect.freed else self.known.price
-        return max(found, default=-math.inf) > origins[0].likelihood + cost
+        return max(self._gains(origins, effect), default=-math.inf) > cost
+
+    def _gains(self, origins: Sequence[Origin], effect: Candidate) -> list[float]:
+        """How much an effect promises to raise the likelihood at each of the origins."""
+        return [
+            max((c.likelihood for c in courses(self.fitter, o, effect)), default=-math.inf) - o.likelihood
+            for o in origins
+        ]
 
     def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
         """Effects, in each way to put them in, those that promise most first."""
@@ -343,17 +349,12 @@ class _Search:
         self.known.failures += [pair for pair in whys.items() if pair not in self.known.failures]
         return ranked([*first, *waiting], promise)
 
-    def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[float]:
-        """The greatest likelihood that each effect promises."""
-
-        def one(effect: Candidate) -> float:
-            found = [course.likelihood for o in origins for course in courses(self.fitter, o, effect)]
-            return max(found, default=-math.inf)
-
+    def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[list[float]]:
+        """What each effect promises to gain at each of the origins."""
         found = []
         with Spread(self.fitter.workers, threads=True) as pool:
-            for done, left in enumerate(pool.map(one, able), 1):
-                found.append(left)
+            for done, gains in enumerate(pool.map(lambda effect: self._gains(origins, effect), able), 1):
+                found.append(gains)
                 if self.progress:
                     self.progress("looking at effects", done, len(able))
         return found

@@ -70,6 +70,11 @@ class TriedModels:
         """What the model of greatest worth is told as."""
         return self.leading[0]
 
+    @property
+    def reach(self) -> float:
+        """Worth below which a model is not near the best."""
+        return self.worth(self.best) - self.price - SEARCH.effort
+
     def worth(self, model: ScoredModel) -> float:
         """Evidence less price."""
         return value(model, self.tried)
@@ -128,8 +133,8 @@ class TriedModels:
             for made in able:
                 self.keep(made)
             kept += able
-            near = self.worth(self.best) - self.price - SEARCH.effort
-            if not any(self.worth(made) > near and made.keys != self.best.keys for made in able):
+            reach = self.reach
+            if not any(self.worth(made) > reach and made.keys != self.best.keys for made in able):
                 self.waiting += partials[few + SEARCH.few :]
                 break
         return kept

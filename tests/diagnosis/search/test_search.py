@@ -46,6 +46,7 @@ class World:
         self.promise = promise or {}
         self.fitted: list[frozenset[str]] = []
         self.retries: list[frozenset[str]] = []
+        self.settlings: list[frozenset[str]] = []
         self.bad: set[frozenset[str]] = set()
         """Models of which no fit converges before it is tried again."""
         self.refit = self.made(())
@@ -100,6 +101,7 @@ class World:
         return made
 
     def settled(self, model: Any) -> Any:
+        self.settlings.append(model.keys)
         return model
 
     def retried(self, model: Any) -> Any:
@@ -159,6 +161,15 @@ def test_where_one_effect_leaves_the_noise_no_further_is_sought() -> None:
     found = run(world, [FRICTION, LAG, *OTHERS])
     assert found.known.best.keys == {FRICTION.key}
     assert max(len(keys) for keys in world.fitted) == 1
+
+
+def test_only_models_near_the_best_are_fitted_to_the_end() -> None:
+    """What is beyond reach cannot become the best by some steps more."""
+    world = World(by({FRICTION.key: 0.0, LAG.key: 9e5}))
+    world.bad = {frozenset({FRICTION.key}), frozenset({LAG.key})}
+    found = run(world, [FRICTION, LAG, *OTHERS])
+    assert frozenset({LAG.key}) in found.known
+    assert world.settlings == [frozenset({FRICTION.key})]
 
 
 def test_where_a_second_effect_is_not_believed_no_third_is_sought() -> None:
