@@ -105,10 +105,11 @@ class _Search:
         for model in sorted(near, key=self.known.worth, reverse=True)[: SEARCH.settled]:
             self.known.settled(model)
         self.known.confirmed(self.known.best)
-        before = None
-        while before is not self.known.best:
-            before = self.known.best
-            self._simplified(before)
+        done: list[ScoredModel] = []
+        # Beside a nuisance that it is told without, a law may owe to the nuisance what makes it rich.
+        while left := [m for m in self.known.leading if not any(m is d for d in done)]:
+            done.append(left[0])
+            self._simplified(left[0])
         self._evened()
 
     def fit_known(self, models: Sequence[ScoredModel]) -> None:

@@ -172,6 +172,16 @@ def test_only_models_near_the_best_are_fitted_to_the_end() -> None:
     assert world.settlings == [frozenset({FRICTION.key})]
 
 
+def test_a_simpler_law_is_tried_beside_the_nuisance_that_made_the_richer_one_better() -> None:
+    """Friction seems to have an edge at low speed for want of a weak lag; beside that the plain law does as well."""
+    left = {FRICTION.key: 3e5, STRIBECK.key: 1.2e4}
+    left |= {f"{law.key} + {LAG.key}": 7e3 for law in (FRICTION, STRIBECK)}
+    world = World(by(left), {FRICTION.key: -1.0})
+    run(world, [FRICTION, STRIBECK, LAG, *OTHERS])
+    assert frozenset({STRIBECK.key, LAG.key}) in world.fitted
+    assert frozenset({FRICTION.key, LAG.key}) in world.fitted
+
+
 def test_where_a_second_effect_is_not_believed_no_third_is_sought() -> None:
     """Something is left that nothing explains: the search ends, it does not try triples."""
     world = World(by({FRICTION.key: 9e4}))
