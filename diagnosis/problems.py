@@ -83,6 +83,7 @@ def experiment(made: Binding, recording: Recording, longest: float, statics: Sta
         logged=tuple(c.logged * f for c, f in zip(recording.measurements, made.factors, strict=True)),
         loop=recording.loop,
         assumed=recording.assumed,
+        wraps=recording.wraps,
         noise_stated=tuple(channel.noise is not None for channel in recording.measurements),
         stated=made.starts,
         settings=made.settings,

@@ -35,6 +35,8 @@ FILE = (
     "a .csv, .mat, .parquet, .json, .jsonl or .dat file, or with extras .mcap, a rosbag2, .h5, .mf4, .tdms or .xlsx; "
     "relative to this file, or $FLEXARM_RECORDINGS/... for one in the folder that this environment variable names"
 )
+SIGNED_NUMBERS = ("int8", "int16", "int32")
+"""Words of ``wrap:`` for signed numbers that were stored without their sign."""
 LONGEST_NAME = 100
 """Characters of a name; names of files, of C functions and of variables are made of it."""
 NAME_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*$"
@@ -86,7 +88,14 @@ Wrap = Annotated[
     Any,
     BeforeValidator(lambda value: value if isinstance(value, bool) else _quantity(value)),
     WithJsonSchema(
-        {"anyOf": [{"type": "boolean"}, {"type": "number"}, {"type": "string", "pattern": QUANTITY_PATTERN}]}
+        {
+            "anyOf": [
+                {"type": "boolean"},
+                {"type": "number"},
+                {"enum": list(SIGNED_NUMBERS)},
+                {"type": "string", "pattern": QUANTITY_PATTERN},
+            ]
+        }
     ),
 ]
 Text = Annotated[str, BeforeValidator(_text)]
@@ -243,6 +252,7 @@ class Drive(Section):
         default=None, description="column that says when the source acts; where it holds 0, the input is 0"
     )
     zero: Literal["first", "none"] = Field(default="none", description="first: count from the first sample")
+    wrap: Wrap = Field(default=False, description="as that of a measurement")
 
 
 class Measurement(Section):
@@ -257,7 +267,8 @@ class Measurement(Section):
     wrap: Wrap = Field(
         default=False,
         description="true: the recorded angle jumps at each revolution and is made continuous; or the range after "
-        "which the column begins anew, in its unit, such as 65536",
+        "which the column begins anew, in its unit, such as 65536; int8, int16 or int32: signed numbers of so many "
+        "bits that were read without their sign, -1 as 65535",
     )
     counts_per_rev: Quantity | None = Field(default=None, description="encoder counts in a revolution")
     noise: Quantity = Field(default="auto", description="standard deviation in the column's unit, or auto")

@@ -252,11 +252,15 @@ def _row(row: Match, log: LogFile, *, first: bool, drives: bool) -> str:
     own = row.unit if row.unit not in ("1", "count") else ""
     if signal is not None:
         span = float(np.nanmax(signal.values) - np.nanmin(signal.values))
-        level = signal.rest
+        level, signed = signal.rest, row.unit != "count" and signal.signed
+        if signed and level is not None and level >= signal.wrap / 2:
+            level -= signal.wrap
         doubt = max(3 * (signal.noise or 0.0) / math.sqrt(max(log.still, 1)), 1e-3 * span)
         if level is not None and abs(level) > doubt:
             parts.append(f"offset: {f'{level:.6g} {own}'.strip()}")
-        if not drives and signal.wrap:
+        if signed:
+            parts.append(f"wrap: {signed}")
+        elif not drives and signal.wrap:
             parts.append(
                 f"wrap: {'true' if _whole_turn(signal.wrap, row.unit) else f'{signal.wrap:.9g} {own}'.strip()}"
             )

@@ -12,6 +12,7 @@ from diagnosis.recordings import quality
 from diagnosis.recordings.by_header import header
 from diagnosis.recordings.columns import Columns, RecordingError, Vector, read_columns
 from diagnosis.recordings.noise import noise, quantum
+from diagnosis.recordings.wrapped_numbers import find
 from engine.errors import ParameterError, Where
 from engine.quantity import coherent, factor
 
@@ -61,6 +62,7 @@ class Signal:
         values: as logged, made continuous where they wrap, shape (rows,).
         unit: that its name or its file states; empty if none.
         wrap: range in logged numbers after which it begins anew; 0 if it does not.
+        signed: what ``wrap:`` calls signed numbers that were logged without their sign; empty if they are none.
         counts: whether it holds whole numbers alone.
         rest: mean over the stretch before anything moves; None without one.
         noise: standard deviation there; None without one.
@@ -70,6 +72,7 @@ class Signal:
     values: Vector
     unit: str
     wrap: float = 0.0
+    signed: str = ""
     counts: bool = False
     rest: float | None = None
     noise: float | None = None
@@ -259,6 +262,10 @@ def _signal(name: str, values: Vector, units: dict[str, str], *, join: bool = Fa
         ranges = [2.0**k for k in range(8, 33)] + [360.0, 2 * np.pi]
         near = min(ranges, key=lambda r: abs(np.log(r / size)))
         made.wrap = near if abs(np.log(near / size)) < 0.05 else size
+    wrapped = find(values, turns=False)
+    if wrapped is not None:
+        made.signed, made.wrap = wrapped.word, wrapped.size
+    if made.wrap:
         made.values[there] = np.unwrap(values[there], period=made.wrap)
     return made
 

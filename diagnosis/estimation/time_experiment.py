@@ -44,7 +44,7 @@ class TimeExperiment(Experiment):
         uneven: whether ``time`` is not a multiple of the rows' interval: outputs are then interpolated between rows.
         outliers: for each signal, how many samples were left out as spikes.
         logged: for each signal, its unit over a number as it was logged.
-        loop, assumed: as of the recording.
+        loop, assumed, wraps: as of the recording.
         noise_stated: for each signal, whether the user stated its noise; none if that is not known.
         stated: starting values that the user gave (SI).
         first: what was recorded at first, before any resampling; None if the model's own start is meant.
@@ -63,6 +63,7 @@ class TimeExperiment(Experiment):
     logged: tuple[float, ...] = ()
     loop: str = "open"
     assumed: Mapping[tuple[str, ...], Assumed] = field(default_factory=dict)
+    wraps: Mapping[str, bool] = field(default_factory=dict)
     noise_stated: tuple[bool, ...] = ()
     stated: dict[str, float] = field(default_factory=dict)
     merged: float = 1.0

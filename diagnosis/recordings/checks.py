@@ -68,7 +68,8 @@ def checked(
         drive=tuple(_from_first(replace(channel, values=channel.values[keep])) for channel in recording.drive),
         measurements=tuple(_from_first(channel) for channel in measurements),
         spare=tuple(_from_first(channel) for channel in spare),
-        notes=(*recording.notes, *reader.notes, *time_notes),
+        notes=(*recording.notes, *reader.notes, *reader.wraps, *time_notes),
+        wraps=dict(reader.wraps),
     )
 
 

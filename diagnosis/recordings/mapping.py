@@ -15,12 +15,17 @@ from diagnosis.recordings.paths import recording_path
 from diagnosis.recordings.reader import Reader
 from diagnosis.recordings.time_axis import time_axis, window, with_lead_in
 from diagnosis.recordings.types import Channel, FrequencyTable, Recorded, Recording
-from engine.errors import ParameterError
+from diagnosis.recordings.wrapped_numbers import SIGNED, Wrapped, find, outside, signed
+from engine.errors import ParameterError, nearest
+from engine.ports import MOTION
 from engine.quantity import factor, split
 
 if TYPE_CHECKING:
     from scenarios.load import Scenario
-    from scenarios.schema import FrequencyRecording, TimeRecording
+    from scenarios.schema import Drive, FrequencyRecording, Measurement, TimeRecording
+
+POSITIONS = frozenset(kind[0][0] for kind in MOTION.values())
+"""Signals that a counter or an angle of whole turns may show."""
 
 
 def from_scenario(scenario: Scenario, name: str) -> Recorded:
@@ -52,11 +57,12 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
         keys = ("drive", end)
         hold = column.hold or "zero_order"
         values = required[column.column] = _driven(reader, column.column, hold, shared, keys)
+        scale, unit = reader.factor(column.unit, column.scale, *keys, "unit")
+        values = _continuous(reader, column, values, scale, keys)
         values = values - reader.convert(column.offset, column.unit, *keys, "offset")
         if column.enable is not None:
             acts = required[column.enable] = _driven(reader, column.enable, "zero_order", shared, keys)
             values = np.where(acts != 0, values, 0.0)
-        scale, unit = reader.factor(column.unit, column.scale, *keys, "unit")
         drive.append(
             Channel(
                 scenario.resolve(end),
@@ -131,7 +137,7 @@ def _driven(reader: Reader, column: str, hold: str, shared: NDArray[np.bool_], k
 
 
 def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario: Scenario) -> Channel:
-    """A measured column in SI units; an angle that wraps is made continuous."""
+    """A measured column in SI units."""
     column, keys = described.measurements[signal], ("measurements", signal)
     values = reader.column(column.column, *keys)
     if column.counts_per_rev is not None:
@@ -145,17 +151,7 @@ def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario
     else:
         scale, unit = reader.factor(column.unit, column.scale, *keys, "unit")
     offset = reader.convert(column.offset, "" if column.unit == "count" else column.unit, *keys, "offset")
-    values = (values - offset) * (scale * column.sign)
-    if column.wrap is not False:
-        period = 2 * math.pi
-        if column.wrap is not True:
-            period = abs(scale) * reader.convert(
-                column.wrap, "" if column.unit == "count" else column.unit, *keys, "wrap"
-            )
-        if not period > 0:
-            raise RecordingError(f"a range of {column.wrap}", reader.where(*keys, "wrap"), "give one above zero")
-        finite = np.isfinite(values)
-        values[finite] = np.unwrap(values[finite], period=period)
+    values = (_continuous(reader, column, values, scale, keys) - offset) * (scale * column.sign)
     clock = reader.clock(column.column)
     if clock is not None and reader.axis is not None:
         values = clock.measured(values, reader.axis)
@@ -170,6 +166,59 @@ def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario
         from_first=column.zero == "first",
         noise=noise,
         logged=abs(scale),
+    )
+
+
+def _continuous(
+    reader: Reader, column: Drive | Measurement, values: Vector, scale: float, keys: tuple[str, ...]
+) -> Vector:
+    """The numbers of a column with their sign, or without the jumps of a counter, as ``wrap:`` says.
+
+    Where it says nothing and they look like either, that is noted.
+    """
+    if column.wrap is False:
+        moves = keys[0] == "measurements" and keys[1].rpartition(".")[2] in POSITIONS
+        if (wrapped := find(values, turns=moves)) is not None:
+            reader.wraps[_told(reader, column.column, wrapped)] = getattr(column, "use", "fit") == "fit"
+        return values
+    where = reader.where(*keys, "wrap")
+    if isinstance(column.wrap, str) and column.wrap.lstrip("u").startswith("int"):
+        if column.wrap not in SIGNED:
+            raise RecordingError(f"'{column.wrap}' is no kind of signed number", where, nearest(column.wrap, SIGNED))
+        wrong = outside(values, column.wrap)
+        if wrong.any():
+            raise RecordingError(
+                f"column '{column.column}' is said to hold signed numbers of {SIGNED[column.wrap]} bits, and holds "
+                f"{values[wrong][0]:g} in {reader.rows(wrong)}",
+                where,
+                f"give another of {', '.join(SIGNED)}, or the range of a counter, such as 65536",
+            )
+        return signed(values, column.wrap)
+    period = 2 * math.pi / abs(scale)
+    if column.wrap is not True:
+        period = reader.convert(column.wrap, "" if column.unit == "count" else column.unit, *keys, "wrap")
+    if not period > 0:
+        raise RecordingError(f"a range of {column.wrap}", where, "give one above zero")
+    finite = np.isfinite(values)
+    made = values.copy()
+    made[finite] = np.unwrap(values[finite], period=period)
+    return made
+
+
+def _told(reader: Reader, column: str, wrapped: Wrapped) -> str:
+    """A sentence on a column that seems to have wrapped, with what to write."""
+    count = int(wrapped.after.sum())
+    times = f"column '{column}' jumps {count} time{'s' if count > 1 else ''}"
+    if not wrapped.word:
+        return (
+            f"{times} by its range of {wrapped.name}, {reader.rows(wrapped.after)}: does a counter or an angle begin "
+            f"anew there? Write 'wrap: {wrapped.size:.9g}'"
+        )
+    bits = SIGNED[wrapped.word]
+    return (
+        f"{times} between numbers near 0 and near {wrapped.size - 1:.0f}, {reader.rows(wrapped.after)}: are these "
+        f"signed numbers of {bits} bits that were read without their sign? Write 'wrap: {wrapped.word}', or "
+        f"'wrap: {wrapped.size:.0f}' if a counter turned over"
     )
 
 

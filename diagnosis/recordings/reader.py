@@ -26,6 +26,7 @@ class Reader:
         scenario: describes the file; None if nothing does.
         path: keys of the description in the scenario.
         notes: sentences that say how the data were changed.
+        wraps: sentences on columns that seem to begin anew at the end of a range -> whether anything is fitted to them.
         further: columns of further files by the names that they are called by, each with its file and its clock.
         unsure: names that several files have.
         axis: time of the rows (s), shape (rows,); needed to join further columns.
@@ -36,6 +37,7 @@ class Reader:
     scenario: Scenario | None = None
     path: tuple[str | int, ...] = ()
     notes: list[str] = field(default_factory=list)
+    wraps: dict[str, bool] = field(default_factory=dict)
     further: dict[str, tuple[Columns, str, Clock]] = field(default_factory=dict)
     unsure: dict[str, str] = field(default_factory=dict)
     axis: Vector | None = None

@@ -70,6 +70,7 @@ class Recording:
         spare: further signals, which nothing is fitted to: they tell rivals apart.
         resample: interval (s) at which measurements are compared; None compares every sample.
         notes: sentences that say how the data were changed.
+        wraps: sentences on columns that seem to begin anew at the end of a range -> whether anything is fitted to them.
     """
 
     name: str
@@ -91,6 +92,7 @@ class Recording:
     assumed: Mapping[tuple[str, ...], Assumed] = field(default_factory=dict)
     described: str = ""
     spare: tuple[Channel, ...] = ()
+    wraps: Mapping[str, bool] = field(default_factory=dict)
 
     @property
     def noise_stated(self) -> bool:

@@ -160,12 +160,14 @@ def _by_itself(e: TimeExperiment, names: Sequence[str], units: Sequence[str]) ->
     """What is wrong with the signals of a recording whatever the model."""
     found = []
     drives = _drives(e)
+    found += [Remark(f"in recording '{e.name}', {text}", fitted, refutable=True) for text, fitted in e.wraps.items()]
     for k, (name, unit) in enumerate(zip(names, units, strict=True)):
         where, values = f"'{name}' of recording '{e.name}'", e.measured[:, k]
         spiked = e.outliers[k] if e.outliers else 0
         if spiked:
             found.append(Remark(f"{spiked} of {len(values)} samples of {where} are spikes and were left out", False))
-        jumps = quality.wraps(values, e.logged[k] if e.logged else 1.0) if unit in _MOTION else None
+        told = unit not in _MOTION or bool(e.wraps)
+        jumps = None if told else quality.wraps(values, e.logged[k] if e.logged else 1.0)
         if jumps is not None:
             size, count, of = jumps
             text = (
