@@ -55,6 +55,7 @@ SHIPPED = {
     "actuators.gear": "Gear",
     "actuators.friction": "BearingFriction JointFriction TranslationalBearingFriction TranslationalJointFriction",
     "actuators.load_dependent_friction": "LoadDependentFriction TranslationalLoadDependentFriction",
+    "actuators.warming_friction": "WarmingFriction TranslationalWarmingFriction",
     "actuators.brake": "Brake TranslationalBrake",
     "actuators.spring_damper": "SpringDamper TranslationalSpringDamper",
     "actuators.pulley": "Pulley",

@@ -19,7 +19,7 @@ _COULOMB = "sliding friction Fc in the positive direction"
 _COULOMB_BACK = "sliding friction in the negative direction, a positive number; that of the positive if not given"
 _STATIC = "friction Fs just before slipping forward; the sliding friction if not given"
 _STATIC_BACK = "friction just before slipping backward, a positive number; as forward if not given"
-_STRIBECK = "velocity vs over which the friction falls from Fs to Fc"
+STRIBECK = "velocity vs over which the friction falls from Fs to Fc"
 _VISCOUS = "friction per velocity B"
 
 _AS_FORWARD = SameAs("static_friction", instead=("static_friction", "coulomb_friction_backward"))
@@ -38,7 +38,7 @@ class _Friction(Block):
     coulomb_friction_backward = parameter("N.m", SameAs("coulomb_friction"), _COULOMB_BACK, ge=0, tolerance=0.3)
     static_friction = parameter("N.m", SameAs("coulomb_friction"), _STATIC, ge=0, tolerance=0.3)
     static_friction_backward = parameter("N.m", _AS_FORWARD, _STATIC_BACK, ge=0, tolerance=0.3)
-    stribeck_velocity = parameter("rad/s", 0.1, _STRIBECK, gt=0, tolerance=0.5)
+    stribeck_velocity = parameter("rad/s", 0.1, STRIBECK, gt=0, tolerance=0.5)
     viscous_friction = parameter("N.m.s/rad", 0.0, _VISCOUS, ge=0, tolerance=0.3)
 
     def relations(self) -> Iterable[Relation]:
@@ -51,7 +51,7 @@ class _Friction(Block):
         viscous = self._c("viscous_friction") * velocity
         net.pair(a, b, -viscous)
         net.dissipate(viscous * velocity)
-        if not any(value for name, value in self.values.items() if name.startswith(("coulomb", "static"))):
+        if not self._sticks():
             return
         forward, static_forward = self._level("")
         backward, static_backward = self._level("_backward")
@@ -62,6 +62,10 @@ class _Friction(Block):
             static_forward=static_forward,
             static_backward=static_backward,
         )
+
+    def _sticks(self) -> bool:
+        """Whether any level is given: with all of them 0 nothing ever sticks."""
+        return any(value for name, value in self.values.items() if name.startswith(("coulomb", "static")))
 
     def _level(self, direction: str) -> tuple[Any, Expression]:
         """Sliding friction as a function of velocity, and the static level, of one direction."""
@@ -116,7 +120,7 @@ class TranslationalBearingFriction(BearingFriction, slide={}):
     F(v), its sticking and its defaults are those of `BearingFriction`.
     """
 
-    stribeck_velocity = parameter("m/s", 0.01, _STRIBECK, gt=0, tolerance=0.5)
+    stribeck_velocity = parameter("m/s", 0.01, STRIBECK, gt=0, tolerance=0.5)
 
 
 class TranslationalJointFriction(JointFriction, slide={}):
@@ -125,4 +129,4 @@ class TranslationalJointFriction(JointFriction, slide={}):
     F(v), its sticking and its defaults are those of `BearingFriction`.
     """
 
-    stribeck_velocity = parameter("m/s", 0.01, _STRIBECK, gt=0, tolerance=0.5)
+    stribeck_velocity = parameter("m/s", 0.01, STRIBECK, gt=0, tolerance=0.5)

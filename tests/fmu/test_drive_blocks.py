@@ -140,6 +140,14 @@ PARTS: dict[str, tuple[str, list[str], str]] = {
         ["rotor.shaft.angle, angle.in", "angle.out, lag.in"],
         "rotor.shaft.angle, lag.out",
     ),
+    "warming-friction": (
+        """
+  friction: {type: WarmingFriction, coulomb_friction: 0.2 N.m, static_friction: 0.3 N.m,
+    viscous_friction: 20 mN.m.s/rad, heat_capacity: 20 mJ/K, thermal_resistance: 40 K/W}
+""",
+        ["rotor.shaft, friction.shaft"],
+        "rotor.shaft.angle, friction.temperature",
+    ),
     "load-dependent-friction": (
         "  friction: {type: LoadDependentFriction, coefficient: 0.3, opposing_coefficient: 0.6, static_ratio: 1.2}",
         ["rotor.shaft, friction.shaft", "drive.out, friction.load"],
