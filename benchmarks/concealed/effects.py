@@ -27,7 +27,7 @@ class Scales:
         orders: waves per revolution to choose from.
         cogging: the same of a cogging whose waves the recordings resolve.
         current: the largest through a motor's winding.
-        stiffness, damping: of a spring that is there already, else 0.
+        stiffness, damping: of a spring that is there already, else 0; at a shaft the damping of a bearing.
         resonance: band in which hidden resonances lie (Hz).
     """
 
@@ -155,6 +155,21 @@ def _winding_heat(size: float, f: Features, s: Scales) -> dict[str, float]:
         "insulation": thermal,
         "housing": 30 * capacity,
         "cooling": 2 * thermal,
+    }
+
+
+THINNING = 0.03
+"""Share of its damping that an oil loses per kelvin: half of it in 23 K."""
+
+
+def _oil_heat(size: float, f: Features, s: Scales) -> dict[str, float]:
+    """An oil that a second at the typical speed warms by size / THINNING, as long as it keeps its heat."""
+    capacity = THINNING * s.damping * s.speed**2 / size
+    return {
+        "viscous_friction": s.damping,
+        "coefficient": THINNING,
+        "capacity": capacity,
+        "resistance": f["time"] / capacity,
     }
 
 
@@ -475,6 +490,15 @@ DRIVES: dict[str, Effect] = {
             lambda rng, s: {"time": float(rng.uniform(8.0, 40.0))},
             most=100,
             only=("V",),
+        ),
+        Effect(
+            "friction_warm_up",
+            "shaft",
+            "fall of the viscous friction in a second at the typical speed, as a share",
+            lambda s: 0.01,
+            _oil_heat,
+            lambda rng, s: {"time": float(rng.uniform(20.0, 200.0))},
+            most=100,
         ),
         Effect(
             "belt_slack",

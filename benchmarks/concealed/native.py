@@ -17,7 +17,9 @@ from subprocess import run
 SOURCE = Path(__file__).with_name("simulator.c")
 FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared")
 
-FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WARM_UP, SERIES, STRANDS, END_STOP = range(12)
+FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WARM_UP, SERIES, STRANDS, END_STOP, OILED = range(
+    13
+)
 """Kinds of elements, in the order of the C enum."""
 
 WIDTH = 12

@@ -13,7 +13,7 @@
 #define PARAMETERS 12
 #define MODES 4
 
-enum { FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WARM_UP, SERIES, STRANDS, END_STOP };
+enum { FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WARM_UP, SERIES, STRANDS, END_STOP, OILED };
 
 /* What happens to the command: places in `input`. SLEW: fastest change (1/s). QUANTUM: step of the command. SAG: resistance
  * of the supply over that of the winding and the square of its voltage (1/V2). HEAT...: rise of the resistance per kelvin,
@@ -86,15 +86,29 @@ static double effort(const Plan *P, int j, const double *x, double z, double tim
         return (half < p[2] ? p[2] - more : 0) - (half > -p[2] ? p[2] + more : 0);
     }
     case END_STOP: return push(p[0], p[1], p[2] - e, -w) - push(p[0], p[1], e - p[3], w);
+    case OILED: return -p[0] * expm1(-p[1] * z) * w; /* the oil when cold damps as the matrices say */
     case SERIES: return p[0] * ((1 - share) * P->series[sample] + share * P->series[sample + 1]);
     default: return 0;
     }
+}
+
+/* Temperature of an oil over its surroundings: what it damps warms it. p: damping when cold, share of it that a kelvin
+ * takes, heat capacity (J/K), thermal resistance (K/W). */
+static double heated(const double *p, double z, double w) {
+    return (p[0] * exp(-p[1] * z) * w * w - z / p[3]) / p[2];
 }
 
 /* Bouc-Wen: z' = w - (b |w| z |z|^(q-1) + (1-b) w |z|^q) / zy^q */
 static double flow(const double *p, double z, double w) {
     double knee = pow(fabs(z) / p[1], p[2]), sign = z < 0 ? -1.0 : 1.0;
     return w - knee * (p[3] * fabs(w) * sign + (1 - p[3]) * w);
+}
+
+/* Rate of the memory of element j, if it has one. */
+static double memory(const Plan *P, int j, double z, const double *x) {
+    const double *p = P->parameter + j * PARAMETERS;
+    double w = dot(P->rate + j * P->states, x, P->states);
+    return P->kind[j] == BOUC_WEN ? flow(p, z, w) : P->kind[j] == OILED ? heated(p, z, w) : 0;
 }
 
 /* All forces at x; f[0] and the friction forces are given. */
@@ -280,16 +294,16 @@ int concealed_simulate(const Plan *P) {
             advance(P->phi_half, P->gamma_half, n, m, x, f, middle);
             double zm[FORCES];
             for (int j = 0; j < P->elements; j++)
-                if (P->kind[j] == BOUC_WEN)
-                    zm[j] = z[j] + h / 2 * flow(P->parameter + j * PARAMETERS, z[j], dot(P->rate + j * n, x, n));
+                if (P->kind[j] == BOUC_WEN || P->kind[j] == OILED)
+                    zm[j] = z[j] + h / 2 * memory(P, j, z[j], x);
                 else if (P->kind[j] == FRICTION)
                     g[1 + j] = f[1 + j];
             g[0] = driven(P, u, middle, winding);
             if (P->input[HEAT] > 0) warmed(P, g[0], middle, h, &winding, &housing);
             efforts(P, middle, zm, now + h / 2, k, share + half, g);
             for (int j = 0; j < P->elements; j++)
-                if (P->kind[j] == BOUC_WEN)
-                    z[j] += h * flow(P->parameter + j * PARAMETERS, zm[j], dot(P->rate + j * n, middle, n));
+                if (P->kind[j] == BOUC_WEN || P->kind[j] == OILED)
+                    z[j] += h * memory(P, j, zm[j], middle);
                 else if (P->kind[j] == FRICTION)
                     g[1 + j] = 0;
             advance(P->phi, P->gamma, n, m, x, g, end);

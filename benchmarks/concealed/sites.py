@@ -21,8 +21,9 @@ DRIVEN = ("motor.shaft", "drive.shaft")
 """Flanges of what drives."""
 
 
-DECLARED = frozenset({"belt_slack", "end_stop", "warm_up"})
-"""Effects of drives that need what few plants have: a belt, a range that ends, a motor whose losses are all counted."""
+DECLARED = frozenset({"belt_slack", "end_stop", "warm_up", "friction_warm_up"})
+"""Effects of drives that need what few plants have: a belt, a range that ends, a motor whose losses are all counted, a
+bearing of its own."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,8 @@ def scales(bench: Bench, truth: Truth, site: Site) -> Scales:
         if site.effect.name == "cogging" and not seen:
             raise ValueError(f"{site}: its waves pass faster than the recordings show")
         inertia = _inertia(body.mechanism, port)
-        return Scales(command, torque, speed, angle, inertia, orders=plant.orders, cogging=seen)
+        bearing = truth.parameters.get(f"{site.place.partition('.')[0]}.viscous_friction", 0.0)
+        return Scales(command, torque, speed, angle, inertia, orders=plant.orders, cogging=seen, damping=bearing)
     return _joint(bench, truth, site, body, command)
 
 

@@ -349,6 +349,11 @@ def _stops(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
     mechanism.add(native.END_STOP, port, p["stiffness"], p["damping"], p["lower"], p["upper"])
 
 
+def _oil(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
+    law = (p["viscous_friction"], p["coefficient"], p["capacity"], p["resistance"])
+    mechanism.add(native.OILED, port, *law)
+
+
 def _vibration(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
     mechanism.add(native.VIBRATION, port, p["amplitude"], 2 * math.pi * p["frequency"], p["phase"])
 
@@ -375,5 +380,6 @@ _SHAFT: dict[str, Callable[[Mechanism, Port, Mapping[str, float]], None]] = {
     "cogging": _ripple,
     "outside_vibration": _vibration,
     "end_stop": _stops,
+    "friction_warm_up": _oil,
     "extra_mode": _resonator,
 }

@@ -13,6 +13,7 @@ from diagnosis.effects.command import at_command
 from diagnosis.effects.drive import at_driven_shaft, at_gear, at_loaded_shaft, at_motor_input
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.end_stop import at_measured_shaft
+from diagnosis.effects.friction_heat import at_bearing
 from diagnosis.effects.joint import at_joint
 from diagnosis.effects.link import at_link
 from diagnosis.effects.parameter import wrong_parameters
@@ -67,6 +68,7 @@ EFFECTS = (
     "belt_slack",
     "end_stop",
     "warm_up",
+    "friction_warm_up",
 )
 """Machine names of the catalogue's own effects."""
 
@@ -77,7 +79,7 @@ MECHANICAL: tuple[tuple[str, tuple[Rule, ...]], ...] = (
     (SHAFT, (at_shaft, at_loaded_shaft, at_driven_shaft, at_measured_shaft)),
     (JOINT, (at_joint,)),
     (BLOCK, (at_mount,)),
-    (BLOCK, (at_link, at_spring, at_gear, at_belt, at_motor_winding)),
+    (BLOCK, (at_link, at_spring, at_gear, at_belt, at_motor_winding, at_bearing)),
 )
 """What lies in front of a sensor: kind of place, and the rules that say what may be missing there."""
 

@@ -59,6 +59,7 @@ OF_DRIVES = {
     "supply_sag": {"resistance": 1.0},
     "belt_slack": {"pretension": -1.0},
     "warm_up": {"winding_heat_capacity": -1.0, "winding_thermal_resistance": 1.0},
+    "friction_warm_up": {"heat_capacity": -1.0, "thermal_resistance": 1.0},
 }
 """Powers of what drives leave out: a limit, a pretension and a heat capacity are hardly there where they are large."""
 

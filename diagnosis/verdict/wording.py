@@ -23,6 +23,7 @@ WORDS = {
     "belt_slack": "slack of the belt",
     "end_stop": "an end stop",
     "warm_up": "warm-up of the winding",
+    "friction_warm_up": "friction that falls as it warms up",
     "dead_zone": "a dead zone",
     "saturation": "saturation",
     "uneven_gain": "a gain that differs between the directions",

@@ -101,6 +101,10 @@ def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
             "magnet_coefficient": "0 1/K",
         }
         return [Replace("motor", "ThermalDCMotor", thermal)]
+    if effect == "friction_warm_up":
+        law = {"temperature_coefficient": f"{p['coefficient']} 1/K", "heat_capacity": f"{p['capacity']} J/K"}
+        law["thermal_resistance"] = f"{p['resistance']} K/W"
+        return [Replace(place.partition(".")[0], "TranslationalWarmingFriction", law)]
     if effect == "current_limit":
         law = {
             "current_limit": f"{p['current_limit']} A",

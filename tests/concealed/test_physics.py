@@ -290,6 +290,24 @@ def test_drag_gravity_ripple_cubic_and_warm_up() -> None:
         assert y[0, 2] == pytest.approx(force, rel=1e-12), kind
 
 
+def test_oil_that_warms_damps_less_as_scipy_says() -> None:
+    """A body that coasts: m v' = -B exp(-b T) v, C T' = B exp(-b T) v^2 - T / G; cold, the matrices damp with B."""
+    B, b, C, G, start = 0.8, 0.05, 0.05, 30.0, 3.0
+    m, shaft, made = body(1.0, substeps=10)
+    m.spring(shaft, 0.0, B)
+    m.add(native.OILED, shaft, B, b, C, G)
+    y = made().run(np.zeros(3000), initial=np.array([0.0, start])).clean
+
+    def slope(t: float, x: Any) -> list[float]:
+        damping = B * math.exp(-b * x[1])
+        return [-damping * x[0], (damping * x[0] ** 2 - x[1] / G) / C]
+
+    t = np.arange(3000) * DT
+    exact = solve_ivp(slope, (0, t[-1]), [start, 0.0], t_eval=t, rtol=1e-11, atol=1e-11).y
+    assert exact[1].max() > 25
+    assert y[:, 1] == pytest.approx(exact[0], abs=1e-6)
+
+
 def test_input_chain_delay_lag_and_limits() -> None:
     torque = np.where(np.arange(3000) < 1000, 0.0, 1.0)
     late = body(1.0, substeps=10, input=InputChain(delay=0.0123))[2]().run(torque).clean

@@ -55,9 +55,10 @@ class BeltAxis(Plant):
             "belt_slack": (BELT,),
             "end_stop": (CARRIAGE,),
             "warm_up": ("motor",),
+            "friction_warm_up": ("guide.slide",),
             "inductance": (),
         },
-        same={"motor": ("motor.voltage", "source.out -> motor.voltage")},
+        same={"motor": ("motor.voltage", "source.out -> motor.voltage"), "guide.slide": ("guide",)},
     )
     excitation = Excitation(
         amplitude=9.0, dwell=(0.12, 0.5), low=0.3, high=25.0, clock=0.04, resolution=1e-3, reach=1.5

@@ -377,6 +377,35 @@ def test_a_motor_warms_up_where_it_is_the_same_motor_while_cold(tmp_path: Path) 
         assert not proposed(axis(tmp_path / str(k), motor=more), "warm_up")
 
 
+@pytest.mark.parametrize(
+    ("sliding", "level"), [(False, "coulomb_friction: 5 mN.m"), (True, "viscous_friction: 3 N.s/m")]
+)
+def test_a_friction_warms_up_where_there_is_one_that_can_fall(tmp_path: Path, sliding: bool, level: str) -> None:
+    """Of a shaft or of a slide, in place of the one that is there; one of zero makes no heat."""
+
+    def rubbed(folder: Path, given: str) -> Path:
+        if sliding:
+            path = axis(folder)
+            text = path.read_text().replace(
+                "  carriage: ", f"  guide: {{type: TranslationalBearingFriction{given}}}\n  carriage: "
+            )
+            path.write_text(text.replace("carriage.flange]", "carriage.flange, guide.slide]"))
+            return path
+        folder.mkdir()
+        return geared(folder, f"  guide: {{type: BearingFriction{given}}}\n", ", guide.shaft")
+
+    assert not proposed(rubbed(tmp_path / "none", ""), "friction_warm_up")
+    path = rubbed(tmp_path / "some", f", {level}")
+    (found,) = proposed(path, "friction_warm_up")
+    assert found.place == "guide"
+    capacities = [start["heat_capacity"] for start in found.starts]
+    assert capacities == sorted(capacities, reverse=True), "the least effect first"
+    made = written(path, found).system.blocks["guide"]
+    assert type(made).__name__ == ("TranslationalWarmingFriction" if sliding else "WarmingFriction")
+    key, value = level.split(": ")
+    assert made.values[key] == pytest.approx(float(value.split()[0]) * (1 if sliding else 1e-3))
+
+
 # -- belts and stops ---------------------------------------------------------------------------------------------------
 
 
@@ -459,6 +488,7 @@ def law(effect: str, p: Any, amended_file: Path) -> tuple[str, float]:
         told = load(str(amended_file)).system.blocks["found_supply_sag"].values["source_voltage"]
         return "resistance", p["resistance"] * (told / p["voltage"]) ** 2
     own = {"rate_limit": ("rising", "rate"), "warm_up": ("winding_heat_capacity", "capacity")}
+    own |= {"friction_warm_up": ("heat_capacity", "capacity")}
     usual = {"load_dependent_friction": "coefficient", "current_limit": "current_limit", "cogging": "amplitude"}
     usual |= {"command_quantisation": "step", "belt_slack": "pretension", "end_stop": "upper"}
     name, true = own.get(effect, (usual.get(effect, ""),) * 2)
@@ -477,6 +507,7 @@ def law(effect: str, p: Any, amended_file: Path) -> tuple[str, float]:
         ("geared-two-mass", "supply_sag", 100.0),
         ("belt-axis", "belt_slack", 100.0),
         ("belt-axis", "warm_up", 100.0),
+        ("belt-axis", "friction_warm_up", 100.0),
         ("belt-axis", "end_stop", 2.0),
     ],
 )

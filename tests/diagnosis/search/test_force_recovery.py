@@ -25,7 +25,7 @@ EFFECTS = {
     *("stray_spring", "torque_ripple", "outside_vibration", "sensor_bias", "sensor_scale", "sensor_lag"),
     *("rectified_sensor", "backlash", "joint_flexibility", "hardening_spring", "hysteresis"),
     *("load_dependent_friction", "current_limit", "cogging", "transmission_error"),
-    *("rate_limit", "command_quantisation", "supply_sag", "belt_slack", "end_stop", "warm_up"),
+    *("rate_limit", "command_quantisation", "supply_sag", "belt_slack", "end_stop", "warm_up", "friction_warm_up"),
 }
 FRICTION, DEAD = 4.0e-4, 0.15
 
