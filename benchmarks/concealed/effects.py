@@ -492,6 +492,19 @@ DRIVES: dict[str, Effect] = {
             only=("V",),
         ),
         Effect(
+            "quadratic_load_friction",
+            "shaft",
+            "share of the motor's torque that goes into friction; with it a share of its square",
+            lambda s: 0.02,
+            lambda z, f, s: {
+                "coefficient": z,
+                "coulomb_friction": 0.0,
+                "quadratic_coefficient": f["square"] * z / s.torque,
+            },
+            lambda rng, s: {"square": float(rng.uniform(1.0, 3.0))},
+            most=20,
+        ),
+        Effect(
             "friction_warm_up",
             "shaft",
             "fall of the viscous friction in a second at the typical speed, as a share",

@@ -59,7 +59,10 @@ static double clip(double v, double low, double high) { return v < low ? low : v
 static double level(const double *p, double w, double load, double time, int forward) {
     double coulomb = p[forward ? 0 : 1], peak = p[forward ? 2 : 3], ratio = w / p[4];
     double warm = 1 + p[5] * exp(-time / p[6]);
-    if (p[7] > 0) coulomb += p[7] * fabs(load), peak += p[7] * fabs(load);
+    if (p[7] > 0) {
+        double more = (p[7] + p[8] * fabs(load)) * fabs(load); /* p[8]: a share that grows with the load itself */
+        coulomb += more, peak += more;
+    }
     return warm * (coulomb + (peak - coulomb) * exp(-ratio * ratio));
 }
 

@@ -69,6 +69,7 @@ _SWITCHING = frozenset(
         "stribeck_friction",
         "direction_dependent_friction",
         "load_dependent_friction",
+        "quadratic_load_friction",
         "backlash",
         "hysteresis",
         "belt_slack",
@@ -319,8 +320,8 @@ def _friction(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
 
 
 def _loaded(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
-    level = p["coulomb_friction"]
-    mechanism.add(native.FRICTION, port, level, level, level, level, 1.0, 0.0, 1.0, p["coefficient"], loaded=True)
+    level, shares = p["coulomb_friction"], (p["coefficient"], p.get("quadratic_coefficient", 0.0))
+    mechanism.add(native.FRICTION, port, level, level, level, level, 1.0, 0.0, 1.0, *shares, loaded=True)
 
 
 def _viscous(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:
@@ -372,6 +373,7 @@ _SHAFT: dict[str, Callable[[Mechanism, Port, Mapping[str, float]], None]] = {
     "stribeck_friction": _friction,
     "direction_dependent_friction": _friction,
     "load_dependent_friction": _loaded,
+    "quadratic_load_friction": _loaded,
     "viscous_friction": _viscous,
     "quadratic_drag": _drag,
     "gravity": _gravity,

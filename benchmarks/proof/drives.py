@@ -42,6 +42,11 @@ PLACES: dict[str, tuple[str, str, str]] = {
         "0.1, within a factor of 10",
         "Coulomb friction, where the load hardly varies; a lower efficiency of the motor, where nothing rests",
     ),
+    "quadratic_load_friction": (
+        "the same",
+        "0.1 of the load, and 0.1 of it where the load is a typical torque, within a factor of 10 each",
+        "the law above, where the load hardly varies; a supply that sags",
+    ),
     "current_limit": (
         "before the voltage of a motor whose winding and back-emf are known",
         "current at rest under the largest voltage; within 10 factors of 10, since nobody knows it before",

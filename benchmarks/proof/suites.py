@@ -179,6 +179,7 @@ DRIVE_CASES: dict[str, tuple[str, ...]] = {
     "end_stop": ("belt-axis",),
     "warm_up": ("belt-axis",),
     "friction_warm_up": ("belt-axis",),
+    "quadratic_load_friction": ("geared-two-mass", "pendulum"),
     "coulomb_friction": ("srv02-flexible", "geared-two-mass", "harmonic-arm", "pendulum"),
     "coulomb_friction+current_limit": ("srv02-flexible", "geared-two-mass"),
     "coulomb_friction+cogging": ("geared-two-mass", "hard-belt-cogging"),

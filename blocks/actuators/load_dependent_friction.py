@@ -14,18 +14,19 @@ if TYPE_CHECKING:
 
 
 class LoadDependentFriction(Block):
-    """Load-dependent friction of a shaft: torque = -sign(v) (Fc + mu |T|), T the load, v the speed of the shaft.
+    """Load-dependent friction of a shaft: torque = -sign(v) F, F = Fc + mu |T| + q T^2, T the load, v the speed.
 
     Fc = coulomb_friction, the level without load. mu = coefficient where the load drives the shaft (T v > 0), and mu =
-    opposing_coefficient where it holds it back; the two are equal if the second is not given. Slow sliding takes
-    static_ratio r times as much: (Fc + mu |T|) (1 + (r - 1) exp(-(v / vs)^2)), vs = stribeck_velocity. Stuck, v is
-    exactly 0 until more than r (Fc + mu |T|) pulls at the shaft.
+    opposing_coefficient where it holds it back; the two are equal if the second is not given. q =
+    quadratic_coefficient, where a large load costs a larger share of it than a small one. Slow sliding takes
+    static_ratio r times as much: F (1 + (r - 1) exp(-(v / vs)^2)), vs = stribeck_velocity. Stuck, v is exactly 0 until
+    more than r F pulls at the shaft.
 
     ``load`` is the torque through the gear: that of the motor, of the arm's weight, or of a spring, as measured or
     calculated elsewhere; several loads are several blocks on one shaft, and their levels add up with those of
     `BearingFriction`. It may not depend on the shaft's own acceleration: for the torque behind an inertia give a
     `Gear` its stiffness and efficiencies, which is this law with T = tau / n, coefficient 1 / eta - 1 and
-    opposing_coefficient 1 - eta_b. With Fc = 0 and mu = 0 the block does nothing. [Duclusaud 2025, models M3 to M5]
+    opposing_coefficient 1 - eta_b. With Fc, mu and q 0 the block does nothing. [Duclusaud 2025, models M3 to M6]
     """
 
     coefficient = parameter("1", 0.0, "friction per load mu while the load drives the shaft", ge=0, lt=1, tolerance=0.5)
@@ -36,6 +37,7 @@ class LoadDependentFriction(Block):
         ge=0,
         tolerance=0.5,
     )
+    quadratic_coefficient = parameter("1/(N.m)", 0.0, "friction per square of the load q", ge=0, tolerance=0.5)
     coulomb_friction = parameter("N.m", 0.0, "friction without load Fc", ge=0, tolerance=0.3)
     static_ratio = parameter("1", 1.0, "friction just before slipping over that of sliding r", ge=1, tolerance=0.3)
     stribeck_velocity = parameter(
@@ -46,7 +48,8 @@ class LoadDependentFriction(Block):
     load = signal_in("N.m", "torque T that is carried, positive where it drives the shaft in the positive sense")
 
     def stamp(self, net: Net) -> None:
-        size, helps, always = magnitude(self.load), self.load > 0, self.coulomb_friction
+        size, helps = magnitude(self.load), self.load > 0
+        always = self.coulomb_friction + self.quadratic_coefficient * self.load**2
         forward = always + size * choose(helps, self.coefficient, self.opposing_coefficient)
         backward = always + size * choose(helps, self.opposing_coefficient, self.coefficient)
 
@@ -63,7 +66,7 @@ class LoadDependentFriction(Block):
 
 
 class TranslationalLoadDependentFriction(LoadDependentFriction, slide={}):
-    """Load-dependent friction of a slide: force = -sign(v) (Fc + mu |F|), F the load, v the speed of the slide.
+    """Load-dependent friction of a slide: force = -sign(v) (Fc + mu |F| + q F^2), F the load, v the speed of the slide.
 
     The law is that of `LoadDependentFriction`.
     """

@@ -69,6 +69,7 @@ EFFECTS = (
     "end_stop",
     "warm_up",
     "friction_warm_up",
+    "quadratic_load_friction",
 )
 """Machine names of the catalogue's own effects."""
 

@@ -19,6 +19,9 @@ from scenarios.amend import Edit, Set
 COEFFICIENTS = (0.003, 0.02, 0.08, 0.3)
 """Starting sizes of the share of a load that goes into friction."""
 
+SQUARES = (0.03, 0.3)
+"""Starting sizes of a friction that grows with the square of the load, as shares of the torques that act."""
+
 LEVELS = (1e-3, 0.02, 0.15)
 """Starting sizes of the friction without load, as shares of the torques that act."""
 
@@ -42,7 +45,8 @@ NO_LIMIT_KNOWN = 10.0
 def at_loaded_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     """Friction that grows with the load, only where a block tells the effort that gears and bearings of a shaft carry.
 
-    Where the shaft has dry friction already, that is the level without load; else the level is fitted too.
+    Where the shaft has dry friction already, that is the level without load; else the level is fitted too. The richer
+    law has a share that grows with the load itself.
     """
     rubbing = [mode.name for mode in scales.problem.model.modes if mode.kind == "friction"]
     members = scales.groups[place.target]
@@ -57,17 +61,23 @@ def at_loaded_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate
         share = EffectParameter("coefficient", 0.1, usual=1.0)
         level = EffectParameter("coulomb_friction", here.torque)
         more = {} if known else {"coulomb_friction": shares(here.torque, *LEVELS)}
-        starts = combinations(coefficient=COEFFICIENTS if known else COEFFICIENTS[1::2], **more)
-        yield from at_flange(
-            here,
-            "load_dependent_friction",
-            "LoadDependentFriction",
-            starts,
-            *((share,) if known else (share, level)),
-            held=("static_ratio", "stribeck_velocity"),
-            fed_by=f"{name}.{effort}",
-            tapped=block.ports[effort].role == "input",
-        )
+        square = EffectParameter("quadratic_coefficient", 1 / here.torque)
+        squares = {"quadratic_coefficient": shares(1 / here.torque, *SQUARES)}
+        few = COEFFICIENTS[1::2]
+        for effect, starts, parameters in (
+            ("load_dependent_friction", combinations(coefficient=COEFFICIENTS if known else few, **more), (share,)),
+            ("quadratic_load_friction", combinations(coefficient=few, **squares, **more), (share, square)),
+        ):
+            yield from at_flange(
+                here,
+                effect,
+                "LoadDependentFriction",
+                starts,
+                *(parameters if known else (*parameters, level)),
+                held=("static_ratio", "stribeck_velocity"),
+                fed_by=f"{name}.{effort}",
+                tapped=block.ports[effort].role == "input",
+            )
 
 
 def at_driven_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:

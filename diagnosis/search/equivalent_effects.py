@@ -16,6 +16,7 @@ from diagnosis.search.scored_model import ScoredModel
 
 NESTED = {
     "coulomb_friction": ("stribeck_friction", "direction_dependent_friction", "load_dependent_friction"),
+    "load_dependent_friction": ("quadratic_load_friction",),
     "joint_flexibility": ("hardening_spring", "backlash", "hysteresis"),
     # A further body that is heavy, stiffly held or both is no further body.
     "viscous_friction": ("extra_mode",),

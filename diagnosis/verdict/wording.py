@@ -42,6 +42,7 @@ WORDS = {
     "torque_ripple": "torque ripple",
     "stray_spring": "a stray spring",
     "load_dependent_friction": "friction that grows with the load",
+    "quadratic_load_friction": "friction that grows with the load and its square",
     "current_limit": "a limit of the current",
     "transmission_error": "a transmission error",
 }

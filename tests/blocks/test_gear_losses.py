@@ -190,12 +190,12 @@ def loaded(push: float | Block, **given: float) -> dict[str, Block]:
 
 
 @pytest.mark.parametrize("speed", [3.0, -3.0])
-@pytest.mark.parametrize("torque", [0.4, -0.4])
-def test_the_share_depends_on_who_drives(speed: float, torque: float) -> None:
-    """J v' = T - sign(v) mu |T|, with the mu of its direction, until the body stops."""
-    parts = loaded(torque, coefficient=0.2, opposing_coefficient=0.5)
+@pytest.mark.parametrize(("torque", "square"), [(0.4, 0.0), (-0.4, 0.0), (0.4, 0.6), (-0.4, 0.6)])
+def test_the_share_depends_on_who_drives(speed: float, torque: float, square: float) -> None:
+    """J v' = T - sign(v) (mu |T| + q T^2), with the mu of its direction, until the body stops."""
+    parts = loaded(torque, coefficient=0.2, opposing_coefficient=0.5, quadratic_coefficient=square)
     result = run(parts, *LOADED, stop=0.08, initial={"body.shaft.speed": speed})
-    mu = 0.2 if speed * torque > 0 else 0.5
+    mu = (0.2 if speed * torque > 0 else 0.5) + square * abs(torque)
     rate = (torque - np.sign(speed) * mu * abs(torque)) / 0.02
     np.testing.assert_allclose(result["body.shaft.speed"], speed + rate * result.time, rtol=1e-10)
     lost = mu * abs(torque) * abs(result["body.shaft.angle"][-1])

@@ -61,8 +61,9 @@ def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
         return [AtFlange("x", "GravityTorque", place, "shaft", law)]
     if effect == "stray_spring":
         return [AtFlange("x", "GroundSpring", place, "shaft", {"stiffness": f"{p['stiffness']} N.m/rad"})]
-    if effect == "load_dependent_friction":
+    if effect in ("load_dependent_friction", "quadratic_load_friction"):
         law = {"coefficient": p["coefficient"], "coulomb_friction": f"{p['coulomb_friction']} N.m"}
+        law["quadratic_coefficient"] = f"{p.get('quadratic_coefficient', 0.0)} 1/(N.m)"
         made: list[Any] = [AtFlange("x", "LoadDependentFriction", place, "shaft", law)]
         if place == "motor.shaft":
             return [*made, Wire("w", ("motor.torque", "x.load"))]

@@ -149,7 +149,10 @@ PARTS: dict[str, tuple[str, list[str], str]] = {
         "rotor.shaft.angle, friction.temperature",
     ),
     "load-dependent-friction": (
-        "  friction: {type: LoadDependentFriction, coefficient: 0.3, opposing_coefficient: 0.6, static_ratio: 1.2}",
+        """
+  friction: {type: LoadDependentFriction, coefficient: 0.3, opposing_coefficient: 0.6, static_ratio: 1.2,
+    quadratic_coefficient: 0.05 1/(N.m)}
+""",
         ["rotor.shaft, friction.shaft", "drive.out, friction.load"],
         "rotor.shaft.angle",
     ),

@@ -135,5 +135,8 @@ def test_friction_that_grows_with_the_load_halves_the_error(logs: Path) -> None:
     refit, loaded = held_out("xl330"), held_out("xl330-loaded")
     assert refit == pytest.approx(0.0573, abs=0.003)
     assert loaded < 0.032
+    # A share that grows with the load itself does what the published law M6 does, which squares it too.
+    squared = ("limit.current_limit=100 A", "loaded.quadratic_coefficient=0.15 1/(N.m)")
+    assert held_out("xl330-loaded", *squared) == pytest.approx(0.0243, abs=0.001)
     # Without a limit that acts, the same: these recordings do not ask for one once the friction is right.
     assert held_out("xl330-loaded", "limit.current_limit=100 A") == pytest.approx(loaded, abs=0.002)

@@ -24,6 +24,7 @@ from diagnosis.effects.orders import explained_energy, standing_out
 from diagnosis.effects.step_heights import NEAR, heights
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, variant
+from diagnosis.search.equivalent_effects import NESTED
 from diagnosis.verdict.verdict import Diagnosis
 from diagnosis.verdict.write import amended_text
 from scenarios.amend import AtFlange, InSignal, Set, Wire, amended
@@ -61,6 +62,20 @@ def test_friction_grows_with_what_a_block_tells_of_the_load(tmp_path: Path) -> N
     assert (attached.type, attached.target) == ("LoadDependentFriction", "motor.shaft")
     assert isinstance(wire, Wire)
     assert wire.ends == ("motor.torque", f"{found[0].name}.load")
+
+
+def test_a_share_that_grows_with_the_load_stands_beside_it(tmp_path: Path) -> None:
+    """The richer law is tried where the simpler one is, contains it, and is in its unit along a slide too."""
+    simple, rich = (proposed(geared(tmp_path), f"{kind}_friction") for kind in ("load_dependent", "quadratic_load"))
+    assert [c.place for c in rich] == [c.place for c in simple]
+    assert [p.name for p in rich[0].parameters] == ["coefficient", "quadratic_coefficient", "coulomb_friction"]
+    assert rich[0].effect in NESTED[simple[0].effect]
+    folder = tmp_path / "slide"
+    folder.mkdir()
+    path = mount(folder, "{type: TranslationalSpringDamper, stiffness: 20 N/m}")
+    found = proposed(path, "quadratic_load_friction")[-1]
+    block = written(path, found).system.blocks[found.name]
+    assert block.unit_of("quadratic_coefficient") == "1/N"
 
 
 def test_a_level_that_the_model_has_is_not_put_in_twice(tmp_path: Path) -> None:
@@ -489,6 +504,7 @@ def law(effect: str, p: Any, amended_file: Path) -> tuple[str, float]:
         return "resistance", p["resistance"] * (told / p["voltage"]) ** 2
     own = {"rate_limit": ("rising", "rate"), "warm_up": ("winding_heat_capacity", "capacity")}
     own |= {"friction_warm_up": ("heat_capacity", "capacity")}
+    own |= {"quadratic_load_friction": ("quadratic_coefficient", "quadratic_coefficient")}
     usual = {"load_dependent_friction": "coefficient", "current_limit": "current_limit", "cogging": "amplitude"}
     usual |= {"command_quantisation": "step", "belt_slack": "pretension", "end_stop": "upper"}
     name, true = own.get(effect, (usual.get(effect, ""),) * 2)
@@ -500,6 +516,7 @@ def law(effect: str, p: Any, amended_file: Path) -> tuple[str, float]:
     ("plant", "effect", "size"),
     [
         ("geared-two-mass", "load_dependent_friction", 100.0),
+        ("geared-two-mass", "quadratic_load_friction", 100.0),
         ("geared-two-mass", "current_limit", 5.0),
         ("geared-two-mass", "cogging", 30.0),
         ("geared-two-mass", "rate_limit", 30.0),

@@ -32,8 +32,10 @@ simulate: {{stop: 8 s, step: 5 ms}}
 recordings:
 """
 
-TRIED = ("friction_warm_up", "viscous_friction", "coulomb_friction", "stribeck_friction", "quadratic_drag", "offset")
-TRIED += ("direction_dependent_friction", "wrong_parameter", "uneven_gain", "lag", "load_dependent_friction")
+TRIED = {
+    *("friction_warm_up", "viscous_friction", "coulomb_friction", "stribeck_friction", "quadratic_drag", "offset"),
+    *("direction_dependent_friction", "wrong_parameter", "uneven_gain", "lag", "load_dependent_friction"),
+}
 
 
 def recorded(folder: Path) -> Path:
@@ -70,7 +72,7 @@ def recorded(folder: Path) -> Path:
 @pytest.mark.slow
 def test_dry_friction_that_falls_is_named_with_its_heat(tmp_path: Path) -> None:
     """Beside the other laws of a bearing; the fall per joule and the time constant are those of the joint."""
-    found = diagnose(recorded(tmp_path), workers=1, without=sorted(set(EFFECTS) - set(TRIED)))
+    found = diagnose(recorded(tmp_path), workers=1, without=sorted(set(EFFECTS) - TRIED))
     (finding,) = found.findings
     assert (finding["status"], finding["effect"], finding["place"]) == ("named", "friction_warm_up", "bearing")
     assert finding["parameters"]["heat_capacity"]["value"] == pytest.approx(CAPACITY, rel=0.1)
