@@ -53,6 +53,7 @@ SAME: dict[tuple[str, str], Callable[[Mapping[str, float]], dict[str, float]]] =
         "coulomb_friction_backward": p["coulomb_friction"],
     },
     ("coulomb_friction", "load_dependent_friction"): lambda p: {**p, "coefficient": 0.0},
+    ("load_dependent_friction", "quadratic_load_friction"): lambda p: {**p, "quadratic_coefficient": 0.0},
     ("coulomb_friction", "stribeck_friction"): lambda p: {
         **p,
         "static_friction": p["coulomb_friction"],

@@ -15,7 +15,10 @@ from diagnosis.verdict.write import amended_text
 from scenarios.load import load
 from tests.diagnosis import plants
 
-FRICTION = ("coulomb_friction", "stribeck_friction", "direction_dependent_friction", "load_dependent_friction")
+FRICTION = (
+    *("coulomb_friction", "stribeck_friction", "direction_dependent_friction"),
+    *("load_dependent_friction", "quadratic_load_friction"),
+)
 LIKE_IT = (
     *FRICTION,
     "dead_zone",
