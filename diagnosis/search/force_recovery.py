@@ -237,17 +237,19 @@ def _one(e: TimeExperiment, r: Array, slopes: Array, answer: Array) -> _Recovere
     # The parameters' changes are solved for together with the force, and then not looked at.
     whole = np.column_stack([design / scale, S])
     data, seen = whole.T @ whole, whole.T @ y
-    best: tuple[float, Array, Any] | None = None
+    smooth = 16 * bend.T @ bend + 0.02 * np.eye(knots)
+    volume = float(np.linalg.slogdet(smooth)[1])
+    best: tuple[float, Array, Array] | None = None
     for size in np.geomspace(0.1, 1e5, 13):
-        prior = (16 * bend.T @ bend + 0.02 * np.eye(knots)) / size**2
-        factor = scipy.linalg.cho_factor(data + scipy.linalg.block_diag(prior, np.eye(S.shape[1])))
-        w = scipy.linalg.cho_solve(factor, seen)
-        spread = 2 * float(np.sum(np.log(np.diag(factor[0])))) - float(np.linalg.slogdet(prior)[1])
+        prior = scipy.linalg.block_diag(smooth / size**2, np.eye(S.shape[1]))
+        factor = scipy.linalg.cholesky(data + prior)
+        w = scipy.linalg.cho_solve((factor, False), seen)
+        spread = 2 * float(np.sum(np.log(np.diag(factor)))) - (volume - 2 * knots * math.log(size))
         odds = 0.5 * float(seen @ w) - 0.5 * spread
         if best is None or odds > best[0]:
             best = (odds, w[:knots] / scale, factor)
     assert best is not None
-    variance = np.diag(scipy.linalg.cho_solve(best[2], np.eye(len(seen))))[:knots]
+    variance = np.diag(scipy.linalg.lapack.dpotri(best[2])[0])[:knots]
     knot: Array = RECOVERY.knot * np.arange(knots, dtype=float)
     return _Recovered(e, knot, best[1], np.sqrt(variance) / scale, best[0])
 
