@@ -217,7 +217,7 @@ def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Mod
             )
     longest = scenario.simulation.step if scenario.simulation else 1e-3
     # Models of one build serve several recordings; so do their statics.
-    statics = {id(made.model): Statics(scenario, made.model) for made in bindings}
+    statics = {id(made.model): Statics(made.model) for made in bindings}
     return first.model, [
         experiment(made, recording, max(longest, 1e-3), statics[id(made.model)])
         for made, recording in zip(bindings, recordings, strict=True)

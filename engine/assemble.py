@@ -244,12 +244,13 @@ class _Assembly:
             if state.derivative is None:
                 raise StructureError(f"state '{state.name}' has no derivative")
             derivatives.append(self._final(state.derivative))
+        stored = self._final(net.stored) + mechanics.kinetic_energy
         books: list[tuple[Variable, Expression]] = []
         accounts: list[Expression] = []
         if self.energy:
             accounts = [ca.SX.sym("energy.supplied"), ca.SX.sym("energy.dissipated")]
             derivatives += [self._final(net.supplied), self._final(net.dissipated) + mechanics.lost]
-            books = self._books(accounts)
+            books = self._books(stored, accounts)
         n = mechanics.count
         fire = ca.SX.sym("fire", len(net.clocks))
         updates, calls, entering = self.wiring.updates(fire)
@@ -289,6 +290,7 @@ class _Assembly:
             external=self._stack([mechanics.in_coordinates(given) for _, given in calls]),
             entering=self._stack([mechanics.in_coordinates(value) for value in entering]),
             line_start=self._stack([line.start for line in net.lines]),
+            stored=stored,
         )
         equations, parameters = self._used(equations)
         inputs = tuple(Variable(name, self.wiring.unit(name), net.inputs[name].port.doc) for name in self.free_names)
@@ -345,16 +347,21 @@ class _Assembly:
         return tuple(made)
 
     def _used(self, equations: Equations) -> tuple[Equations, list[ModelParameter]]:
-        """The equations without the parameters that no equation uses: tuning those would have no effect."""
-        skip = ("t", "x", "u", "d", "m", "p", "fire")
+        """The equations without the parameters that no equation uses: tuning those would have no effect.
+
+        The stored energy keeps their values: it may count what moves nothing, such as the weight of what stands still.
+        """
+        skip = ("t", "x", "u", "d", "m", "p", "fire", "stored")
         rows = [getattr(equations, f.name) for f in fields(equations) if f.name not in skip]
         read = {hash_symbol(symbol) for symbol in ca.symvar(ca.vertcat(*[ca.vec(ca.SX(row)) for row in rows]))}
         kept = [entry for entry in self.net.parameters.values() if hash_symbol(entry.symbol) in read]
-        return replace(equations, p=self._stack([entry.symbol for entry in kept])), kept
+        others = [entry for entry in self.net.parameters.values() if hash_symbol(entry.symbol) not in read]
+        symbols, values = self._stack([entry.symbol for entry in others]), ca.DM([entry.value for entry in others])
+        stored = ca.substitute(equations.stored, symbols, values) if others else equations.stored
+        return replace(equations, p=self._stack([entry.symbol for entry in kept]), stored=stored), kept
 
-    def _books(self, accounts: list[Expression]) -> list[tuple[Variable, Expression]]:
+    def _books(self, stored: Expression, accounts: list[Expression]) -> list[tuple[Variable, Expression]]:
         """Outputs of the energy balance."""
-        stored = self._final(self.net.stored) + self.mechanics.kinetic_energy
         supplied, dissipated = accounts
         rows = (
             ("stored", stored, "kinetic and potential energy"),

@@ -160,6 +160,7 @@ class Equations:
         external: what the external functions are given at an instant, in the order of their calls.
         entering: what enters each delay line at an instant of its clock.
         line_start: what each holds at the start, from parameters.
+        stored: kinetic and potential energy (J).
     """
 
     t: Expression
@@ -182,6 +183,7 @@ class Equations:
     external: Expression
     entering: Expression
     line_start: Expression
+    stored: Expression
 
     @property
     def arguments(self) -> list[Expression]:

@@ -28,7 +28,6 @@ from engine.start import start_values, starting_names
 
 if TYPE_CHECKING:
     from engine.model import Equations
-    from scenarios.load import Scenario
 
 _POSITIONS = tuple(kind[0][1] for kind in MOTION.values())
 _SPEEDS = tuple(kind[1][1] for kind in MOTION.values())
@@ -95,18 +94,15 @@ class Statics:
     """The outputs and the stored energy of a model as functions of its coordinates, for the starts of its recordings.
 
     Args:
-        scenario: of the model.
         model: whose inputs and outputs are those of the recordings.
     """
 
-    def __init__(self, scenario: Scenario, model: Model) -> None:
+    def __init__(self, model: Model) -> None:
         self.model = model
         self.names = starting_names(model)
         self.n = model.coordinates
         self.p = model.parameter_values
         self.own = start_values(model, self.p)
-        self._scenario = scenario
-        self._books: list[Model] = []
 
     def at(self, settings: dict[str, float]) -> Statics:
         """The same at other values of parameters."""
@@ -323,27 +319,20 @@ class Statics:
 
     def _energy(self, q: Array) -> tuple[Array, Array]:
         """Gradient and Hessian of the stored energy at rest, by the coordinates."""
-        if not self._books:
-            inputs = [v.name for v in self.model.inputs]
-            self._books.append(self._scenario.build(inputs, [v.name for v in self.model.outputs], energy=True))
-        books, n = self._books[0], self.n
+        n = self.n
 
         def derivatives(e: Equations) -> Sequence[ca.SX]:
-            stored = e.outputs[[v.name for v in books.outputs].index("energy.stored")]
-            hessian, gradient = ca.hessian(stored, e.x)
+            hessian, gradient = ca.hessian(ca.SX(e.stored), e.x)
             return [gradient[:n], hessian[:n, :n]]
 
-        made = books.derived("stored_energy_by_coordinates", derivatives)
-        e = books.equations
-        x = np.zeros(len(books.states))
-        x[: len(self.own)] = self.own
+        made = self.model.derived("stored_energy_by_coordinates", derivatives)
+        e = self.model.equations
+        x = np.array(self.own)
         x[:n], x[n : 2 * n] = q, 0.0
-        own = {q.name: float(v) for q, v in zip(self.model.parameters, self.p, strict=True)}
-        p = books.parameter_vector({q.name: own[q.name] for q in books.parameters if q.name in own})
-        memory = np.array(books.functions["memory_start"](p).full()).ravel()
+        memory = np.array(self.model.functions["memory_start"](self.p).full()).ravel()
         given = np.zeros(int(made.numel_in(3)))
         given[: len(memory)] = memory
-        gradient, hessian = made(0, x, np.zeros(e.u.numel()), given, np.zeros(e.m.numel()), p)
+        gradient, hessian = made(0, x, np.zeros(e.u.numel()), given, np.zeros(e.m.numel()), self.p)
         return np.nan_to_num(np.array(gradient.full()).ravel()), np.nan_to_num(np.array(hessian.full()))
 
     def _stiffness(self, q: Array) -> Array:

@@ -289,7 +289,7 @@ class TimeExperiment(Experiment):
         lost = {name for e in others for name in e.free} - set(starting_names(model))
         if lost:
             raise FlexarmError(f"'{min(lost)}', which a recording starts from, is no state of the amended model")
-        statics = Statics(scenario, model)
+        statics = Statics(model)
         return model, [e.on_model(statics) if isinstance(e, TimeExperiment) else e for e in others]
 
     def fingerprint(self) -> list[Array]:
