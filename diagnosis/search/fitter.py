@@ -277,8 +277,9 @@ class CandidateFitter:
                     there, point.x, there.training, pool, iterations=steps, least_gain=SEARCH.slow, noise="white"
                 )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
-        # A size that is only chosen takes no steps, and would stand where it began among others that did.
-        return self._refined(min(tried, key=lambda partial: partial.point.cost), only=effects[-1])
+        # A size that is only chosen takes no steps, and would stand where it began among others that did; one that is
+        # in already has taken the place of what is put in now.
+        return self._refined(min(tried, key=lambda partial: partial.point.cost))
 
     def _begun(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> list[StartingPoint]:
         """The starting points to fit, the best first."""
@@ -429,11 +430,11 @@ class CandidateFitter:
             return partial
         return PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
 
-    def _refined(self, partial: PartialFit, only: Candidate | None = None, *, noise: Noise = "white") -> PartialFit:
+    def _refined(self, partial: PartialFit, *, noise: Noise = "white") -> PartialFit:
         """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""
         for k, effect in enumerate(partial.effects):
             gained = math.inf
-            while effect.finer is not None and only in (None, effect) and gained > SEARCH.slow:
+            while effect.finer is not None and gained > SEARCH.slow:
                 closer = self._closer(partial, k, noise)
                 gained = partial.point.cost - closer.point.cost
                 partial = closer

@@ -6,14 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import descend
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nearby import Nearby
-from diagnosis.search.partial_fit import standing
+from diagnosis.search.partial_fit import ended, standing
 from engine.threads import Threads
 from scenarios.load import load
 from tests.diagnosis.plants import case
@@ -39,16 +41,40 @@ def test_what_delays_leave_is_told_without_tangents_of_their_own(tmp_path: Path)
     assert told == pytest.approx(fitted, rel=0.02)
 
 
-def test_a_delay_is_found_to_a_twentieth_of_a_sample(tmp_path: Path) -> None:
-    """What a motor answers from rest, written down two samples of 2 ms late."""
+def late(tmp_path: Path, filtered: float = 0.0) -> CandidateFitter:
+    """What a motor answers from rest, behind a filter of a time constant (s), written down two samples of 2 ms late."""
     path = case(tmp_path, seed=5)
     for file in tmp_path.glob("*.csv"):
         rows = np.loadtxt(file, delimiter=",", skiprows=1)
+        if filtered:
+            share = np.exp(-0.002 / filtered)
+            rows[:, 2] = lfilter([1 - share], [1, -share], rows[:, 2])
         rows[2:, 2] = rows[:-2, 2].copy()
         np.savetxt(file, rows, delimiter=",", header="t,u,speed", comments="")
     scenario = load(path)
-    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
-    delay = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "delay")
+    return CandidateFitter(scenario, gather(scenario, [], []), 1)
+
+
+def listed(fitter: CandidateFitter) -> dict[str, Candidate]:
+    return {c.effect: c for c in candidates(operating_scales(fitter.base))}
+
+
+def test_a_delay_makes_room_for_a_lag_that_is_put_in_beside_it(tmp_path: Path) -> None:
+    """Alone it has taken a part of the filter for its own: a few steps with the filter too have to give it back."""
+    fitter = late(tmp_path, 0.02)
+    delay, lag = listed(fitter)["delay"], listed(fitter)["sensor_lag"]
+    alone = fitter.finish(fitter.partial_fit((delay,), [standing(fitter.refit.fit)]))
+    assert alone.sizes[0]["delay"] > 0.007
+    both = fitter.partial_fit((ended(alone, alone.effects[0]), lag), [standing(alone.fit)])
+    assert both.point.sizes[0]["delay"] < 0.006, "4 ms and what a few steps leave"
+    found = fitter.finish(both)
+    assert found.sizes[0]["delay"] == pytest.approx(0.004, abs=1e-3)
+    assert found.added()["sensor_lag.corner_frequency"] == pytest.approx(50.0, rel=0.1)
+
+
+def test_a_delay_is_found_to_a_twentieth_of_a_sample(tmp_path: Path) -> None:
+    fitter = late(tmp_path)
+    delay = listed(fitter)["delay"]
     made = fitter.finish(fitter.partial_fit((delay,), [standing(fitter.refit.fit)]))
     assert made.sizes[0]["delay"] == pytest.approx(0.004, abs=1e-4)
     assert made.hold_out < 1.1
