@@ -40,7 +40,12 @@ VALUES: dict[str, dict[str, Any]] = {
     "Vibration": {"amplitude": 0.7, "frequency": 12.0, "phase": 0.3},
     "QuadraticDrag": {"drag": 0.5},
     "WarmingFriction": {"coulomb_friction": 0.4, "heat_capacity": 0.4, "thermal_resistance": 9.0},
-    "LoadDependentFriction": {"coefficient": 0.4, "quadratic_coefficient": 0.3, "static_ratio": 1.5},
+    "LoadDependentFriction": {
+        "coefficient": 0.4,
+        "quadratic_coefficient": 0.3,
+        "static_ratio": 1.5,
+        "stribeck_velocity": 0.05,
+    },
 }  # fmt: skip
 """Parameters in SI units; a lever of a metre makes the twin's the same numbers."""
 
