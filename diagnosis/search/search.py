@@ -167,13 +167,13 @@ class _Search:
 
     def _grow(self, most: int) -> None:
         for count in range(1, most + 1):
-            before = self.known.best if count == 1 else self.known.confirmed(self.known.best)
+            if count == 2 and not self._enough(count):
+                # What is better than the best may have looked worse after a few steps on coarse recordings.
+                self._finish_waiting()
+            if self._enough(count):
+                return
+            before = self._leader(count)
             done = complete(before, self.known.refit)
-            enough = done and not misses(before.unseen) and not strained(before, self.known.tried)
-            if enough or before.room < self.known.price + SEARCH.effort:
-                return
-            if count > 1 and not before.effects and not misses(self.known.refit.left):
-                return
             if count > 1 and before.effects and (done or before.left.varying < self.known.price + SEARCH.effort):
                 # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is;
                 # what is little beside the effects that are in is a nuisance, or one weak effect more.
@@ -186,6 +186,28 @@ class _Search:
             self._vary(self.known.best)
             if count > 1 and self.known.best.keys == before.keys:
                 return
+
+    def _leader(self, count: int) -> ScoredModel:
+        """The best model so far; one with effects is fitted until it is sure that it ends there."""
+        return self.known.best if count == 1 else self.known.confirmed(self.known.best)
+
+    def _enough(self, count: int) -> bool:
+        """Whether nothing is left that a further effect, of so many, could explain."""
+        before = self._leader(count)
+        done = complete(before, self.known.refit)
+        if done and not misses(before.unseen) and not strained(before, self.known.tried):
+            return True
+        if before.room < self.known.price + SEARCH.effort:
+            return True
+        return count > 1 and not before.effects and not misses(self.known.refit.left)
+
+    def _finish_waiting(self) -> None:
+        waiting, self.known.waiting, before = self.known.waiting, [], self.known.best
+        while waiting:
+            self.known.finished(waiting[: SEARCH.few])
+            waiting = waiting[SEARCH.few :]
+        if self.known.best is not before:
+            self._vary(self.known.best)
 
     def study(self, nominal: tuple[float, float], scales: OperatingScales, notes: Sequence[str]) -> Study:
         """What was tried so far, and how probable it is; arguments as of `Study`."""
@@ -221,10 +243,6 @@ class _Search:
     def _deepen(self, count: int) -> None:
         """Add an effect to each of the best models that have one less, and try two at once."""
         if count == 2:
-            waiting, self.known.waiting = self.known.waiting, []
-            while waiting:
-                self.known.finished(waiting[: SEARCH.few])
-                waiting = waiting[SEARCH.few :]
             self._pairs()
         for number, parent in enumerate(self._parents(count - 1)):
             kept = tuple(ended(parent, c) for c in parent.effects)
