@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from diagnosis.effects.effect import Candidate
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, ended
-from diagnosis.search.posterior import complete, misses, price, told_as, value
+from diagnosis.search.posterior import complete, misses, price, prices, told_as, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
@@ -69,6 +69,11 @@ class TriedModels:
     def best(self) -> ScoredModel:
         """What the model of greatest worth is told as."""
         return self.leading[0]
+
+    @property
+    def best_fitted(self) -> ScoredModel:
+        """The model of greatest worth by the recordings that it was fitted to alone."""
+        return max(self._models.values(), key=lambda m: -0.5 * m.fit.cost - prices(m.effects) * self.price)
 
     @property
     def reach(self) -> float:

@@ -305,3 +305,16 @@ def test_what_cannot_be_fitted_is_told_and_passed_over(monkeypatch: pytest.Monke
     found = run(world, [FRICTION, LAG])
     assert found.known.best.keys == {LAG.key}
     assert (FRICTION.key, "it follows coarse recordings only") in found.known.failures
+
+
+@pytest.mark.parametrize(("gain", "best"), [(100.0, LAG.key), (2.0, "")])
+def test_the_best_by_training_alone_need_not_follow_what_was_held_out(gain: float, best: str) -> None:
+    """A limit that only held-out recordings reach hides there that the lag is right; chance alone has no such gain."""
+    world = World(by({}))
+    known = tried_models.TriedModels(world, world.refit, 40)  # type: ignore[arg-type]
+    world.refit.fit.cost = 1000.0
+    made = world.made((LAG,), after=by({LAG.key: 2e6}))
+    made.fit.cost = 1000.0 - 2 * gain
+    known.keep(made)
+    assert known.best.keys == frozenset()
+    assert known.best_fitted.keys == frozenset(filter(None, [best]))
