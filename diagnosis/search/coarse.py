@@ -87,7 +87,8 @@ def _with_long_steps(problem: Problem, x: Array) -> Problem:
                 pairs = zip(experiments, apart, strict=True)
                 return replace(made, experiments=tuple(replace(e, measured=e.measured + d * e.sigma) for e, d in pairs))
     finest = tuple(e.stepped(e.every * e.thinned) for e in given)
-    return problem if finest == tuple(given) else replace(problem, experiments=finest)
+    changed = any(a is not b for a, b in zip(finest, given, strict=True))
+    return replace(problem, experiments=finest) if changed else problem
 
 
 def _apart(made: Problem, x: Array, e: TimeExperiment, r: Array) -> Array:
