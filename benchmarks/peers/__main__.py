@@ -135,7 +135,7 @@ READING = """
 
 * Each tool was given the form that suits it best, and a tolerance for an error of about 1e-6 where it reaches that.
   Set-up is the processor time of putting the problem together and of what a later run no longer takes: XLA's
-  compiler for diffrax, 150 runs as byte code for flexarm, and the C compiler where its cache has not the model.
+  compiler for diffrax, 150 runs by machine code for flexarm, and the C compiler where its cache has not the model.
 * **Steps.** RK4 takes one step for each row of 1 ms, 10 000 in all, which gives the two links an error of 1e-9. The
   fifth order with a variable step (diffrax) needs 489 steps for 5e-7 there, and 1160 for 5e-9; most of its time
   goes into interpolating 10 001 rows. With a row every 10 ms, diffrax takes 0.60 ms for an error of 5e-7, and
