@@ -112,6 +112,7 @@ class _Search:
         while left := [m for m in self.known.leading if not any(m is d for d in done)]:
             done.append(left[0])
             self._simplified(left[0])
+            self._enriched(left[0])
         self._evened()
 
     def fit_known(self, models: Sequence[ScoredModel]) -> None:
@@ -128,7 +129,7 @@ class _Search:
         values = model.fit.parameters()
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
-            if kept and frozenset(c.key for c in kept) not in self.known:
+            if kept:
                 self.known.fit([(kept, [standing(model.fit)])], 1)
             laws = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
             simpler = _able_beside(kept, laws)
@@ -155,7 +156,10 @@ class _Search:
         self.known.fit(tasks, len(tasks))
 
     def _enriched(self, model: ScoredModel) -> None:
-        """Put each richer law that was not tried in the place of a simpler one of a model, from where that ended."""
+        """Put richer laws in the place of a simpler one of a model, from where that ended.
+
+        Each that was not tried, and each that left more: it contains the simpler one, so its fit has lost its way.
+        """
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             found = ended(model, effect).starts[0]
@@ -164,8 +168,12 @@ class _Search:
                 for c in _able_beside(kept, self.listed)
                 if (c.place, c.option) == (effect.place, effect.option) and c.key != effect.key and is_in(effect, c)
             ]
-            new = [c for c in richer if frozenset(k.key for k in (*kept, c)) not in self.known]
-            self.known.fit([((*kept, c), [standing(model.fit)]) for c in new], len(new))
+            wanted = [c for c in richer if not self._as_close(frozenset(k.key for k in (*kept, c)), model)]
+            self.known.fit([((*kept, c), [standing(model.fit)]) for c in wanted], len(wanted))
+
+    def _as_close(self, keys: frozenset[str], model: ScoredModel) -> bool:
+        """Whether a model with these effects was fitted, as closely as another one but for what is no evidence."""
+        return keys in self.known and 0.5 * (self.known[keys].fit.cost - model.fit.cost) < SEARCH.effort
 
     def _grow(self, most: int) -> None:
         for count in range(1, most + 1):

@@ -56,6 +56,7 @@ class World:
         left = self.left((after or self.excess)(names))
         fit = SimpleNamespace(
             converged=True,
+            cost=float(left.energy[0]),
             parameters=lambda: {f"{c.name}.p{k}": 0.2 for c in effects for k in range(len(c.parameters))},
             problem=SimpleNamespace(free=()),
             x=(),
@@ -221,6 +222,23 @@ def test_a_richer_law_that_promised_nothing_is_tried_from_where_the_simpler_one_
     begun = next(c for c in found.known.best.effects)
     assert begun.starts[0]["p0"] == 0.2  # where the simpler law ended; what it has not stays at its start
     assert begun.starts[0]["p2"] == 0.1
+
+
+def test_a_richer_law_that_leaves_more_than_the_simpler_one_is_tried_from_where_that_ended() -> None:
+    """The richer one contains the simpler, and could not leave more if its fit had not lost its way."""
+
+    class LosesItsWay(World):
+        def finish(self, partial: PartialFit) -> Any:
+            lost = {c.key for c in partial.effects} == {STRIBECK.key} and partial.effects[0].starts[0]["p0"] == 0.1
+            made = self.made(partial.effects, after=by({}, 1e5) if lost else None)
+            self.fitted.append(made.keys)
+            return made
+
+    world = LosesItsWay(by({FRICTION.key: 1e4, STRIBECK.key: 0.0}))
+    found = run(world, [FRICTION, STRIBECK, *OTHERS], most=1)
+    assert world.fitted.count(frozenset({STRIBECK.key})) == 2
+    assert found.known.best.keys == {STRIBECK.key}
+    assert found.known.best.left.energy[0] == COUNT
 
 
 def test_at_last_each_effect_is_taken_away_once_more() -> None:
