@@ -180,6 +180,8 @@ class _Search:
             if count == 2 and not self._enough(count):
                 # What is better than the best may have looked worse after a few steps on coarse recordings.
                 self._finish_waiting()
+            if count == 2 and not self._enough(count):
+                self._other_laws()
             if self._enough(count):
                 return
             before = self._leader(count)
@@ -190,7 +192,7 @@ class _Search:
                 kept = tuple(ended(before, c) for c in before.effects)
                 self._beside(kept, before, SEARCH.fitted_beside, self.listed if done else self._order[: SEARCH.beside])
             elif count == 1:
-                self._first([standing(self.known.refit.fit), *([{}] if self.known.refit.bent else [])])
+                self._first()
             else:
                 self._deepen(count)
             self._vary(self.known.best)
@@ -216,6 +218,20 @@ class _Search:
         while waiting:
             self.known.finished(waiting[: SEARCH.few])
             waiting = waiting[SEARCH.few :]
+        if self.known.best is not before:
+            self._vary(self.known.best)
+
+    def _other_laws(self) -> None:
+        """Fit all other laws at the place of the best effect.
+
+        What a law promises is told in proportion to its size, which a gap or a limit is not, and beside parameters that
+        the missing effect has bent: where one law gains much and leaves much, another may gain all.
+        """
+        before = self.known.best
+        places = {c.place for c in before.effects}
+        laws = [c for c in self._order if c.place in places]
+        self.known.fit([((c,), self._alone_from()) for c in laws], len(laws))
+        self._finish_waiting()
         if self.known.best is not before:
             self._vary(self.known.best)
 
@@ -294,12 +310,13 @@ class _Search:
             among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
             self._beside(kept, model, SEARCH.exchanged, among)
 
-    def _first(self, parents: Sequence[Values]) -> None:
-        """Put every effect into the user's model, and fit those that promise most.
+    def _alone_from(self) -> list[Values]:
+        """Parameters that a first effect begins from: those of the refit, and those given where it has bent them."""
+        return [standing(self.known.refit.fit), *([{}] if self.known.refit.bent else [])]
 
-        Args:
-            parents: parameters to begin from.
-        """
+    def _first(self) -> None:
+        """Put every effect into the user's model, and fit those that promise most."""
+        parents = self._alone_from()
         origins = [o for values in parents if (o := self.fitter.origin((), values)) is not None]
         self._order = best_ways(self._screened(origins, self.listed))
         able = [c for c in self._order if self._pays(origins, c)]

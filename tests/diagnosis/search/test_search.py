@@ -183,6 +183,18 @@ def test_what_looked_worse_after_a_few_steps_is_fitted_before_a_second_effect_is
     assert max(len(keys) for keys in world.fitted) == 1
 
 
+def test_where_the_best_leaves_much_all_laws_at_its_place_are_fitted() -> None:
+    """Play promises nothing in proportion to its gap; where a hardening spring leaves much, it is tried."""
+    hardening, play = effect("hardening_spring", "mount"), effect("backlash", "mount")
+    elsewhere = effect("backlash", "gear")
+    left = {hardening.key: 1e5, play.key: 0.0, elsewhere.key: 9e5}
+    world = World(by(left), {play.key: -1.0, elsewhere.key: -1.0})
+    found = run(world, [hardening, play, elsewhere, *OTHERS])
+    assert found.known.best.keys == {play.key}
+    assert {elsewhere.key} not in world.fitted
+    assert all(len(keys) < 2 for keys in world.fitted), "no second effect was sought"
+
+
 def test_a_simpler_law_is_tried_beside_the_nuisance_that_made_the_richer_one_better() -> None:
     """Friction seems to have an edge at low speed for want of a weak lag; beside that the plain law does as well."""
     left = {FRICTION.key: 3e5, STRIBECK.key: 1.2e4}
