@@ -66,22 +66,22 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
     if not misses(refit.left):
         # Less than the noise is left over: slow drifts of the machine and the sensors are as large.
         models = [m for m in models if not m.effects or relieved(refit, m) >= EVIDENCE.most]
-    simpler = {m.keys: [s for s in models if s is not m and _simpler(s, m)] for m in models}
-    worse = {m.keys for m in models if any(_worse(m, s) for s in simpler[m.keys])}
+    simpler = {m.keys: [s for s in models if is_simpler(s, m)] for m in models}
+    refuted = {m.keys for m in models if any(worse(m, s) for s in simpler[m.keys])}
 
     def simplest(model: ScoredModel, whole: ScoredModel) -> ScoredModel:
         enough = [
             s
             for s in simpler[model.keys]
-            if _worse(model, s) or (_owes_little(model, s, explained) and _one_of_several(whole, s))
+            if worse(model, s) or (_owes_little(model, s, explained) and _one_of_several(whole, s))
         ]
         return simplest(max(enough, key=lambda s: s.log_evidence), whole) if enough else model
 
-    pairs = [(simplest(m, m), m) for m in models if m.keys not in worse]
+    pairs = [(simplest(m, m), m) for m in models if m.keys not in refuted]
     return [(as_, m) for as_, m in pairs if as_.effects or as_ is m]
 
 
-def _worse(model: ScoredModel, simpler: ScoredModel) -> bool:
+def worse(model: ScoredModel, simpler: ScoredModel) -> bool:
     """Whether held-out recordings are followed less closely than by a simpler model, whose parameters are no better."""
     relief = 0.5 * max(simpler.strain - model.strain, 0.0)
     unlikelier = model.unseen.log_likelihood < simpler.unseen.log_likelihood - relief
@@ -137,7 +137,7 @@ def strained(model: ScoredModel, tried: int) -> bool:
     return 0.5 * (model.strain - model.own) > price(tried) + SEARCH.effort
 
 
-def _simpler(one: ScoredModel, other: ScoredModel) -> bool:
+def is_simpler(one: ScoredModel, other: ScoredModel) -> bool:
     """Whether one model is another without some effects, or with a simpler law in the place of a richer one."""
     mine, theirs = set(one.keys), set(other.keys)
     if mine < theirs:

@@ -2,7 +2,8 @@
 
 A search weighs models by likelihoods in which slow errors count little, since it must not take them for physics. Who is
 given a model asks that it follow his recordings as closely as it can, those that were not fitted too. At the sensors'
-noise both fits are one.
+noise both fits are one. Far above it, where no model is exact, an effect may serve the likelihood alone: it is told
+only if held-out recordings are followed better with it at the least squared error too.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.posterior import credible
+from diagnosis.search.posterior import credible, is_simpler, misses, worse
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
 
@@ -22,11 +23,33 @@ def as_reported(fitter: CandidateFitter, found: Study) -> Study:
         fitter: of the study.
         found: the study, as the search has left it.
     """
-    known = [m for m in (found.refit, *found.trials) if m.keys in found.odds]
-    told = {m.keys: fitter.closest(m) for m in {id(m): m for m in (found.refit, *credible(known, found.odds))}.values()}
+    tried = {m.keys: m for m in (found.refit, *found.trials)}
+    closest: dict[frozenset[str], ScoredModel] = {}
 
-    def as_told(model: ScoredModel) -> ScoredModel:
-        return told.get(model.keys, model)
+    def reported(model: ScoredModel) -> ScoredModel:
+        if model.keys not in closest:
+            closest[model.keys] = fitter.closest(model)
+        return closest[model.keys]
 
-    trials = tuple(as_told(m) for m in found.trials)
-    return replace(found, refit=as_told(found.refit), chosen=as_told(found.chosen), trials=trials)
+    def believed(model: ScoredModel) -> ScoredModel:
+        if not misses(reported(model).unseen):
+            return model
+        simpler = [s for s in tried.values() if is_simpler(s, model) and worse(reported(model), reported(s))]
+        return believed(max(simpler, key=lambda s: s.log_evidence)) if simpler else model
+
+    reported(found.refit)
+    odds, notes = dict(found.odds), list(found.notes)
+    for model in credible([m for m in tried.values() if m.keys in odds], odds):
+        told = believed(model)
+        if told is not model:
+            odds[told.keys] = odds.get(told.keys, 0.0) + odds.pop(model.keys)
+            notes.append(
+                f"{model.label} is likelier than {told.label}, but at the least squared error the recordings that were "
+                "not fitted are followed less closely with it: it is not told"
+            )
+    chosen = reported(max((m for m in tried.values() if m.keys in odds), key=lambda m: odds[m.keys]))
+    trials = [closest.get(m.keys, m) for m in found.trials]
+    trials.sort(key=lambda m: -odds.get(m.keys, 0.0))
+    return replace(
+        found, refit=reported(found.refit), chosen=chosen, trials=tuple(trials), odds=odds, notes=tuple(notes)
+    )

@@ -48,6 +48,7 @@ def model(*effects: Candidate, excess: float, held_out: float | None = None, **m
     return SimpleNamespace(
         effects=effects,
         keys=frozenset(c.key for c in effects),
+        label=" + ".join(c.key for c in effects),
         size=sum(len(c.parameters) for c in effects),
         left=left(excess),
         unseen=unseen,
