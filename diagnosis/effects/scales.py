@@ -32,11 +32,14 @@ from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.recordings.feedback import plant_inputs
-from diagnosis.thresholds import TABLES
+from diagnosis.thresholds import TABLES, WORDING
 from engine.assemble import build
 from engine.linearise import linearise
 from engine.ports import MOTION, ROTATIONAL, TRANSLATIONAL
 from engine.system import Connection, System
+
+BIAS = 0.05
+"""A sensor's bias is seldom larger than this share of the largest value that it has shown."""
 
 
 @dataclass
@@ -97,6 +100,13 @@ class OperatingScales:
         """What the training recordings hold of a signal, each of shape (instants,)."""
         k = [v.name for v in self.problem.model.outputs].index(signal)
         return [e.measured[:, k] for e in self.problem.training]
+
+    def has_no_sign(self, sensor: Place) -> bool:
+        """Whether nothing that was recorded lies farther below zero than noise and a small bias reach."""
+        k = [v.name for v in self.problem.model.outputs].index(sensor.target)
+        reach = [BIAS * sensor.size + WORDING.seen * float(e.sigma[k]) for e in self.problem.training]
+        rows = zip(self.measured(sensor.target), reach, strict=True)
+        return all(np.nanmin(measured) > -far for measured, far in rows)
 
     def places(self, kind: str) -> Iterator[Place]:
         """The places of a kind, in the order of the scenario.

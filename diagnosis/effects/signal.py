@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from diagnosis.effects.effect import NAME, Candidate, EffectParameter, Sizes, combinations, shares, with_unit
 from diagnosis.effects.insertion import behind_sensor, in_signal
 from diagnosis.effects.places import Place
@@ -107,7 +105,7 @@ def at_sensor(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     yield from behind_sensor(place, "sensor_scale", "Gain", gains, gain, unit="1")
     corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
     yield from behind_sensor(place, "sensor_lag", "LowPass", corners, EffectParameter("corner_frequency", 1 / sample))
-    if all(np.nanmin(m) > -0.05 * size for m in scales.measured(place.target)):
+    if scales.has_no_sign(place):
         scale = EffectParameter("sensitivity", 1.0, usual=1.0, spread=GAIN)
         same = combinations(sensitivity=(1.0,))
         yield from behind_sensor(place, "rectified_sensor", "RectifiedSensor", same, scale, unit="1")

@@ -517,3 +517,14 @@ def test_the_choices_of_an_effect_are_all_its_starts_apart_by_what_is_only_chose
     for whole in ("delay", "coulomb_friction"):
         effect = next(c for c in listed if c.effect == whole)
         assert effect.choices() == [effect]
+
+
+@pytest.mark.parametrize(("lowest", "tried"), [(-0.04, True), (-0.12, False)])
+def test_a_sensor_without_sign_may_be_below_zero_by_its_noise(tmp_path: Path, lowest: float, tried: bool) -> None:
+    """The noise is 0.01, the largest value 0.2: five times the noise and a twentieth of it are 0.06."""
+    path = spring(tmp_path, "{type: SpringDamper, stiffness: 50 N.m/rad}")
+    for file in tmp_path.glob("*.csv"):
+        t, u, y = np.loadtxt(file, delimiter=",", skiprows=1).T
+        y[:] = np.maximum(np.sin(2 * np.pi * 3 * t) * 0.2, lowest)
+        np.savetxt(file, np.column_stack([t, u, y]), delimiter=",", header="t,u,y", comments="")
+    assert ("rectified_sensor" in effects_at(possible_effects(path), "arm.shaft.angle")) == tried
