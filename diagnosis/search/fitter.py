@@ -23,7 +23,7 @@ from diagnosis.search.coarse import coarse
 from diagnosis.search.evidence import ChosenSize
 from diagnosis.search.growing import grown
 from diagnosis.search.nearby import Nearby
-from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of
+from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of, standing
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.screening import Origin, begun
 from diagnosis.search.wave_starts import solved
@@ -94,16 +94,21 @@ class CandidateFitter:
 
         return self._trial(self._kept(f"settled {model.label} {_mark(point.x)}", model.effects, compute))
 
-    def closest(self, model: ScoredModel) -> ScoredModel:
+    def closest(self, model: ScoredModel, richer: Sequence[ScoredModel] = ()) -> ScoredModel:
         """A model at its least squared error, unless all recordings together are then followed less closely.
 
         The user's own is begun from several starts too, as `flexarm fit` begins it, on coarse recordings. Its error may
         be millions of times the noise, and is fitted to the digits that are told.
+
+        Args:
+            model: which.
+            richer: models that contain it and are compared with it; it is begun from where each of them ended too.
         """
         point = end_of(model)
+        begun = [_led(point, standing(m.fit)) for m in richer]
 
         def compute() -> PartialFit:
-            made, begins, drop = point.problem, [point.x], 0.0
+            made, begins, drop = point.problem, [point.x, *begun], 0.0
             if not model.effects:
                 drop = SEARCH.digits * sum(e.measured.size for e in made.training)
                 starts = fit(self.coarse, random_starts=2, seed=self.seed, workers=self.workers, least_gain=drop)
@@ -117,7 +122,8 @@ class CandidateFitter:
             x, cost, converged = min(ends, key=lambda end: end[1])
             return PartialFit(model.effects, replace(point, x=x, cost=cost), converged)
 
-        kept = self._kept(f"closest {model.label} {_mark(point.x)}", model.effects, compute)
+        marks = " ".join(_mark(x) for x in (point.x, *begun))
+        kept = self._kept(f"closest {model.label} {marks}", model.effects, compute)
         found = self._trial(kept, "stated")
         closer = found.left.energy.sum() <= model.left.energy.sum()
         return replace(found, log_evidence=model.log_evidence) if closer else model
@@ -470,6 +476,12 @@ class CandidateFitter:
 def _with(kept: tuple[Sizes, ...], k: int, sizes: Sizes) -> tuple[Sizes, ...]:
     """The sizes of several effects, those of the k-th exchanged."""
     return tuple(sizes if j == k else s for j, s in enumerate(kept))
+
+
+def _led(point: StartingPoint, values: dict[str, float]) -> Array:
+    """The search vector of a point with values by name, where it has such parameters."""
+    there = [(f, values.get(place_of(f)), x) for f, x in zip(point.problem.free, point.x, strict=True)]
+    return np.array([x if value is None else f.position(value) for f, value, x in there])
 
 
 def _mark(x: Array) -> str:

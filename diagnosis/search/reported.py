@@ -26,15 +26,16 @@ def as_reported(fitter: CandidateFitter, found: Study) -> Study:
     tried = {m.keys: m for m in (found.refit, *found.trials)}
     closest: dict[frozenset[str], ScoredModel] = {}
 
-    def reported(model: ScoredModel) -> ScoredModel:
+    def reported(model: ScoredModel, *richer: ScoredModel) -> ScoredModel:
         if model.keys not in closest:
-            closest[model.keys] = fitter.closest(model)
+            closest[model.keys] = fitter.closest(model, richer)
         return closest[model.keys]
 
     def believed(model: ScoredModel) -> ScoredModel:
-        if not misses(reported(model).unseen):
+        end = reported(model)
+        if not misses(end.unseen):
             return model
-        simpler = [s for s in tried.values() if is_simpler(s, model) and worse(reported(model), reported(s))]
+        simpler = [s for s in tried.values() if is_simpler(s, model) and worse(end, reported(s, end))]
         return believed(max(simpler, key=lambda s: s.log_evidence)) if simpler else model
 
     reported(found.refit)

@@ -124,3 +124,22 @@ def test_a_fit_that_was_tried_again_and_kept_is_the_same_model(fitter: Candidate
     assert first.fit.cost < begun.fit.cost
     assert again.fit.parameters() == first.fit.parameters()
     assert again.log_evidence == pytest.approx(first.log_evidence)
+
+
+def test_a_model_that_is_compared_with_a_richer_one_is_begun_from_its_end_too(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With its own and the user's parameters there: where a cost has many low points, like is compared with like."""
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    model = fitter.finish(fitter.partial_fit((zone,), [standing(fitter.refit.fit)]))
+    richer = replace(model, fit=replace(model.fit, x=model.fit.x + 0.1))
+    begun: list[np.ndarray] = []
+
+    def descended(problem: Problem, x: np.ndarray, *rest: Any, **more: Any) -> Any:
+        begun.append(x)
+        return real(problem, x, *rest, **more)
+
+    monkeypatch.setattr(fitting, "descend", descended)
+    end = fitter.closest(model, [richer])
+    np.testing.assert_allclose(begun, [model.fit.x, model.fit.x + 0.1], rtol=1e-12)
+    assert end.fit.chi2 <= model.fit.chi2 * (1 + 1e-9)

@@ -35,7 +35,7 @@ def reported(rows: Sequence[Row], held_out: float) -> tuple[Any, list[frozenset[
     odds = {m.keys: row[2] for m, row in zip(made, rows, strict=True) if row[2]}
     asked: list[frozenset[str]] = []
 
-    def closest(m: Any) -> Any:
+    def closest(m: Any, richer: Sequence[Any] = ()) -> Any:
         asked.append(m.keys)
         return ends[m.keys]
 
