@@ -185,6 +185,7 @@ class _Search:
             if self._enough(count):
                 return
             before = self._leader(count)
+            leading = [m.keys for m in self.known.leading]
             done = complete(before, self.known.refit)
             if count > 1 and before.effects and (done or before.left.varying < self.known.price + SEARCH.effort):
                 # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is;
@@ -196,7 +197,8 @@ class _Search:
             else:
                 self._deepen(count)
             self._vary(self.known.best)
-            if count > 1 and self.known.best.keys == before.keys:
+            # What leads may be told without an effect that only a third one makes worth its while.
+            if count > 1 and [m.keys for m in self.known.leading] == leading:
                 return
 
     def _leader(self, count: int) -> ScoredModel:

@@ -213,6 +213,15 @@ def test_where_a_second_effect_is_not_believed_no_third_is_sought() -> None:
     assert max(len(keys) for keys in world.fitted) == 2
 
 
+def test_a_second_effect_that_is_told_only_beside_a_third_does_not_end_the_search() -> None:
+    """Beside a dead zone the lag owes little while the friction is missing, and the model is told as the dead zone."""
+    zone = effect("dead_zone", "u")
+    alone, pair = zone.key, f"{zone.key} + {LAG.key}"
+    world = World(by({alone: 1e5, pair: 9e4, f"{pair} + {FRICTION.key}": 0.0}))
+    found = run(world, [zone, LAG, FRICTION, *OTHERS[:4]])
+    assert found.known.best.keys == {zone.key, LAG.key, FRICTION.key}
+
+
 def test_beside_another_an_effect_is_fitted_in_every_way() -> None:
     """The side that promises least may be the one that fits best, once the other effect is in."""
     sides = [effect("joint_flexibility", "joint", option=f"side {k}") for k in range(4)]
