@@ -23,8 +23,8 @@ def at_belt(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     if never is None or block.values["pretension"] != never:
         return
     # The belt carries what accelerates the side that is driven.
-    driven = [flange for flange, members in scales.groups.items() if f"{name}.b" in members]
-    force = max((scales.torque[flange] for flange in driven), default=1.0)
+    driven = scales.at(f"{name}.b")
+    force = driven.torque if driven else 1.0
 
     def edits(values: Sizes) -> list[Edit]:
         return [Set(name, "pretension", with_unit(values["pretension"], "N"))]

@@ -159,7 +159,8 @@ def at_gear(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     name, block = place.target, scales.system.blocks[place.target]
     if "error_waves" not in block.options or block.values["error_waves"] or not block.values["stiffness"]:
         return
-    torque = max((torque for flange, torque in scales.torque.items() if slow_side(scales, name, flange)), default=1.0)
+    slow = scales.at(f"{name}.output")
+    torque = slow.torque if slow else 1.0
     twist, ratio = torque / block.values["stiffness"], abs(block.values["ratio"])
     keys = {key: f"error_{key}[1]" for key in ("amplitude", "order", "phase")}
     orders = [*GEAR_ORDERS, *(order / ratio for order in GEAR_ORDERS[:2])]
@@ -187,8 +188,3 @@ def at_gear(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         sizes(2e-3, 0.05, 0.5, phases=PHASES),
         wave=Wave(keys["amplitude"], keys["phase"], sizes(HARDLY, phases=(0.0,))),
     )
-
-
-def slow_side(scales: OperatingScales, name: str, flange: str) -> bool:
-    """Whether a group of flanges, told by one of them, holds the output of a gear."""
-    return f"{name}.output" in scales.groups[flange]

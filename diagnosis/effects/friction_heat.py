@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from blocks.registry import find
 from diagnosis.effects.effect import Candidate, EffectParameter, Sizes, with_unit
@@ -65,10 +64,10 @@ def at_bearing(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
 def power(scales: OperatingScales, place: Place, block: Block) -> float:
     """What a friction takes at the usual speed of what it acts on (W); 0 where that does not move."""
     flange = f"{place.target}.{next(port.name for port in block.ports.values() if port.role == 'flange')}"
-    group = next((first for first, members in scales.groups.items() if flange in members), None)
-    if group is None:
+    there = scales.at(flange)
+    if there is None:
         return 0.0
-    speed = scales.member(replace(place, target=group), flange).speed
+    speed = there.speed
     values = block.values
     dry = (values["coulomb_friction"] + values["coulomb_friction_backward"]) / 2
     return float((dry + values["viscous_friction"] * speed) * speed)

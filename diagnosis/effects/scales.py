@@ -139,6 +139,15 @@ class OperatingScales:
         """The shaft at one of its flanges."""
         return self._flange(SHAFT, shaft.target, flange, flange)
 
+    def at(self, flange: str) -> Place | None:
+        """Sizes at a flange, whichever stands for those that move with it; None where it does not move."""
+        group = next((first for first, members in self.groups.items() if flange in (first, *members)), None)
+        return None if group is None else self._flange(SHAFT, group, flange, flange)
+
+    def ends(self, block: str) -> list[Place]:
+        """The same at both ends of a spring."""
+        return [place for end in ("a", "b") if (place := self.at(f"{block}.{end}")) is not None]
+
     def ratio(self, one: str, other: str) -> float:
         """How far ``other`` moves while ``one`` moves by one; 1 where one of them is held or moved from outside."""
         return ratio(self.problem, one, other)

@@ -33,8 +33,8 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         return
     sliding = slides(scales.system, f"{name}.a")
     stiffness, damping = (_value(block, key) for key in block.spring_parameters[:2])
-    torque = max((t for f, t in scales.torque.items() if f.startswith(f"{name}.")), default=0.0)
-    torque = torque or max(scales.torque.values(), default=1.0)
+    ends = scales.ends(name)
+    torque = max((end.torque for end in ends), default=1.0)
     twist = torque / stiffness
 
     def candidate(
@@ -90,7 +90,7 @@ def at_spring(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         option="stiffening under load",
         unloading_share=1.0,
     )
-    centre = math.sqrt(stiffness / min(scales.inertia.values(), default=1.0))
+    centre = math.sqrt(stiffness / min((end.inertia for end in ends), default=1.0))
     # What is faster than the recordings show need not be simulated.
     fastest = max(min(30 * centre, 5 / scales.sample), 3 * centre)
     yield candidate(
@@ -109,11 +109,10 @@ def at_mount(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     if not is_linear_spring(block) or not slides(scales.system, f"{name}.a"):
         return
     stiff, lossy = block.spring_parameters[:2]
-    both = {f"{name}.a", f"{name}.b"}
-    ends = [flange for flange, members in scales.groups.items() if both & {flange, *members}]
-    force = max((scales.torque[flange] for flange in ends), default=1.0)
-    travel = max((scales.angle[flange] for flange in ends), default=1.0)
-    mass = min((scales.inertia[flange] for flange in ends), default=1.0)
+    ends = scales.ends(name)
+    force = max((end.torque for end in ends), default=1.0)
+    travel = max((end.angle for end in ends), default=1.0)
+    mass = min((end.inertia for end in ends), default=1.0)
 
     def springs(stiffness: str, damping: str) -> tuple[Sizes, ...]:
         rows = []

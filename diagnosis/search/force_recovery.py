@@ -161,7 +161,8 @@ def place_of(effect: Candidate, study: Study) -> tuple[str, str]:
             return edit.target, next((v.unit for v in problem.model.inputs if v.name == edit.target), "")
         flange = edit.target if isinstance(edit, AtFlange | Between) else ""
         if isinstance(edit, Set | Replace):
-            flange = next((f for f in study.scales.groups if f.startswith(f"{edit.name}.")), "")
+            groups = study.scales.groups.items()
+            flange = next((f for f, m in groups if any(end.startswith(f"{edit.name}.") for end in (f, *m))), "")
         if flange:
             return flange, "N" if flange in study.scales.slides else "N.m"
     return "", ""

@@ -117,6 +117,7 @@ def rig(folder: Any, blocks: str, connect: str, drive: tuple[str, str], signal: 
     return path
 
 
+SOFT = "{type: SpringDamper, stiffness: 50 N.m/rad, damping: 0.01 N.m.s/rad}"
 TRAIN = """\
   torque: {type: Torque}
   rotor: {type: Inertia, inertia: 0.01 kg.m2}
@@ -528,3 +529,24 @@ def test_a_sensor_without_sign_may_be_below_zero_by_its_noise(tmp_path: Path, lo
         y[:] = np.maximum(np.sin(2 * np.pi * 3 * t) * 0.2, lowest)
         np.savetxt(file, np.column_stack([t, u, y]), delimiter=",", header="t,u,y", comments="")
     assert ("rectified_sensor" in effects_at(possible_effects(path), "arm.shaft.angle")) == tried
+
+
+@pytest.mark.parametrize(
+    ("effect", "size"),
+    [("hardening_spring", "cubic_stiffness"), ("backlash", "half_gap"), ("hysteresis", "yield_twist")],
+)
+def test_a_spring_behind_a_gear_has_the_sizes_of_its_own_side(tmp_path: Path, effect: str, size: str) -> None:
+    """What stands for all that turns with the gear is its input, which carries a twentieth of the torque."""
+    torque, rotor, joint, arm = TRAIN.replace("JOINT", SOFT).replace("0.03 kg.m2", "3e-4 kg.m2").splitlines(True)
+    light = torque + rotor + arm + joint
+    ends = ("arm.shaft.angle", "rad")
+    geared = light.replace("0.01 kg.m2", "2.5e-5 kg.m2") + "  gear: {type: Gear, ratio: 20}\n"
+    wires = "  - [torque.shaft, rotor.shaft, gear.input]\n  - [gear.output, joint.a]\n  - [arm.shaft, joint.b]\n"
+    geared += "  scaled: {type: Gain, gain: 0.05, unit: N.m}\n"
+    wires += "  - [scaled.out, torque.torque]\n"
+    sizes = []
+    for name, drive, blocks, connect in (("a", "torque.torque", light, WIRES), ("b", "scaled.in", geared, wires)):
+        (tmp_path / name).mkdir()
+        found = possible_effects(rig(tmp_path / name, blocks, connect, (drive, "N.m"), ends))
+        sizes.append(next(c for c in found if (c.effect, c.place) == (effect, "joint")).starts[0][size])
+    assert sizes[1] == pytest.approx(sizes[0], rel=1e-3)
