@@ -526,6 +526,12 @@ class Search:
         "Models that are extended by a further effect.",
         "random rigs",
     )
+    parents: int = number(
+        6,
+        "models",
+        "Models of one effect that are extended before a third effect is sought.",
+        "random rigs 7100 to 7139",
+    )
     finer: tuple[float, ...] = number(
         tuple(0.5**k for k in range(1, 11)),
         "distances between starting sizes",

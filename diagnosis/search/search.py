@@ -273,6 +273,9 @@ class _Search:
         if count == 2:
             self._pairs()
         for number, parent in enumerate(self._parents(count - 1)):
+            # Two effects are likelier than three: where no pair explains all, those that lead less are extended too.
+            if number >= SEARCH.beam and (count > 2 or self._enough(count + 1)):
+                return
             kept = tuple(ended(parent, c) for c in parent.effects)
             # What promised little beside the user's model may promise most beside the best one.
             among = self.listed if count == 2 and number == 0 else self._order[: SEARCH.beside]
@@ -289,7 +292,7 @@ class _Search:
         for pair in turns:
             for model in pair:
                 found.setdefault(frozenset(c.effect for c in model.effects), model)
-        return list(found.values())[: SEARCH.beam]
+        return list(found.values())[: SEARCH.parents]
 
     def _vary(self, model: ScoredModel) -> None:
         """Take each effect of a model away; put it elsewhere, others in its place, a known pair in the place of one."""

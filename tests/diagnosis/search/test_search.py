@@ -222,6 +222,15 @@ def test_a_second_effect_that_is_told_only_beside_a_third_does_not_end_the_searc
     assert found.known.best.keys == {zone.key, LAG.key, FRICTION.key}
 
 
+def test_where_no_pair_explains_all_effects_that_lead_less_are_extended_before_a_third_is_sought() -> None:
+    """Four single effects leave less than the lag, as a limit of the rate did; only beside the lag is there a pair."""
+    left = {c.key: 5e5 + 1e4 * k for k, c in enumerate(OTHERS[:4])}
+    world = World(by(left | {LAG.key: 6e5, f"{LAG.key} + {FRICTION.key}": 0.0}))
+    found = run(world, [*OTHERS[:4], LAG, FRICTION])
+    assert found.known.best.keys == {LAG.key, FRICTION.key}
+    assert max(len(keys) for keys in world.fitted) == 2
+
+
 def test_beside_another_an_effect_is_fitted_in_every_way() -> None:
     """The side that promises least may be the one that fits best, once the other effect is in."""
     sides = [effect("joint_flexibility", "joint", option=f"side {k}") for k in range(4)]
