@@ -309,7 +309,7 @@ def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20, noise
     """The search vector with the starting values of held-out recordings fitted, everything else frozen.
 
     No other recording determines the state in which a held-out one begins, so that state is fitted to the whole of it:
-    a few numbers, against thousands of samples.
+    a few numbers, against thousands of samples. Fits with coloured noise go by way of white noise, as all do.
 
     Args:
         problem: with experiments of all roles.
@@ -321,6 +321,8 @@ def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20, noise
     for e in problem.held_out:
         mine = [i for i, f in enumerate(problem.free) if f.recording == e.name]
         if mine:
+            ways: Sequence[Noise] = ("white", "coloured") if noise == "coloured" else (noise,)
             with Threads(1) as pool:
-                x = descend(problem, x, [e], pool, only=mine, iterations=iterations, noise=noise)[0]
+                for way in ways:
+                    x = descend(problem, x, [e], pool, only=mine, iterations=iterations, noise=way)[0]
     return x

@@ -20,7 +20,8 @@ class WhitenedResiduals:
         problem: what is fitted.
         experiments: to what.
         pool: threads.
-        only: numbers of the search variables that may move; all if None.
+        only: numbers of the search variables that may move; all if None, but for those in which other experiments
+            start: nothing here tells of them, and the prior would draw them to its centre.
         noise: as of `Bands`.
     """
 
@@ -34,7 +35,8 @@ class WhitenedResiduals:
         noise: Noise = "coloured",
     ) -> None:
         self.problem, self.experiments, self.pool = problem, experiments, pool
-        self.numbers = list(range(len(problem.free)) if only is None else only)
+        here = {"", *(e.name for e in experiments)}
+        self.numbers = [i for i, f in enumerate(problem.free) if f.recording in here] if only is None else list(only)
         self.bands = Bands(experiments, noise=noise)
 
     def moved(self, x: Array, step: Array) -> Array:

@@ -43,5 +43,5 @@ class Nearby:
         rows = beside.residual(self.x)
         pull = self._turned.T @ beside.whitened(self.x, rows, self._weights)
         moved = beside.moved(self.x, -np.linalg.lstsq(self._upper, pull, rcond=None)[0])
-        step = moved - self.x
+        step = (moved - self.x)[beside.numbers]
         return moved, beside.cost(moved, [r + J @ step for r, J in zip(rows, self._slopes, strict=True)])

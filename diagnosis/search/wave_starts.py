@@ -69,7 +69,7 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     names = [f.name for f in made.free]
     a, p = (names.index(f"{effect.name}.{key}") for key in (effect.wave.amplitude, effect.wave.phase))
     with Threads(1) as pool:
-        stack = WhitenedResiduals(made, made.training, pool, noise="white")
+        stack = WhitenedResiduals(made, made.training, pool, range(len(x)), noise="white")
         try:
             rows, slopes = stack.linearised(x)
         except SimulationError:
@@ -81,7 +81,9 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     J[:, p] /= phase.slope(x[p])
     own = {f"{effect.name}.{k.name}" for k in effect.parameters}
     mine = [i for i, name in enumerate(names) if name in own and i not in (a, p)]
-    J[:, mine] = 0.0  # a frequency has no slope where the amplitude is nothing
+    here = {"", *(e.name for e in made.training)}
+    mine += [i for i, f in enumerate(made.free) if f.recording not in here]
+    J[:, mine] = 0.0  # a frequency has no slope where the amplitude is nothing, nor has where others start
     J[len(r) - len(made.prior(x)[0]) :, [a, p]] = 0.0  # nor has the amplitude's logarithm a prior there
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     step = -np.linalg.lstsq(J / size, r, rcond=1e-9)[0] / size

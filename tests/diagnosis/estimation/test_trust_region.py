@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 class Samples:
     """An experiment as far as the optimiser sees one: values of one signal, all in one band."""
 
+    name = "own"
+
     def __init__(self, count: int) -> None:
         self.measured = np.zeros((count, 1))
 
@@ -170,6 +172,16 @@ def test_what_may_not_move_stays_and_too_few_steps_are_not_called_converged() ->
     assert x[1] == 0.5
     assert toy.cost(x) < minimize_scalar(lambda a: toy.cost([a, 0.5]), bounds=(0, 2)).fun + 0.11
     assert not toy.descended([-4.0, -4.0], iterations=1)[2]
+
+
+def test_where_another_recording_starts_stays_as_it_is() -> None:
+    """Nothing that is fitted tells of it, and the prior alone would draw it to its centre."""
+    own, others = plain("angle", recording="own"), plain("angle", recording="held out")
+    toy = Toy(lambda x: np.full(50, 10 * (x[0] - 3.0)), lambda x: np.tile([10.0, 0.0], (50, 1)), [own, others])
+    x, _, converged = toy.descended([0.0, 0.4])
+    assert converged
+    assert x[0] == pytest.approx(3.0, abs=0.05)
+    assert x[1] == 0.4
 
 
 def test_where_the_model_cannot_be_differentiated_nothing_is_claimed() -> None:
