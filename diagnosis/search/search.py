@@ -190,8 +190,11 @@ class _Search:
             if count > 1 and before.effects and (done or before.left.varying < self.known.price + SEARCH.effort):
                 # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is;
                 # what is little beside the effects that are in is a nuisance, or one weak effect more.
-                kept = tuple(ended(before, c) for c in before.effects)
-                self._beside(kept, before, SEARCH.fitted_beside, self.listed if done else self._order[: SEARCH.beside])
+                # Two weak effects may each owe too little while the other is missing: what leads is extended as it is.
+                whole = self.known.leading[1]
+                than = whole if len(whole.effects) < most else before
+                kept = tuple(ended(than, c) for c in than.effects)
+                self._beside(kept, than, SEARCH.fitted_beside, self.listed if done else self._order[: SEARCH.beside])
             elif count == 1:
                 self._first()
             else:

@@ -222,6 +222,15 @@ def test_a_second_effect_that_is_told_only_beside_a_third_does_not_end_the_searc
     assert found.known.best.keys == {zone.key, LAG.key, FRICTION.key}
 
 
+def test_two_weak_effects_beside_a_strong_one_are_found_though_each_alone_owes_too_little() -> None:
+    """Beside a dead zone that explains nearly all: neither is told without the other, and both together leave noise."""
+    zone, joint = effect("dead_zone", "u"), effect("joint_flexibility", "joint")
+    pair = f"{zone.key} + {joint.key}"
+    world = World(by({zone.key: 5e3, pair: 3e3, f"{pair} + {FRICTION.key}": 0.0}))
+    found = run(world, [zone, joint, FRICTION, *OTHERS[:4]])
+    assert found.known.best.keys == {zone.key, joint.key, FRICTION.key}
+
+
 def test_where_no_pair_explains_all_effects_that_lead_less_are_extended_before_a_third_is_sought() -> None:
     """Four single effects leave less than the lag, as a limit of the rate did; only beside the lag is there a pair."""
     left = {c.key: 5e5 + 1e4 * k for k, c in enumerate(OTHERS[:4])}
