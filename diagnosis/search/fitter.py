@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import itertools
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
@@ -288,11 +289,16 @@ class CandidateFitter:
         return self._refined(min(tried, key=lambda partial: partial.point.cost))
 
     def _begun(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> list[StartingPoint]:
-        """The starting points to fit, the best first."""
+        """The starting points to fit, the best first, and last those that have farther to go.
+
+        Parameters that are bent for want of the effect leave little, and would take all turns: the best start from each
+        of the parents is among them.
+        """
         *before, new = effects
-        points: list[StartingPoint] = []
         bold: list[StartingPoint] = []
+        each: list[list[StartingPoint]] = []
         for values in parents:
+            points: list[StartingPoint] = []
             if new.wave and len(new.starts) > 1 and not self.tables:
                 points += solved(self, effects, len(before), values)
             elif all(len(c.starts) == 1 for c in effects):
@@ -305,8 +311,11 @@ class CandidateFitter:
                 found = begun(self, origin, new, SEARCH.starts, bold=not before) if origin else []
                 points += found[: SEARCH.starts]
                 bold += found[SEARCH.starts :][:1]
-        points.sort(key=lambda point: point.cost)
-        return [*points[: SEARCH.starts], *bold[:1]]
+            each.append(sorted(points, key=lambda point: point.cost))
+        ranked = sorted(itertools.chain(*each), key=lambda point: point.cost)
+        first = ranked[: SEARCH.starts]
+        others = [points[0] for points in each if points and not any(p is q for p in points for q in first)]
+        return [*first, *others, *bold[:1]]
 
     def finish(self, partial: PartialFit) -> ScoredModel:
         """Finish a partial fit until it converges, or `SEARCH.most_steps` are taken, and score it.

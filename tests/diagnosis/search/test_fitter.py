@@ -143,3 +143,20 @@ def test_a_model_that_is_compared_with_a_richer_one_is_begun_from_its_end_too(
     end = fitter.closest(model, [richer])
     np.testing.assert_allclose(begun, [model.fit.x, model.fit.x + 0.1], rtol=1e-12)
     assert end.fit.chi2 <= model.fit.chi2 * (1 + 1e-9)
+
+
+def test_a_bent_parent_does_not_take_the_turn_of_the_given_values(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parameters bent in the place of an effect leave little before it is fitted, and nothing for it to explain."""
+    zone = next(c for c in listed if c.effect == "dead_zone")
+
+    def point(cost: float) -> StartingPoint:
+        return StartingPoint(cost, fitter.base, np.zeros(1), (zone.starts[0],), (zone.starts[0],))
+
+    costs = {"bent": [100.0, 101.0], "given": [900.0, 950.0]}
+    monkeypatch.setattr(fitter, "origin", lambda effects, values: next(iter(values)))
+    monkeypatch.setattr(fitting, "begun", lambda *args, bold: [point(cost) for cost in costs[args[1]]])
+    begun = fitter._begun((zone,), [{"bent": 1.0}, {"given": 1.0}])
+    assert [start.cost for start in begun] == [100.0, 101.0, 900.0]
+    assert [start.cost for start in fitter._begun((zone,), [{"given": 1.0}])] == [900.0, 950.0]
