@@ -15,6 +15,8 @@ from diagnosis.estimation.parameters import Array
 class Values:
     """An experiment as far as an optimiser sees one: values of one signal."""
 
+    name = "values"
+
     def __init__(self, count: int) -> None:
         self.measured = np.zeros((count, 1))
 
@@ -25,7 +27,7 @@ class Values:
 class Rosenbrock:
     """r = (10 (b - a^2), 1 - a): the cost is 0 at (1, 1) alone. The prior says next to nothing."""
 
-    free = (SimpleNamespace(ends=(-np.inf, np.inf)),) * 2
+    free = (SimpleNamespace(ends=(-np.inf, np.inf), recording=""),) * 2
     training = (Values(2),)
 
     def residual(self, x: Array, _: Any) -> Array:
