@@ -106,7 +106,7 @@ class CandidateFitter:
             richer: models that contain it and are compared with it; it is begun from where each of them ended too.
         """
         point = end_of(model)
-        begun = [_led(point, standing(m.fit)) for m in richer]
+        begun = [_with_values(point, standing(m.fit)) for m in richer]
 
         def compute() -> PartialFit:
             made, begins, drop = point.problem, [point.x, *begun], 0.0
@@ -487,7 +487,7 @@ def _with(kept: tuple[Sizes, ...], k: int, sizes: Sizes) -> tuple[Sizes, ...]:
     return tuple(sizes if j == k else s for j, s in enumerate(kept))
 
 
-def _led(point: StartingPoint, values: dict[str, float]) -> Array:
+def _with_values(point: StartingPoint, values: dict[str, float]) -> Array:
     """The search vector of a point with values by name, where it has such parameters."""
     there = [(f, values.get(place_of(f)), x) for f, x in zip(point.problem.free, point.x, strict=True)]
     return np.array([x if value is None else f.position(value) for f, value, x in there])

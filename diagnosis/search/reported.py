@@ -32,6 +32,7 @@ def as_reported(fitter: CandidateFitter, found: Study) -> Study:
         return closest[model.keys]
 
     def believed(model: ScoredModel) -> ScoredModel:
+        """The model, or the simpler one that follows held-out recordings better."""
         end = reported(model)
         if not misses(end.unseen):
             return model

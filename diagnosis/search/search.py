@@ -180,8 +180,8 @@ class _Search:
             if count == 2 and not self._enough(count):
                 # What is better than the best may have looked worse after a few steps on coarse recordings.
                 self._finish_waiting()
-            if count == 2 and not self._enough(count):
-                self._other_laws()
+                if not self._enough(count):
+                    self._other_laws()
             if self._enough(count):
                 return
             before = self._leader(count)
