@@ -63,6 +63,20 @@ SAME: dict[tuple[str, str], Callable[[Mapping[str, float]], dict[str, float]]] =
 """(truth, rival): the rival's parameters that make it the truth, where some do: gravity is a torque ripple of order one
 (and such a ripple is gravity), and what contains the truth has a size that may be nothing."""
 
+TURNED = {
+    "stiffness": 2,
+    "damping": 2,
+    "cubic_stiffness": 4,
+    "half_gap": -1,
+    "yield_twist": -1,
+    "coulomb_friction": 1,
+    "coulomb_friction_backward": 1,
+    "static_friction": 1,
+    "viscous_friction": 2,
+    "stribeck_velocity": -1,
+}
+"""Where the same law sits on a shaft that turns less, a parameter of it is multiplied by the ratio to this power."""
+
 ENOUGH = 0.01
 """Squared distance, in floors, that is as good as none: the search ends."""
 
@@ -139,16 +153,34 @@ def _recorded(bench: Bench, site: Site) -> bool:
 
 
 def _in_other_words(truth: Truth, site: Site) -> Concealed | None:
-    """What a truth conceals at a site, if a law says it that is the same, or has the same as a special case."""
-    for c in truth.concealed:
-        if c.place == site.place and c.effect == site.effect.name:
-            return c
-        same = SAME.get((c.effect, site.effect.name))
-        if c.place == site.place and same:
-            if c.effect == "torque_ripple" and c.parameters["order"] != 1.0:
-                continue
-            return Concealed(site.effect.name, c.place, same(c.parameters))
+    """What a truth conceals, as the law at a site that is the same, or has the same as a special case; behind a gear in
+    the sizes that it has there. None if no such law is known."""
+    for c in sorted(truth.concealed, key=lambda c: c.place != site.place):
+        law = _as_law(c, site)
+        if law and law.place != site.place:
+            law = _across(truth, law, site)
+        if law:
+            return law
     return None
+
+
+def _as_law(c: Concealed, site: Site) -> Concealed | None:
+    """What is concealed, as the law of a site, where it is."""
+    if c.effect == site.effect.name:
+        return c
+    same = SAME.get((c.effect, site.effect.name))
+    if same is None or (c.effect == "torque_ripple" and c.parameters["order"] != 1.0):
+        return None
+    return Concealed(site.effect.name, c.place, same(c.parameters))
+
+
+def _across(truth: Truth, c: Concealed, site: Site) -> Concealed | None:
+    """The same law at another place, as if no gear between lost power; None if its parameters do not go by a ratio."""
+    if any(key not in TURNED for key in c.parameters if key not in FIXED):
+        return None
+    here, there = (truth.plant.ratio(place.split(" -> ")[0]) for place in (c.place, site.place))
+    changed = {key: value * (here / there) ** TURNED.get(key, 0) for key, value in c.parameters.items()}
+    return replace(c, place=site.place, parameters=changed)
 
 
 def fit_rival(

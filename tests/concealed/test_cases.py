@@ -270,6 +270,12 @@ def test_a_law_that_contains_the_truth_ties(
         assert rival.distance < 0.02 * FLOOR, rival.name
 
 
+def test_a_spring_on_either_side_of_a_gear_ties() -> None:
+    """Behind a ratio of 116 the same spring is 13 400 times as stiff: the fit of the rival has to begin near it."""
+    case = draw("rig-213257", ["hardening_spring@motor.shaft -> gear1.input"], [25.89], 213257)
+    assert tie_class(case, [("hardening_spring@gear1.output -> hub.shaft",)])[0].distance < 0.02 * FLOOR
+
+
 def test_the_background_is_small_on_recordings_of_its_own() -> None:
     """Of each disturbance a refit leaves 0.06 to 0.16 floors on usual recordings, no more on those driven one way."""
     tie = TIES[0]
