@@ -600,6 +600,14 @@ class Recovery:
         "have the user's parameters make up for it.",
         "drag against the back electromotive force",
     )
+    bend: float = number(
+        1.0,
+        "largest heights",
+        "Standard deviation of a height about the line through the two before it: a law goes on as it was, or jumps, "
+        "as dry friction does, by twice the largest height. Heights that know nothing of each other follow the noise "
+        "between the values that an input takes.",
+        "an offset withheld from the catalogue, behind an input of many steps (random rig 7215)",
+    )
     places: int = number(
         2,
         "places",

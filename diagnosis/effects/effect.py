@@ -37,7 +37,9 @@ class EffectParameter:
         fixed: whether it is only chosen among its starting sizes: the model has no derivative with respect to it.
         unit: of one that is only chosen.
         most: multiple of ``reference`` that it cannot exceed, if there is one: beyond it is another effect.
-        like: another parameter that is about as large, which speaks for it where the recordings do not reach it.
+        like: another parameter that is about as large, which speaks for it where the recordings do not reach it. Of one
+            that is ``signed``: the two before it, about on whose line it is.
+        apart: standard deviation of its distance from that line, in multiples of ``reference``.
         usual: multiple of ``reference`` at which such parts usually are.
         spread: standard deviation of its logarithm, or of a signed one about zero in multiples of ``reference``.
     """
@@ -48,7 +50,8 @@ class EffectParameter:
     fixed: bool = False
     unit: str = "1"
     most: float | None = None
-    like: str = ""
+    like: tuple[str, ...] = ()
+    apart: float = 1.0
     usual: float = SMALL
     spread: float = ANY
 
@@ -135,17 +138,16 @@ class Candidate:
             if parameter.fixed:
                 continue
             value, name = start[parameter.name], f"{self.name}.{parameter.name}"
+            like = tuple(f"{self.name}.{other}" for other in parameter.like)
             if parameter.signed:
                 end = parameter.most * parameter.reference if parameter.most else math.inf
                 scale = max(0.2 * abs(value), 0.02 * parameter.reference)
                 spread, centre = parameter.spread * parameter.reference / scale, -value / scale
-                rows.append(
-                    FreeParameter(name, value, scale, False, -end, end, prior=False, spread=spread, centre=centre)
-                )
+                made = FreeParameter(name, value, scale, False, -end, end, prior=False, like=like)
+                rows.append(replace(made, spread=spread, centre=centre, apart=parameter.apart * parameter.reference))
             else:
                 largest = math.copysign(parameter.most * parameter.reference, value) if parameter.most else 1e6 * value
                 low, high = sorted((0.0, largest))
-                like = f"{self.name}.{parameter.like}" if parameter.like else ""
                 step, usual = SIZE_STEP, math.copysign(parameter.usual * parameter.reference, value)
                 made = FreeParameter(name, value, step, True, low, high, prior=False, like=like)
                 rows.append(replace(made, spread=parameter.spread / step, centre=math.log(usual / value) / step))

@@ -268,7 +268,7 @@ class _Inserted:
             place.block,
             self.name,
             edits,
-            tuple(replace(p, name=self.there(p.name), like=self.there(p.like)) for p in parameters),
+            tuple(replace(p, name=self.there(p.name), like=tuple(map(self.there, p.like))) for p in parameters),
             renamed(starts),
             held=held,
             wave=wave,

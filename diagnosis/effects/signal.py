@@ -30,7 +30,7 @@ Encoders too: they are wrong more seldom, but then by a factor, such as that of 
 def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     """What may lie between a driven signal and the block it drives."""
     size, sample = place.size, scales.sample
-    both = (EffectParameter("lower", size), EffectParameter("upper", size, like="lower"))
+    both = (EffectParameter("lower", size), EffectParameter("upper", size, like=("lower",)))
     few = tuple({"lower": -s, "upper": s} for s in shares(size, *FEW))
     yield from in_signal(place, "dead_zone", "DeadZone", few, *both)
     limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.999, 0.99, 0.975, 0.95, 0.9, 0.8, 0.7, 0.55, 0.4))

@@ -37,7 +37,9 @@ class FreeParameter:
         centre: search variable at which the prior is centred.
         recording: for a starting value, the recording it belongs to.
         reach: how far from its start it can go at all (SI), for one that is measured; it gets there ever more slowly.
-        like: parameter whose magnitude is expected to be equal, such as the other end of an amplifier's range.
+        like: parameter whose magnitude is expected to be equal, such as the other end of an amplifier's range. Of one
+            that moves linearly: the two before it, on whose line it is expected, such as the next height of a curve.
+        apart: standard deviation of the logarithm of the ratio to the one, or of the distance from the line (SI).
     """
 
     name: str
@@ -51,7 +53,8 @@ class FreeParameter:
     spread: float = 1.0
     centre: float = 0.0
     recording: str = ""
-    like: str = ""
+    like: tuple[str, ...] = ()
+    apart: float = FITTING.alike
     reach: float = math.inf
 
     def value(self, x: float) -> float:
@@ -109,7 +112,7 @@ def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[FreeP
 
 
 def prior(free: Sequence[FreeParameter], x: Array) -> tuple[Array, Array]:
-    """Residual and Jacobian of the prior: a row for each parameter, and for each two that are about as large.
+    """Residual and Jacobian of the prior: a row for each parameter, and for each that is like others.
 
     Args:
         free: the parameters, n of them.
@@ -120,13 +123,16 @@ def prior(free: Sequence[FreeParameter], x: Array) -> tuple[Array, Array]:
     """
     weights = np.array([1 / f.spread for f in free])
     r, J = weights * (x - np.array([f.centre for f in free])), np.diag(weights)
-    names = [f.name for f in free]
+    place = {f.name: i for i, f in enumerate(free)}
     for i, f in enumerate(free):
-        if f.like in names:
-            j = names.index(f.like)
-            other = free[j]
+        if f.like and all(name in place for name in f.like):
+            others = [place[name] for name in f.like]
+            shares = (1.0,) if f.logarithmic else (2.0, -1.0)
             row = np.zeros(len(x))
-            row[[i, j]] = f.scale / FITTING.alike, -other.scale / FITTING.alike
-            apart = math.log(abs(f.start / other.start)) / FITTING.alike + row @ x
-            r, J = np.append(r, apart), np.vstack([J, row])
+            row[[i, *others]] = f.scale, *(-share * free[j].scale for j, share in zip(others, shares, strict=True))
+            if f.logarithmic:
+                away = math.log(abs(f.start / free[others[0]].start))
+            else:
+                away = f.start - sum(share * free[j].start for j, share in zip(others, shares, strict=True))
+            r, J = np.append(r, (away + row @ x) / f.apart), np.vstack([J, row / f.apart])
     return r, J

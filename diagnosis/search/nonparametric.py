@@ -6,6 +6,7 @@ as straight lines through a few heights, and the heights are refitted. The curve
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -58,7 +59,11 @@ def _law(study: Study, place: str, unit: str, curve: Curve) -> Candidate:
             )
         ]
 
-    parameters = tuple(EffectParameter(n, size, signed=True, spread=RECOVERY.unknown) for n in names)
+    before = [(), (), *itertools.pairwise(names)]
+    parameters = tuple(
+        EffectParameter(n, size, signed=True, like=like[::-1], apart=RECOVERY.bend, spread=RECOVERY.unknown)
+        for n, like in zip(names, before, strict=False)
+    )
     return Candidate(
         "unknown", place, block, name, edits, parameters, (dict(zip(names, heights.tolist(), strict=True)),)
     )

@@ -201,6 +201,22 @@ def test_the_prior_counts_how_far_two_sizes_are_apart_and_its_slopes_are_exact(t
     np.testing.assert_allclose(np.column_stack(steps), J, atol=1e-8)
 
 
+def test_heights_on_a_line_cost_nothing_and_a_kink_what_it_bends() -> None:
+    """Heights 0.1, 0.4 and 0.5 bend by -0.2, a fifth of the standard deviation: 0.5 times the reference of 2."""
+    names = ["a", "b", "c"]
+    heights = [
+        EffectParameter(n, 2.0, signed=True, spread=1e6, like=like, apart=0.5)
+        for n, like in zip(names, [(), (), ("b", "a")], strict=True)
+    ]
+    curve = Candidate("unknown", "p", "p", "law", lambda v: [], tuple(heights))
+    free = curve.free({"a": 0.1, "b": 0.4, "c": 0.5})
+    for values, bend in (((0.1, 0.4, 0.5), -0.2), ((-1.0, 4.0, 9.0), 0.0), ((0.0, 1.0, 4.0), 2.0)):
+        x = np.array([f.position(v) for f, v in zip(free, values, strict=True)])
+        r, J = prior(free, x)
+        assert r[-1] == pytest.approx(bend / (0.5 * 2.0), abs=1e-12)
+        np.testing.assert_allclose(J[-1] / [f.scale for f in free], [1.0, -2.0, 1.0])
+
+
 @pytest.mark.parametrize("start", [-0.5, 0.5])
 def test_a_size_of_either_sign_goes_as_far_as_it_may(start: float) -> None:
     spring = Candidate(
