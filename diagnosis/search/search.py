@@ -187,8 +187,9 @@ class _Search:
             before = self._leader(count)
             leading = [m.keys for m in self.known.leading]
             done = complete(before, self.known.refit)
-            if count > 1 and before.effects and (done or before.left.varying < self.known.price + SEARCH.effort):
-                # What is as strong whatever moves is a sensor's coloured noise, or one effect more, as a vibration is;
+            steady = before.left.varying < self.known.price + SEARCH.effort and not misses(before.left)
+            if count > 1 and before.effects and (done or steady):
+                # What is as strong whatever moves, and little, is a sensor's coloured noise, or one weak effect more;
                 # what is little beside the effects that are in is a nuisance, or one weak effect more.
                 # Two weak effects may each owe too little while the other is missing: what leads is extended as it is.
                 whole = self.known.leading[1]

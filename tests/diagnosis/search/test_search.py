@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -375,3 +376,22 @@ def test_the_best_by_training_alone_need_not_follow_what_was_held_out(gain: floa
     known.keep(made)
     assert known.best.keys == frozenset()
     assert known.best_fitted.keys == frozenset(filter(None, [best]))
+
+
+class Steady(World):
+    """What is missing shows in both recordings alike."""
+
+    def left(self, excess: float) -> Leftover:
+        made = super().left(excess)
+        return replace(made, energies=np.array([made.energy / 2, made.energy / 2]))
+
+
+@pytest.mark.parametrize(("remains", "found"), [(5 * COUNT, True), (0.5 * COUNT, False)])
+def test_what_is_more_than_noise_is_looked_for_though_it_is_as_strong_in_all_recordings(
+    remains: float, found: bool
+) -> None:
+    """The best single effect is not part of the truth; others are extended too, unless a sensor's noise may be it."""
+    gravity, offset = effect("gravity"), effect("offset", "u")
+    table = {gravity.key: remains, offset.key: 1.5 * remains, f"{offset.key} + {FRICTION.key}": 0.0}
+    known = run(Steady(by(table, 20 * COUNT), {FRICTION.key: 100.0}), [gravity, offset, FRICTION, *OTHERS]).known
+    assert (known.best.keys == {offset.key, FRICTION.key}) is found
