@@ -42,6 +42,7 @@ class EffectParameter:
         apart: standard deviation of its distance from that line, in multiples of ``reference``.
         usual: multiple of ``reference`` at which such parts usually are.
         spread: standard deviation of its logarithm, or of a signed one about zero in multiples of ``reference``.
+        anywhere: whether it is the same wherever the effect sits, as a vibration's frequency is.
     """
 
     name: str
@@ -54,6 +55,7 @@ class EffectParameter:
     apart: float = 1.0
     usual: float = SMALL
     spread: float = ANY
+    anywhere: bool = False
 
 
 @dataclass(frozen=True)

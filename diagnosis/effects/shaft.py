@@ -59,7 +59,7 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         "Vibration",
         combinations(amplitude=[0.02 * torque], frequency=scales.lines or [3 * swing], phase=PHASES),
         EffectParameter("amplitude", torque),
-        EffectParameter("frequency", max([swing, *scales.lines]), signed=True),
+        EffectParameter("frequency", max([swing, *scales.lines]), signed=True, anywhere=True),
         EffectParameter("phase", 1.0, signed=True),
     )
     swings = [

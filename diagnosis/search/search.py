@@ -309,6 +309,7 @@ class _Search:
         pairs = [c for c in lookalikes(model, best) if prices(c) <= SEARCH.most]
         self.known.fit([(c, [standing(model.fit)]) for c in pairs], len(pairs))
         self._enriched(model)
+        self._moved(model)
         if len(model.effects) < 2:
             return
         for effect in model.effects:
@@ -318,6 +319,20 @@ class _Search:
             alike = [c for c in self.listed if related(c, [effect])]
             among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
             self._beside(kept, model, SEARCH.exchanged, among)
+
+    def _moved(self, model: ScoredModel) -> None:
+        """Put each effect of a model elsewhere, with the sizes that it has anywhere, such as a vibration's frequency.
+
+        A frequency is found only from near it, and the one that an effect was begun from may have been a resonance's.
+        """
+        for effect in model.effects:
+            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            found = ended(model, effect).starts[0]
+            anywhere = {k.name: found[k.name] for k in effect.parameters if k.anywhere}
+            same = [c for c in self.listed if c.effect == effect.effect and c.place != effect.place]
+            able = _able_beside(kept, same) if anywhere else []
+            moved = [replace(c, starts=tuple({**start, **anywhere} for start in c.starts)) for c in able]
+            self.known.fit([((*kept, c), [standing(model.fit)]) for c in moved], len(moved))
 
     def _alone_from(self) -> list[Values]:
         """Parameters that a first effect begins from: those of the refit, and those given where it has bent them."""

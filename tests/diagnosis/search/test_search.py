@@ -395,3 +395,27 @@ def test_what_is_more_than_noise_is_looked_for_though_it_is_as_strong_in_all_rec
     table = {gravity.key: remains, offset.key: 1.5 * remains, f"{offset.key} + {FRICTION.key}": 0.0}
     known = run(Steady(by(table, 20 * COUNT), {FRICTION.key: 100.0}), [gravity, offset, FRICTION, *OTHERS]).known
     assert (known.best.keys == {offset.key, FRICTION.key}) is found
+
+
+def test_a_vibration_is_tried_elsewhere_at_the_frequency_that_it_has() -> None:
+    """Begun at another frequency, a resonance's, the right place leaves nearly all."""
+
+    def vibration(place: str) -> Candidate:
+        made = effect("outside_vibration", place, sizes=2)
+        first, second = made.parameters
+        return replace(made, parameters=(first, replace(second, anywhere=True)))
+
+    motor, load = vibration("motor"), vibration("load")
+    started: list[tuple[float, ...]] = []
+
+    class Resonant(World):
+        def finish(self, partial: PartialFit) -> Any:
+            (last,) = partial.effects[-1:]
+            if last.key == load.key:
+                started.append(tuple(start["p1"] for start in last.starts))
+                self.excess_at_end = by({load.key: 0.0 if last.starts[0]["p1"] == 0.2 else 9e5, motor.key: 2e5})
+            return super().finish(partial)
+
+    world = Resonant(by({motor.key: 2e5, load.key: 9e5}))
+    assert run(world, [motor, load, *OTHERS], 2).known.best.keys == {load.key}
+    assert started[:2] == [(0.1,), (0.2,)]
