@@ -42,7 +42,8 @@ Truth comes from the same simulator, which shares nothing with flexarm. Each rig
     .venv/bin/python -m benchmarks.proof rigs -o DIR
 
 Cases stand in `benchmarks/results/random-rigs.json`, one line each. A diagnosis that was stopped after 200 s of
-processor time is a failure.
+processor time is a failure. The tool's answers are those of the state named below; whether a tie is one is computed by
+the truth generator of the state that this page was written at.
 
 """
 
