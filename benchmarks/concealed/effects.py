@@ -14,6 +14,23 @@ from numpy.random import Generator
 
 Features = dict[str, float]
 
+TURNED = {
+    "stiffness": 2,
+    "damping": 2,
+    "cubic_stiffness": 4,
+    "half_gap": -1,
+    "yield_twist": -1,
+    "coulomb_friction": 1,
+    "coulomb_friction_backward": 1,
+    "static_friction": 1,
+    "forward": 1,
+    "backward": 1,
+    "amplitude": 1,
+    "viscous_friction": 2,
+    "stribeck_velocity": -1,
+}
+"""Where the same law sits on a shaft that turns less, a parameter of it is multiplied by the ratio to this power."""
+
 
 @dataclass(frozen=True)
 class Scales:

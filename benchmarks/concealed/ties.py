@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from benchmarks.concealed.bench import Bench
 from benchmarks.concealed.case import Case, draw
 from benchmarks.concealed.drawing import Options, conceal
-from benchmarks.concealed.effects import Concealed
+from benchmarks.concealed.effects import TURNED, Concealed
 from benchmarks.concealed.refit import WIDEST, GaussNewton, Small, least_squares, refit
 from benchmarks.concealed.simulator import Diverged
 from benchmarks.concealed.sites import Site, find, scales, sites
@@ -62,20 +62,6 @@ SAME: dict[tuple[str, str], Callable[[Mapping[str, float]], dict[str, float]]] =
 }
 """(truth, rival): the rival's parameters that make it the truth, where some do: gravity is a torque ripple of order one
 (and such a ripple is gravity), and what contains the truth has a size that may be nothing."""
-
-TURNED = {
-    "stiffness": 2,
-    "damping": 2,
-    "cubic_stiffness": 4,
-    "half_gap": -1,
-    "yield_twist": -1,
-    "coulomb_friction": 1,
-    "coulomb_friction_backward": 1,
-    "static_friction": 1,
-    "viscous_friction": 2,
-    "stribeck_velocity": -1,
-}
-"""Where the same law sits on a shaft that turns less, a parameter of it is multiplied by the ratio to this power."""
 
 ENOUGH = 0.01
 """Squared distance, in floors, that is as good as none: the search ends."""

@@ -5,19 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from benchmarks.concealed.effects import TURNED
 from benchmarks.concealed.named import plant as plant_of
-
-POWERS = {
-    "coulomb_friction": 1,
-    "static_friction": 1,
-    "forward": 1,
-    "backward": 1,
-    "amplitude": 1,
-    "viscous_friction": 2,
-    "stiffness": 2,
-    "stribeck_velocity": -1,
-}
-"""How a value seen before the gear is found from that behind it: divided by the ratio to this power."""
 
 ANGLES = frozenset({"phase", "hanging_angle"})
 COMMANDED = frozenset({"dead_zone", "offset"})
@@ -73,9 +62,9 @@ def _true_value(concealed: dict[str, Any], key: str, place: str, answer: dict[st
     there, here = plant.ratio(place), plant.ratio(concealed["place"])
     if there == here:
         return float(value)
-    if key not in POWERS or plant.lossy(place, concealed["place"]):
+    if key not in TURNED or plant.lossy(place, concealed["place"]):
         return None
-    return float(value * (here / there) ** POWERS[key])
+    return float(value * (here / there) ** TURNED[key])
 
 
 def _inside(key: str, row: dict[str, Any], value: float) -> bool:
