@@ -225,7 +225,11 @@ def _starts(train: Bench, nearest: Truth, rival: Sequence[Site], truth: Truth | 
         said = _in_other_words(truth, site) if truth is not None else None
         more = FURTHER.get(site.effect.name, {})
         fresh = [conceal(site, size, f, here) for size in sizes for f in unlike]
-        each.append([said] if said else [replace(c, parameters={**c.parameters, **more}) for c in fresh])
+        begun = [replace(c, parameters={**c.parameters, **more}) for c in fresh]
+        if said:
+            # The law itself is where the truth has it; at another place, how it is there is a guess like others.
+            begun = [said] if truth and any(c.place == site.place for c in truth.concealed) else [said, *begun]
+        each.append(begun)
     return [replace(nearest, concealed=parts) for parts in itertools.product(*each)][:: max(1, len(each[0]) // 64)]
 
 

@@ -38,7 +38,7 @@ class EffectParameter:
         unit: of one that is only chosen.
         most: multiple of ``reference`` that it cannot exceed, if there is one: beyond it is another effect.
         like: another parameter that is about as large, which speaks for it where the recordings do not reach it. Of one
-            that is ``signed``: the two before it, about on whose line it is.
+            that is ``signed``: the two before it, the nearer first, about on whose line it is.
         apart: standard deviation of its distance from that line, in multiples of ``reference``.
         usual: multiple of ``reference`` at which such parts usually are.
         spread: standard deviation of its logarithm, or of a signed one about zero in multiples of ``reference``.

@@ -38,7 +38,7 @@ class FreeParameter:
         recording: for a starting value, the recording it belongs to.
         reach: how far from its start it can go at all (SI), for one that is measured; it gets there ever more slowly.
         like: parameter whose magnitude is expected to be equal, such as the other end of an amplifier's range. Of one
-            that moves linearly: the two before it, on whose line it is expected, such as the next height of a curve.
+            that moves linearly: the two before it, the nearer first, on whose line it is expected, as in a curve.
         apart: standard deviation of the logarithm of the ratio to the one, or of the distance from the line (SI).
     """
 
