@@ -216,14 +216,15 @@ class _LocalModel:
     def step(self, radius: float) -> Array:
         """The step that reduces the cost most within a distance, shape (n,)."""
         least = 1e-12 * float(self.values.max(initial=0.0))
+        values = np.maximum(self.values, least or 1.0)
 
         def along(damping: float) -> Array:
-            values = np.maximum(self.values, least or 1.0)
             return np.asarray(-values * self.pull / (values**2 + damping))
 
         found, damping = along(0.0), 0.0
         if np.linalg.norm(found) > radius:
-            low, high = -30.0, math.log(max(float(np.linalg.norm(self.values * self.pull)) / radius, 1e-12))
+            # Too little to change any digit, and enough to make the step shorter than the radius, whatever the scale.
+            low, high = 2 * math.log(values.min()) - 40, math.log(float(np.linalg.norm(values * self.pull)) / radius)
             damping = math.exp(brentq(lambda k: math.log(np.linalg.norm(along(math.exp(k))) / radius), low, high + 1))
             found = along(damping)
         self.damping = damping

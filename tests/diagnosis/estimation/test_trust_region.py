@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
-from diagnosis.estimation.least_squares import descend
+from diagnosis.estimation.least_squares import _LocalModel, descend
 from diagnosis.estimation.parameters import FreeParameter, prior
 from engine.errors import SimulationError
 from engine.threads import Threads
@@ -163,6 +163,21 @@ def test_at_a_bound_it_stops_and_the_rest_goes_on() -> None:
     assert x[0] == -0.5
     assert x[1] == pytest.approx(best.x[1], abs=0.05)
     assert cost == pytest.approx(best.fun, abs=0.11)
+
+
+@pytest.mark.parametrize("scale", [1e-40, 1e-14, 1.0, 1e14, 1e40])
+@pytest.mark.parametrize("radius", [1e-6, 1.0, 1e6])
+def test_a_step_reaches_the_radius_where_the_whole_one_is_longer(scale: float, radius: float) -> None:
+    """Whatever the size of the slopes: recordings may tell a parameter to any digit, or hardly at all."""
+    table = np.array([[3.0, 1.0], [1.0, 2e-6], [0.0, 1.0]])
+    y = np.array([1.0, -2.0, 0.5])
+    whole = np.linalg.lstsq(table, y, rcond=None)[0]
+    far = 1e3 * radius / float(np.linalg.norm(whole))
+    local = _LocalModel(-y * scale * far, table * scale, [])
+    step = local.step(radius)
+    assert np.linalg.norm(step) == pytest.approx(radius, rel=1e-6)
+    assert local.gain(step) > 0
+    np.testing.assert_allclose(local.step(2e3 * radius), whole * far, rtol=1e-6)
 
 
 def test_what_may_not_move_stays_and_too_few_steps_are_not_called_converged() -> None:
