@@ -248,6 +248,7 @@ def diagnose(
         if (anew := taken_otherwise(fitter, found)) is not None:
             fitter = fitter.again(anew)
             found = study(fitter, without=how.without, progress=how.progress, told=found.notes)
+        fitter = fitter.again(found.recordings)  # the search may have fitted a held-out one
         return judge(as_reported(fitter, settled_by_spare_channels(fitter, found)), how.seed)
 
 

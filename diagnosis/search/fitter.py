@@ -6,6 +6,7 @@ import functools
 import hashlib
 import itertools
 import math
+import operator
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -66,7 +67,10 @@ class CandidateFitter:
         self._built: OrderedDict[str, Problem] = OrderedDict()
 
     def again(self, recordings: Sequence[Recorded]) -> CandidateFitter:
-        """The same with other recordings."""
+        """The same with other recordings; itself, where they are its own."""
+        recordings = tuple(recordings)
+        if len(recordings) == len(self.recordings) and all(map(operator.is_, recordings, self.recordings)):
+            return self
         return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store)
 
     @functools.cached_property

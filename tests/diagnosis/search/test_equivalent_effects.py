@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,15 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.api import gather
-from diagnosis.effects.catalogue import candidates
+from diagnosis import api
+from diagnosis.api import diagnose, gather
+from diagnosis.effects.catalogue import EFFECTS, candidates
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.scales import operating_scales
 from diagnosis.problems import problem
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import lookalikes, one_law
 from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.posterior import prices
+from diagnosis.search.study import Study
 from diagnosis.thresholds import FITTING, INTERVALS, SEARCH
 from diagnosis.verdict import verdict, wording
 from engine.errors import FlexarmError
@@ -206,6 +210,26 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
         "large (held-out part)": "hold_out",
     }
     assert "every other 0.5 s" in told
+
+
+def test_what_was_fitted_of_a_held_out_recording_is_reported_of_the_same_recordings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A size that is only chosen, such as a delay, has a slope in each recording that was fitted: all or none fit."""
+    monkeypatch.setattr(plants, "inputs", limited)
+    speed = plants.speed
+    monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
+    told: list[tuple[Sequence[Recorded], Sequence[Recorded]]] = []
+
+    def as_reported(fitter: CandidateFitter, found: Study) -> Study:
+        told.append((fitter.recordings, found.recordings))
+        return found
+
+    monkeypatch.setattr(api, "as_reported", as_reported)
+    diagnose(case(tmp_path, seed=5), without=sorted({*EFFECTS} - {"saturation"}))
+    ((fitted, found),) = told
+    assert len(found) == 5, "one of four was split"
+    assert fitted == found
 
 
 def test_counts_without_a_revolution_are_refused(tmp_path: Path) -> None:
