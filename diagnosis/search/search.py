@@ -304,6 +304,7 @@ class _Search:
         self.known.waiting = [p for p in self.known.waiting if not related(p.effects[-1], model.effects)]
         for few in range(0, len(waiting), SEARCH.few):
             self.known.finished(waiting[few : few + SEARCH.few])
+        self._finish_dropped(model)
         singles = sorted((m for m in self.known.models if len(m.effects) == 1), key=self.known.worth, reverse=True)
         best = [*(m.effects[0] for m in singles), *self._order]
         pairs = [c for c in lookalikes(model, best) if prices(c) <= SEARCH.most]
@@ -319,6 +320,22 @@ class _Search:
             alike = [c for c in self.listed if related(c, [effect])]
             among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
             self._beside(kept, model, SEARCH.exchanged, among)
+
+    def _finish_dropped(self, model: ScoredModel) -> None:
+        """Fit to the end what had no turn although it is akin to a model: as many effects, at its places or the same.
+
+        A few steps do not tell such models apart.
+        """
+        akin = [
+            p
+            for p in self.known.dropped
+            if len(p.effects) == len(model.effects) and all(related(c, model.effects) for c in p.effects)
+        ]
+        self.known.dropped = [p for p in self.known.dropped if not any(p is other for other in akin)]
+        for few in range(0, len(akin), SEARCH.few):
+            made = self.known.finished(akin[few : few + SEARCH.few])
+            if all(self.known.worth(m) < self.known.reach for m in made):
+                return
 
     def _moved(self, model: ScoredModel) -> None:
         """Put each effect of a model elsewhere, with the sizes that it has anywhere, such as a vibration's frequency.

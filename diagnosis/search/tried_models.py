@@ -30,6 +30,7 @@ class TriedModels:
     Attributes:
         failures: effects that could not be fitted, and why.
         waiting: partial fits that were far from the best when it was their turn.
+        dropped: partial fits that had no turn, since others left less after a few steps.
     """
 
     def __init__(
@@ -39,6 +40,7 @@ class TriedModels:
         self.price = price(tried)
         self.failures: list[tuple[str, str]] = []
         self.waiting: list[PartialFit] = []
+        self.dropped: list[PartialFit] = []
         self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
         self._done: set[tuple[str, ...]] = set()
         self._ended: set[frozenset[str]] = set()
@@ -114,7 +116,9 @@ class TriedModels:
                     self.failures.append(found)
                 if self.progress:
                     self.progress("trying effects", done, len(tasks))
-        return self.finished(self._able(partials)[:finish])
+        able = self._able(partials)
+        self.dropped += able[finish:]
+        return self.finished(able[:finish])
 
     def finished(self, partials: Sequence[PartialFit]) -> list[ScoredModel]:
         """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.

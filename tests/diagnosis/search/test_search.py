@@ -17,6 +17,7 @@ from diagnosis.search import search as searching
 from diagnosis.search import tried_models
 from diagnosis.search.partial_fit import PartialFit, StartingPoint
 from diagnosis.search.posterior import probabilities, told_as
+from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
 
 COUNT = 1000.0
@@ -182,6 +183,25 @@ def test_what_looked_worse_after_a_few_steps_is_fitted_before_a_second_effect_is
     found = run(world, [*others, LAG])
     assert found.known.best.keys == {LAG.key}
     assert max(len(keys) for keys in world.fitted) == 1
+
+
+def test_what_had_no_turn_is_fitted_to_the_end_if_it_acts_elsewhere_as_the_best_does() -> None:
+    """A weight on the link is behind eight others after a few steps; the same weight at the base leads in the end."""
+    here, there = effect("gravity", "link"), effect("gravity", "base")
+    others = OTHERS[: SEARCH.finished]
+    world = World(by({c.key: 100.0 for c in others} | {there.key: 50.0, here.key: 200.0}))
+    world.excess_at_end = by({c.key: 500.0 for c in others} | {there.key: 100.0, here.key: 0.0})
+    found = run(world, [*others, there, here])
+    assert found.known.best.keys == {here.key}
+    assert max(len(keys) for keys in world.fitted) == 1
+
+
+def test_what_had_no_turn_and_is_not_akin_to_the_best_is_left() -> None:
+    others = OTHERS[: SEARCH.finished]
+    world = World(by({c.key: 100.0 for c in others} | {LAG.key: 200.0}))
+    world.excess_at_end = by({c.key: 0.0 for c in others} | {LAG.key: 500.0})
+    run(world, [*others, LAG])
+    assert frozenset({LAG.key}) not in world.fitted
 
 
 def test_where_the_best_leaves_much_all_laws_at_its_place_are_fitted() -> None:
