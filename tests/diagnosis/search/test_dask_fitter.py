@@ -41,7 +41,10 @@ def test_a_cluster_comes_to_the_same_verdict(path: Any, cluster: Any, tmp_path: 
 def test_on_this_machine_no_pool_is_opened(path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("diagnosis.api.Spread", None)
     nothing = SimpleNamespace(effects=())
-    made = lambda fitter, **_: SimpleNamespace(chosen=nothing, recordings=(), by=fitter.workers)  # noqa: E731
+
+    def made(fitter: CandidateFitter, **_: Any) -> Any:
+        return SimpleNamespace(chosen=nothing, recordings=fitter.recordings, by=fitter.workers)
+
     monkeypatch.setattr("diagnosis.api.study", made)
     monkeypatch.setattr("diagnosis.api.as_reported", lambda _, found: found)
     monkeypatch.setattr("diagnosis.api.judge", lambda found, seed: found.by)
