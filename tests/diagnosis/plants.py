@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 RESISTANCE, TORQUE_CONSTANT, EFFICIENCY, INERTIA, VISCOUS = 2.6, 7.68e-3, 0.69, 4.606e-7, 1.26e-6
@@ -106,3 +108,10 @@ def case(
     path = folder / "scenario.yaml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def limit_amplifier(monkeypatch: pytest.MonkeyPatch, voltages: Callable[[Any], dict[str, Any]]) -> None:
+    """Give the motor an amplifier that gives at most 1 V either way, and recordings with other voltages."""
+    own = speed
+    monkeypatch.setattr(f"{__name__}.inputs", voltages)
+    monkeypatch.setattr(f"{__name__}.speed", lambda t, u, **more: own(t, np.clip(u, -1.0, 1.0), **more))

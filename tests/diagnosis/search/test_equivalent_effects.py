@@ -193,9 +193,7 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An amplifier that gives at most 1 V: only the large input meets it."""
-    monkeypatch.setattr(plants, "inputs", limited)
-    speed = plants.speed
-    monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
+    plants.limit_amplifier(monkeypatch, limited)
     scenario = load(case(tmp_path, seed=5))
     fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
     exchange = exchanged(fitter, fitter.refit, math.log(40))
@@ -216,9 +214,7 @@ def test_what_was_fitted_of_a_held_out_recording_is_reported_of_the_same_recordi
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A size that is only chosen, such as a delay, has a slope in each recording that was fitted: all or none fit."""
-    monkeypatch.setattr(plants, "inputs", limited)
-    speed = plants.speed
-    monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
+    plants.limit_amplifier(monkeypatch, limited)
     told: list[tuple[Sequence[Recorded], Sequence[Recorded]]] = []
 
     def as_reported(fitter: CandidateFitter, found: Study) -> Study:

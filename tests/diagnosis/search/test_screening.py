@@ -166,9 +166,7 @@ def one_way(t: Any) -> dict[str, Any]:
 def test_of_an_amplifier_that_reached_one_limit_the_other_is_taken_to_be_as_large(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plants, "inputs", one_way)
-    speed = plants.speed
-    monkeypatch.setattr(plants, "speed", lambda t, u, **more: speed(t, np.clip(u, -1.0, 1.0), **more))
+    plants.limit_amplifier(monkeypatch, one_way)
     fitter = bench(tmp_path, seed=5)
     limits = next(c for c in candidates(operating_scales(fitter.base)) if c.effect == "saturation")
     made = fitter.finish(fitter.partial_fit((limits,), [standing(fitter.refit.fit)]))
