@@ -109,12 +109,14 @@ integrates (`tests/diagnosis/effects/test_drive.py`): 60 microradians of two wav
 ripple of the motor of the same order is the nearest rival. With 0.2 mrad, ten times the noise of the arm's encoder, the
 fit of the right law ended elsewhere: this joint turns freely, and the refit without the error ends too far away.
 
-Cases of cogging, limits of current and rate, steps, stops, slack, pairs and random rigs ran before `friction_warm_up`
-and `quadratic_load_friction` were in the catalogue; `code` in the data file tells which program each saw. By hand, on
-recordings of 2 s without background, each of the six of commands, supply, winding, belt and stops was named alone, with
-the true size within its interval: a rate limit of 30 thresholds, a supply of 0.23 ohm at 3 V and 2.6 ohm of winding, a
-pretension of 1.8 N, a winding of 2.2 J/K, stops on both sides of a carriage; and steps of 0.59 V of 2.8 V, to a
-thousandth, which have no interval (`tests/diagnosis/effects/test_drive.py`).
+Random rigs conceal the effects that need no part of their own, at 30 thresholds on four rigs each, as the generator
+draws them: their loops, sensors, rates and backgrounds. Belts with slack, stops and heat stand on the belt axis, which
+declares them.
+
+By hand, on recordings of 2 s without background, each of the six of commands, supply, winding, belt and stops was named
+alone, with the true size within its interval: a rate limit of 30 thresholds, a supply of 0.23 ohm at 3 V and 2.6 ohm of
+winding, a pretension of 1.8 N, a winding of 2.2 J/K, stops on both sides of a carriage; and steps of 0.59 V of 2.8 V,
+to a thousandth, which have no interval (`tests/diagnosis/effects/test_drive.py`).
 
 Friction that warms up stands on the belt axis alone, in the oil of its guide. Of dry friction that falls, a bearing is
 tested that a few lines of the test integrate (`tests/diagnosis/effects/test_friction_heat.py`): a quarter to a half of

@@ -192,7 +192,15 @@ DRIVE_SIZES, DRIVE_RIGS = (30.0, 300.0), 4
 OTHER_SIZES = {"end_stop": (2.0, 4.0)}
 """The same of effects that are there or not: a few thresholds leave an axis between its stops without room to move."""
 
-ON_RIGS = ("load_dependent_friction", "current_limit", "cogging")
+ON_RIGS = (
+    "load_dependent_friction",
+    "current_limit",
+    "cogging",
+    "quadratic_load_friction",
+    "rate_limit",
+    "command_quantisation",
+    "supply_sag",
+)
 """Effects of drives that are concealed on random rigs too."""
 
 

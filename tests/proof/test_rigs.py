@@ -9,12 +9,14 @@ from typing import Any
 
 import pytest
 
+from benchmarks.concealed.named import plant as named_plant
 from benchmarks.concealed.rigs.hidden import drawn
+from benchmarks.concealed.sites import find
 from benchmarks.proof import data, rigs
 from benchmarks.proof import run as runner
 from benchmarks.proof.__main__ import main
 from benchmarks.proof.score import Score, scores
-from benchmarks.proof.suites import DRAWN, SUITES, Spec, from_json
+from benchmarks.proof.suites import DRAWN, ON_RIGS, SUITES, Spec, drives, from_json
 from tests.proof.test_blind import SPY
 
 WITHHOLDING, PLAIN = 0, 5
@@ -81,6 +83,17 @@ def test_suites_in_the_order_of_their_seeds() -> None:
 
 
 # -- scoring ----------------------------------------------------------------------------------------------------------
+
+
+def test_effects_of_drives_on_random_rigs_that_have_a_place_for_them() -> None:
+    drawn_for: dict[str, list[str]] = {}
+    for spec in drives([1]):
+        if spec.plant.startswith("rig-"):
+            drawn_for.setdefault(spec.effects[0], []).append(spec.plant)
+    assert {effect: len(set(plants)) for effect, plants in drawn_for.items()} == dict.fromkeys(ON_RIGS, 4)
+    for effect, plants in drawn_for.items():
+        for name in plants:
+            assert find(named_plant(name), effect).effect.name == effect
 
 
 def test_only_effects_of_three_thresholds_must_be_named() -> None:
