@@ -7,7 +7,8 @@ frequency, and account for little: a model that owes to one of its effects, or t
 with the nuisances that fit beside each of them. Nuisances are several, and bend no parameters: what takes away nearly
 all that another model leaves above the sensors' noise is none, however little that is beside a strong effect, nor is
 what lets bent parameters return to their values. What an effect makes worse on recordings that were not fitted is not
-believed at all, nor is one where the user's model leaves no more than noise, unless it takes away most of that.
+believed at all, nor is one where the user's model leaves no more than noise, unless it takes away most of that. A
+richer law from which the fitted recordings gain nothing is told as the simpler one, whatever the others gain.
 """
 
 from __future__ import annotations
@@ -73,7 +74,9 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
         enough = [
             s
             for s in simpler[model.keys]
-            if worse(model, s) or (_owes_little(model, s, explained) and _one_of_several(whole, s))
+            if worse(model, s)
+            or unlearned(model, s)
+            or (_owes_little(model, s, explained) and _one_of_several(whole, s))
         ]
         return simplest(max(enough, key=lambda s: s.log_evidence), whole) if enough else model
 
@@ -86,6 +89,15 @@ def worse(model: ScoredModel, simpler: ScoredModel) -> bool:
     relief = 0.5 * max(simpler.strain - model.strain, 0.0)
     unlikelier = model.unseen.log_likelihood < simpler.unseen.log_likelihood - relief
     return unlikelier and float(model.unseen.energy.sum()) >= float(simpler.unseen.energy.sum())
+
+
+def unlearned(model: ScoredModel, simpler: ScoredModel) -> bool:
+    """Whether a richer law follows the recordings that were fitted no closer than the simpler one does.
+
+    Then they taught it nothing, and what held-out recordings gain is owed to parameters that happen to differ: where
+    stick ends, or an axis comes to rest, turns over with the last digits of each of them.
+    """
+    return len(model.keys) == len(simpler.keys) and simpler.fit.cost <= model.fit.cost
 
 
 def _owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:

@@ -43,7 +43,7 @@ def effect(name: str, place: str = "shaft", parameters: int = 1) -> Candidate:
 
 def model(*effects: Candidate, excess: float, held_out: float | None = None, **more: Any) -> Any:
     """A model that leaves so much beyond the noise, of all recordings and of those held out."""
-    given = {"log_evidence": 0.0, "strain": 0.0, "converged": True, "own": 10} | more
+    given = {"log_evidence": 0.0, "strain": 0.0, "converged": True, "own": 10, "cost": excess} | more
     unseen = left(excess if held_out is None else held_out)
     return SimpleNamespace(
         effects=effects,
@@ -58,7 +58,7 @@ def model(*effects: Candidate, excess: float, held_out: float | None = None, **m
         room=left(excess).unexplained + 0.5 * given["strain"],
         own=given["own"],
         bent=given["strain"] > given["own"],
-        fit=SimpleNamespace(converged=given["converged"]),
+        fit=SimpleNamespace(converged=given["converged"], cost=given["cost"]),
     )
 
 
@@ -78,6 +78,22 @@ def test_a_law_that_owes_little_to_its_richer_part_is_not_believed(gained: float
     rich = model(STRIBECK, excess=1e3 - gained * 1e5)
     assert (rich in believed([REFIT, simple, rich], REFIT)) == kept
     assert simple in believed([REFIT, simple, rich], REFIT)
+
+
+@pytest.mark.parametrize(("cost", "kept"), [(2000.0, False), (2016.0, False), (1990.0, True)])
+def test_a_richer_law_that_only_held_out_recordings_ask_for_is_told_as_the_simpler_one(cost: float, kept: bool) -> None:
+    """Friction beside cogging: an axis that rests in another valley leaves much, and the last digits decide on it."""
+    ripple = effect("cogging")
+    simple = model(FRICTION, ripple, excess=5e4, cost=2000.0)
+    rich = model(STRIBECK, ripple, excess=1e3, cost=cost, log_evidence=2e3)
+    assert ((rich, rich) in told_as([REFIT, simple, rich], REFIT)) == kept
+    assert ((simple, rich) in told_as([REFIT, simple, rich], REFIT)) != kept
+
+
+def test_a_further_effect_that_only_held_out_recordings_ask_for_is_believed() -> None:
+    """What acts on them alone, such as a limit that is met there only, teaches nothing before."""
+    both = model(FRICTION, LAG, excess=1e3, cost=2000.0)
+    assert both in believed([REFIT, model(FRICTION, excess=5e4, cost=2000.0), both], REFIT)
 
 
 @pytest.mark.parametrize(("gained", "kept"), [(0.4 * EVIDENCE.share, False), (1.5 * EVIDENCE.share, True)])
