@@ -116,8 +116,8 @@ declares them.
 One program has run all cases but the two masses with Coulomb friction and cogging of 30 thresholds, which a later one
 repeated (`code` in the data file): before, load-dependent friction was named beside the cogging, with a share of the
 load of 3e-5. Both laws followed what was fitted to 1.01 of the noise, and one held-out recording comes to rest in
-another valley of the cogging. Of those that were stopped, Coulomb friction with cogging on the hard belt (330 s, traced)
-and with a limit of the current on two masses (280 s, traced) are named when they are let run, both effects each; the
+another valley of the cogging. Of those that were stopped, Coulomb friction with cogging on the hard belt (330 s under a
+profiler) and with a limit of the current on two masses (280 s) are named when they are let run, both effects each; the
 rate limit on the belt axis ends in "something is missing", with a rate limit that bends the parameters as the best.
 
 By hand, on recordings of 2 s without background, each of the six of commands, supply, winding, belt and stops was named
