@@ -278,7 +278,7 @@ class _Search:
             self._pairs()
         for number, parent in enumerate(self._parents(count - 1)):
             # Two effects are likelier than three: where no pair explains all, those that lead less are extended too.
-            if number >= SEARCH.beam and (count > 2 or self._enough(count + 1)):
+            if (number >= SEARCH.beam and count > 2) or (number > 0 and self._enough(count + 1)):
                 return
             kept = tuple(ended(parent, c) for c in parent.effects)
             # What promised little beside the user's model may promise most beside the best one.
