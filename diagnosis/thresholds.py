@@ -80,6 +80,12 @@ class Fitting:
         "Standard deviation of the logarithm of the ratio of two sizes that are expected to be equal.",
         "suite 'pairs' (15b161c)",
     )
+    straight: float = number(
+        0.5,
+        "1",
+        "A step that gains this share of what the linear model promises is not bent, and the next may be longer.",
+        "99 fits of random rigs 7400 to 7417: as many at the bottom as with 0.75, with less work",
+    )
     first_horizon: float = number(
         0.25,
         "1",

@@ -181,7 +181,9 @@ def test_a_step_reaches_the_radius_where_the_whole_one_is_longer(scale: float, r
 
 
 def test_what_may_not_move_stays_and_too_few_steps_are_not_called_converged() -> None:
-    toy = Toy(lambda x: 10 * (np.exp(x) - 3.0), lambda x: 10 * np.diag(np.exp(x)), [plain("a"), plain("b")])
+    # What may not move leaves nothing over, so that the noise is as stated and a promise is what a step would gain.
+    aim = np.array([3.0, math.exp(0.5)])
+    toy = Toy(lambda x: 10 * (np.exp(x) - aim), lambda x: 10 * np.diag(np.exp(x)), [plain("a"), plain("b")])
     x, _, converged = toy.descended([0.0, 0.5], only=[0])
     assert converged
     assert x[1] == 0.5
