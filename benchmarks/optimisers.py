@@ -129,7 +129,7 @@ Optimiser = Callable[[Problem, Array], tuple[Array, bool]]
 
 
 def trust_region(problem: Problem, x: Array) -> tuple[Array, bool]:
-    """Today's: a trust region in units of the tolerances with geodesic acceleration."""
+    """Today's: a trust region in units of the tolerances, steps that gain little bent by geodesic acceleration."""
     return _descended(problem, x, accelerated=True)
 
 
