@@ -166,6 +166,14 @@ def test_where_one_effect_leaves_the_noise_no_further_is_sought() -> None:
     assert max(len(keys) for keys in world.fitted) == 1
 
 
+def test_where_the_first_pair_leaves_the_noise_what_leads_less_is_not_extended() -> None:
+    lesser = {c.key: 1e5 + k for k, c in enumerate(OTHERS[:4])}
+    world = World(by({FRICTION.key: 2e4, LAG.key: 5e5, f"{FRICTION.key} + {LAG.key}": 0.0} | lesser))
+    found = run(world, [FRICTION, LAG, *OTHERS])
+    assert found.known.best.keys == {FRICTION.key, LAG.key}
+    assert [keys for keys in world.fitted if len(keys) > 1 and not keys & {FRICTION.key, LAG.key}] == []
+
+
 def test_only_models_near_the_best_are_fitted_to_the_end() -> None:
     """What is beyond reach cannot become the best by some steps more."""
     world = World(by({FRICTION.key: 0.0, LAG.key: 9e5}))
