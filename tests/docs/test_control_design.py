@@ -18,8 +18,10 @@ def test_a_controller_for_one_model_fails_on_another_and_one_for_all_does_not(tm
     assert len(found["members"]) == 31
     assert margins_of(found["for_one"] * found["fitted"]).disk >= 0.4
     assert found["unstable"]
-    for k in found["unstable"]:  # pushed at 5 rad/s
-        assert found["left"]["one"][k] > 5.0
+    driven = load(tmp_path / "closed-one.yaml").build()
+    for k in found["unstable"]:  # pushed at 5 rad/s, and the faster the longer it runs, however slowly that grows
+        speed = np.abs(simulate(driven, 12.0, 5e-3, parameters=found["made"].samples[k]).values[:, 0])
+        assert speed[-200:].max() > max(2 * found["left"]["one"][k], 5.0)
     assert found["left"]["one"][0] < 0.05
     assert max(found["left"]["all"]) < 0.05
     run = simulate(load(tmp_path / "closed-all.yaml", TRUTH))
