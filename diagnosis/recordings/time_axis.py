@@ -80,20 +80,28 @@ def window(reader: Reader, described: TimeRecording, time: Vector) -> NDArray[np
 def even_instants(time: Vector) -> Vector | None:
     """Instants of the even clock about which stamps stray, shape (samples,), or None if they follow none.
 
-    A sample that is missing leaves a gap. Stamps that stray by half an interval or more could be those of neighbours.
+    Stamps that stray by half an interval or more could be those of neighbours.
 
     Args:
         time: stamps in seconds from the first, strictly increasing, shape (samples,).
+    """
+    interval, ticks, strays = _clock(time)
+    return np.asarray(interval * ticks) if JITTER * interval < strays < STRAYS * interval else None
+
+
+def _clock(time: Vector) -> tuple[float, Vector, float]:
+    """Interval (s) of the even clock that suits stamps best, its ticks at the samples, and how far (s) a stamp strays.
+
+    A sample that is missing leaves a gap. Of the intervals that the stamps allow, the one with the fewest digits is
+    taken: clocks are set to such, and samples then share their instants with rows of a simulation.
     """
     usual = float(np.median(np.diff(time)))
     ticks = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(np.diff(time) / usual), 1.0))])
     interval, first = np.polyfit(ticks, time, 1)
     strays = float(np.abs(time - first - interval * ticks).max())
-    if not JITTER * interval < strays < STRAYS * interval:
-        return None
     close = 12 * strays / len(time) ** 1.5  # three standard deviations of the slope, or more
     round_ones = (round(interval, digits) for digits in range(12) if abs(round(interval, digits) - interval) < close)
-    return np.asarray(next(round_ones, interval) * ticks)
+    return next(round_ones, float(interval)), ticks, strays
 
 
 def even_time(time: Vector, *, evenly: bool = False) -> tuple[Vector, tuple[str, ...]]:
@@ -112,8 +120,9 @@ def even_time(time: Vector, *, evenly: bool = False) -> tuple[Vector, tuple[str,
     if jitter <= ROUNDING * mean:
         return time, ()
     if jitter <= JITTER * mean:
-        even = np.asarray(mean * np.arange(intervals + 1), dtype=float)
-        return even, (f"samples jitter by up to {jitter:.2g} s and are taken to be {mean:g} s apart",)
+        interval, ticks, strays = _clock(time)
+        note = f"samples jitter by up to {strays:.2g} s and are taken to be {interval:g} s apart"
+        return np.asarray(interval * ticks), (note,)
     steps = np.diff(time)
     usual = float(np.median(steps))
     wide = np.flatnonzero(steps > 1.5 * usual)

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from diagnosis.api import fit
-from diagnosis.binding import find_recording
+from diagnosis.binding import find_recording, row_interval
 from diagnosis.compare import compare
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.time_experiment import TimeExperiment
@@ -18,6 +18,7 @@ from diagnosis.problems import problem
 from diagnosis.recordings.between_samples import between_samples
 from diagnosis.recordings.columns import read_columns
 from diagnosis.recordings.feedback import plant_inputs
+from diagnosis.recordings.time_axis import even_time
 from diagnosis.recordings.types import Recording
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -205,6 +206,17 @@ def test_a_jitter_of_the_clock_is_told_and_ignored(tmp_path: Path) -> None:
     assert isinstance(recording, Recording)
     assert any("jitter" in note for note in recording.notes)
     np.testing.assert_allclose(np.diff(recording.time), recording.time[1], rtol=1e-12)
+
+
+def test_a_clock_that_jitters_has_the_interval_it_was_set_to_whatever_its_last_stamp_says(tmp_path: Path) -> None:
+    """Rows of a simulation then meet the samples: an acceleration beside a step of the drive is on the right side."""
+    jitter = np.random.default_rng(1).uniform(-5e-6, 5e-6, 1090)
+    for last in (-5e-6, 5e-6):
+        jitter[[0, -1]] = 0.0, last
+        time, notes = even_time(0.01 * np.arange(1090) + jitter)
+        np.testing.assert_array_equal(time, 0.01 * np.arange(1090))
+        assert "0.01 s apart" in notes[0]
+        assert row_interval(time, 1e-3) == (1e-3, 10)
 
 
 DRIVEN = """\
