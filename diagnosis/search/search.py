@@ -103,8 +103,9 @@ class _Search:
     def run(self, most: int) -> None:
         """Add effects one by one, from the best few models, while even a perfect further effect would pay."""
         self._grow(most)
-        near = [m for m in self.known.models if self.known.worth(m) > self.known.reach]
-        for model in sorted(near, key=self.known.worth, reverse=True)[: SEARCH.settled]:
+        for model in self._near():
+            self._put_in_place_of_equals(model)
+        for model in self._near():
             self.known.settled(model)
         self.known.confirmed(self.known.best)
         done: list[ScoredModel] = []
@@ -114,6 +115,11 @@ class _Search:
             self._simplified(left[0])
             self._enriched(left[0])
         self._evened()
+
+    def _near(self) -> list[ScoredModel]:
+        """The models near the best that are worth most, itself among them."""
+        near = [m for m in self.known.models if self.known.worth(m) > self.known.reach]
+        return sorted(near, key=self.known.worth, reverse=True)[: SEARCH.settled]
 
     def fit_known(self, models: Sequence[ScoredModel]) -> None:
         """Fit models that were found with other recordings, from where they ended there."""
@@ -320,6 +326,24 @@ class _Search:
             alike = [c for c in self.listed if related(c, [effect])]
             among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
             self._beside(kept, model, SEARCH.exchanged, among)
+        self._put_in_place_of_equals(model)
+
+    def _put_in_place_of_equals(self, model: ScoredModel) -> None:
+        """Put in the place of some effects of a model those that did as well as these without the others.
+
+        What could not be told apart alone may tie beside the others too, and is no rival before it was tried there.
+        """
+        for part in (m for m in self.known.models if m.effects and m.keys < model.keys):
+            kept = [ended(model, c) for c in model.effects if c.key not in part.keys]
+            least = self.known.worth(part) - SEARCH.effort
+            equals = [m for m in self.known.models if len(m.effects) == len(part.effects) and m.keys != part.keys]
+            equals = sorted((m for m in equals if self.known.worth(m) > least), key=self.known.worth, reverse=True)
+            tasks: list[tuple[tuple[Candidate, ...], list[Values]]] = []
+            for m in equals[: SEARCH.exchanged]:
+                both = all_beside(kept, [ended(m, c) for c in m.effects])
+                if both is not None and not self._as_close(frozenset(c.key for c in both), model):
+                    tasks.append((both, [standing(m.fit), standing(model.fit)]))
+            self.known.fit(tasks, len(tasks))
 
     def _finish_dropped(self, model: ScoredModel) -> None:
         """Fit to the end what had no turn although it is akin to a model: as many effects, at its places or the same.

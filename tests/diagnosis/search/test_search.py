@@ -309,6 +309,18 @@ def test_a_richer_law_that_leaves_more_than_the_simpler_one_is_tried_from_where_
     assert found.known.best.left.energy[0] == COUNT
 
 
+def test_what_does_as_well_alone_is_tried_beside_the_second_effect_too() -> None:
+    """A lag of the sensor and one of the input tie alone; seven others promise more, so that neither is tried again."""
+    sensor, gain = effect("sensor_lag", "sensor"), effect("uneven_gain", "v")
+    left = {LAG.key: 1e5, sensor.key: 1e5, gain.key: 8e5}
+    left |= {f"{c.key} + {gain.key}": 0.0 for c in (LAG, sensor)}
+    world = World(by(left), {c.key: 60.0 for c in OTHERS})
+    found = run(world, [LAG, sensor, gain, *OTHERS[: SEARCH.exchanged + 1]])
+    odds = probabilities(told_as(found.known.models, world.refit), 20)
+    assert odds[frozenset({LAG.key, gain.key})] == pytest.approx(0.5, abs=0.01)
+    assert odds[frozenset({sensor.key, gain.key})] == pytest.approx(0.5, abs=0.01)
+
+
 def test_at_last_each_effect_is_taken_away_once_more() -> None:
     """A pair came from elsewhere, and one of its effects explains nothing beside the other: that one alone is told."""
     zone = effect("dead_zone", "u")
