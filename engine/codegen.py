@@ -16,6 +16,7 @@ from typing import Any
 
 import casadi as ca
 
+from engine.algebra import CONSTANT, MODE, PARAMETER, STATE, Algebra
 from engine.forms import LANES, STAGES, Lanes
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, COSTLY, UNARY, literal
@@ -26,7 +27,6 @@ _RUNTIME = Path(__file__).parent / "runtime"
 
 _INLINED = 600
 """Statements up to which the derivative is compiled into every stage of a step, so that stages share what they can."""
-_CONSTANT, _PARAMETER, _MODE, _STATE = range(4)
 _ARGUMENTS = ("t", "x", "u", "d", "m", "p", "fire")
 
 
@@ -60,35 +60,50 @@ class Emitter:
         self._index: dict[tuple[Any, ...], int] = {}
         self.functions: dict[str, list[int]] = {}
 
-    def _node(self, *key: Any) -> int:
+    def node(self, *key: Any) -> int:
+        """The node of an operation and its operands, of ``"const"`` and a number, or of ``"input"`` and its place."""
         known = self._index.get(key)
         if known is not None:
             return known
         if key[0] == "const":
-            level = _CONSTANT
+            level = CONSTANT
         elif key[0] == "input":
-            level = {"p": _PARAMETER, "m": _MODE}.get(key[1], _STATE)
+            level = {"p": PARAMETER, "m": MODE}.get(key[1], STATE)
         else:
             level = max(self.levels[operand] for operand in key[1:])
-        if key[0] == ca.OP_DIV and level == _STATE and self.levels[key[2]] < _STATE:
-            return self._node(ca.OP_MUL, key[1], self._node(ca.OP_INV, key[2]))
+        if key[0] == ca.OP_DIV and level == STATE and self.levels[key[2]] < STATE:
+            return self.node(ca.OP_MUL, key[1], self.node(ca.OP_INV, key[2]))
         self._index[key] = len(self.nodes)
         self.nodes.append(key)
         self.levels.append(level)
         return len(self.nodes) - 1
 
-    def add(self, name: str, arguments: list[Expression], expression: Expression) -> None:
-        """Add a function of the model's arguments, in the order ``t, x, u, d, m, p, fire``."""
+    def add(self, name: str, arguments: list[Expression], expression: Expression, *, rates: bool = False) -> None:
+        """Add a function of the model's arguments, in the order ``t, x, u, d, m, p, fire``.
+
+        Args:
+            name: of the function.
+            arguments: its symbols.
+            expression: its result.
+            rates: whether that is dx/dt, for which stage after stage waits; unless large, it is written anew.
+        """
+        if rates:
+            given = Emitter()
+            given.add(name, arguments, expression)
+            results = given.functions[name]
+            if len(given.plan().state[name]) <= _INLINED:
+                self.functions[name] = Algebra(given, results, self).results(results)
+                return
         function = ca.Function(name, arguments, [ca.densify(expression)])
         work: dict[int, int] = {}
-        results = [self._node("const", 0.0)] * expression.numel()
+        results = [self.node("const", 0.0)] * expression.numel()
         for k in range(function.n_instructions()):
             operation = function.instruction_id(k)
             inputs, outputs = function.instruction_input(k), function.instruction_output(k)
             if operation == ca.OP_CONST:
-                work[outputs[0]] = self._node("const", float(function.instruction_constant(k)))
+                work[outputs[0]] = self.node("const", float(function.instruction_constant(k)))
             elif operation == ca.OP_INPUT:
-                work[outputs[0]] = self._node("input", _ARGUMENTS[inputs[0]], inputs[1])
+                work[outputs[0]] = self.node("input", _ARGUMENTS[inputs[0]], inputs[1])
             elif operation == ca.OP_OUTPUT:
                 results[outputs[1]] = work[inputs[0]]
             else:
@@ -97,7 +112,7 @@ class Emitter:
                     operands = operands[:1]
                 elif operation not in BINARY:
                     raise NotImplementedError(f"CasADi operation {operation} has no C form")
-                work[outputs[0]] = self._node(operation, *operands)
+                work[outputs[0]] = self.node(operation, *operands)
         self.functions[name] = results
 
     def _reach(self, roots: list[int], level: int) -> list[int]:
@@ -154,7 +169,7 @@ class Emitter:
             own = found.get(node, frozenset())
             for place, operand in enumerate(key[1:]):
                 needed = own
-                if key[0] == ca.OP_IF_ELSE_ZERO and place and self.levels[key[1]] < _STATE:
+                if key[0] == ca.OP_IF_ELSE_ZERO and place and self.levels[key[1]] < STATE:
                     needed = own | {key[1]}
                 found[operand] = found[operand] & needed if operand in found else needed
         return found
@@ -162,23 +177,23 @@ class Emitter:
     def plan(self) -> Plan:
         """What every function added needs, by the occasion on which it changes."""
         everything = [node for results in self.functions.values() for node in results]
-        state = {name: self._reach(results, _STATE) for name, results in self.functions.items()}
+        state = {name: self._reach(results, STATE) for name, results in self.functions.items()}
         high = sorted({node for nodes in state.values() for node in nodes})
         direct = [r for r in everything if self.is_computed(r)]
-        mode = sorted({*self._needs(high, _MODE), *[r for r in direct if self.levels[r] == _MODE]})
-        modes = self._reach(mode, _MODE)
+        mode = sorted({*self._needs(high, MODE), *[r for r in direct if self.levels[r] == MODE]})
+        modes = self._reach(mode, MODE)
         parameter = sorted(
             {
-                *self._needs(high, _PARAMETER),
-                *self._needs(modes, _PARAMETER),
-                *[r for r in direct if self.levels[r] == _PARAMETER],
+                *self._needs(high, PARAMETER),
+                *self._needs(modes, PARAMETER),
+                *[r for r in direct if self.levels[r] == PARAMETER],
             }
         )
-        wanted = self._needs(high, _CONSTANT) + self._needs(modes, _CONSTANT)
-        wanted += self._needs(self._reach(parameter, _PARAMETER), _CONSTANT)
-        wanted += [r for r in direct if self.levels[r] == _CONSTANT]
+        wanted = self._needs(high, CONSTANT) + self._needs(modes, CONSTANT)
+        wanted += self._needs(self._reach(parameter, PARAMETER), CONSTANT)
+        wanted += [r for r in direct if self.levels[r] == CONSTANT]
         constant = sorted({n for n in wanted if self.nodes[n][0] != "const"})
-        low = [*self._reach(constant, _CONSTANT), *self._reach([*constant, *parameter], _PARAMETER)]
+        low = [*self._reach(constant, CONSTANT), *self._reach([*constant, *parameter], PARAMETER)]
         return Plan(constant, parameter, mode, low, modes, state)
 
     def text(self, lanes: Sequence[str] = (), form: Lanes = LANES) -> str:
@@ -192,7 +207,7 @@ class Emitter:
         cp, cm = Shelf("cp"), Shelf("cm")
 
         def shelf(node: int) -> Shelf:
-            return cm if self.levels[node] == _MODE else cp
+            return cm if self.levels[node] == MODE else cp
 
         bodies = {
             name: Statements(self, plan.state[name], shelf, results, rolled=len(plan.state[name]) > _INLINED)
@@ -272,9 +287,9 @@ def run_emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expre
     e = model.equations
     emitter = Emitter()
     arguments = [*e.arguments, e.fire]
-    emitter.add("derivative", arguments, e.derivative)
+    emitter.add("derivative", arguments, e.derivative, rates=True)
     emitter.add("guards", arguments, e.guards)
-    emitter.add("full", arguments, ca.vertcat(e.derivative, e.guards))
+    emitter.functions["full"] = emitter.functions["derivative"] + emitter.functions["guards"]
     emitter.add("outputs", arguments, e.outputs)
     emitter.add("update", arguments, e.update)
     emitter.add("following", arguments, e.following)
