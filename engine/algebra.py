@@ -53,17 +53,35 @@ class Graph(Protocol):
         """The node of an operation and its operands, of ``"const"`` and a number, or of ``"input"`` and its place."""
 
 
+def copied(source: Graph, nodes: Sequence[int], target: Graph, known: dict[int, int] | None = None) -> list[int]:
+    """Nodes of the target like those of the source; what is known is not copied again."""
+    made = {} if known is None else known
+    queue = list(reversed(nodes))
+    while queue:
+        node = queue[-1]
+        key = source.nodes[node]
+        operands = () if key[0] in ("const", "input") else key[1:]
+        if node not in made and (wanted := [operand for operand in operands if operand not in made]):
+            queue += reversed(wanted)
+            continue
+        queue.pop()
+        if node not in made:
+            made[node] = target.node(key[0], *(made[o] for o in operands)) if operands else target.node(*key)
+    return [made[node] for node in nodes]
+
+
 class Algebra:
     """Writes a function anew.
 
     Args:
         source: holds the function as it is given.
-        results: the function's, the rates of the states in order: each stage of a step waits for the last.
+        results: the function's.
         target: receives the new one.
+        rates: whether the results are those of the states, in order, so that each stage of a step waits for the last.
     """
 
-    def __init__(self, source: Graph, results: Sequence[int], target: Graph) -> None:
-        self._source, self._target = source, target
+    def __init__(self, source: Graph, results: Sequence[int], target: Graph, *, rates: bool) -> None:
+        self._source, self._results, self._target = source, results, target
         self._copies: dict[int, int] = {}
         self._coefficients: dict[int, Coefficient] = {}
         self._forms: dict[int, Form] = {}
@@ -84,24 +102,25 @@ class Algebra:
                 self._shifted.update(operands)
         self._late: dict[int, int] = {}
         given = self._times()
-        last = [given.get(node, 0) for node in results]
-        self._late = {place: time + _STAGE - max(last, default=0) for place, time in enumerate(last)}
-        self._given = self._times()
+        if rates:
+            last = [given.get(node, 0) for node in results]
+            self._late = {place: time + _STAGE - max(last, default=0) for place, time in enumerate(last)}
+            given = self._times()
+        self._given = given
 
-    def results(self, results: Sequence[int]) -> list[int]:
-        """Nodes of the target that have the values of those of the source."""
+    def results(self) -> list[int]:
+        """Nodes of the target that have the results as values."""
         for node in self._order:
             self._forms[node] = self._form(node)
-        forms = [self._forms[node] if self._changes(node) else None for node in results]
+        forms = [self._forms[node] if self._changes(node) else None for node in self._results]
         needed = self._needed([form for form in forms if form is not None])
         self._rescale(needed)
         for form in needed:
             for factors, coefficient in self._terms(form):
                 if len(factors) > 1 and not _is_unit(coefficient):
                     self._pairs.update((_plain(coefficient), atom) for atom in set(factors))
-        return [
-            self._copied(node) if form is None else self._sum(form) for node, form in zip(results, forms, strict=True)
-        ]
+        pairs = zip(self._results, forms, strict=True)
+        return [self._copied(node) if form is None else self._sum(form) for node, form in pairs]
 
     # -- the function as it is given ---------------------------------------------------------------------------------
 
@@ -139,12 +158,7 @@ class Algebra:
 
     def _copied(self, node: int) -> int:
         """A node of the target for one that does not change all the time."""
-        if node not in self._copies:
-            key = self._source.nodes[node]
-            if key[0] not in ("const", "input"):
-                key = (key[0], *(self._copied(operand) for operand in key[1:]))
-            self._copies[node] = self._target.node(*key)
-        return self._copies[node]
+        return copied(self._source, [node], self._target, self._copies)[0]
 
     def _coefficient(self, node: int) -> Coefficient:
         """The factors of a node that does not change all the time."""

@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from engine.algebra import CONSTANT, MODE, PARAMETER, STATE, Algebra
+from engine.algebra import CONSTANT, MODE, PARAMETER, STATE, Algebra, copied
 from engine.forms import LANES, STAGES, Lanes
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, COSTLY, UNARY, literal
@@ -78,21 +78,31 @@ class Emitter:
         self.levels.append(level)
         return len(self.nodes) - 1
 
-    def add(self, name: str, arguments: list[Expression], expression: Expression, *, rates: bool = False) -> None:
+    def add(
+        self,
+        name: str,
+        arguments: list[Expression],
+        expression: Expression,
+        *,
+        anew: int = 0,
+        rates: bool = False,
+    ) -> None:
         """Add a function of the model's arguments, in the order ``t, x, u, d, m, p, fire``.
 
         Args:
             name: of the function.
             arguments: its symbols.
             expression: its result.
-            rates: whether that is dx/dt, for which stage after stage waits; unless large, it is written anew.
+            anew: how many of its first results are written anew, unless it is large (`engine.algebra`).
+            rates: whether these are dx/dt.
         """
-        if rates:
+        if anew:
             given = Emitter()
             given.add(name, arguments, expression)
             results = given.functions[name]
             if len(given.plan().state[name]) <= _INLINED:
-                self.functions[name] = Algebra(given, results, self).results(results)
+                first = Algebra(given, results[:anew], self, rates=rates).results()
+                self.functions[name] = first + copied(given, results[anew:], self)
                 return
         function = ca.Function(name, arguments, [ca.densify(expression)])
         work: dict[int, int] = {}
@@ -287,8 +297,9 @@ def run_emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expre
     e = model.equations
     emitter = Emitter()
     arguments = [*e.arguments, e.fire]
-    emitter.add("derivative", arguments, e.derivative, rates=True)
-    emitter.add("guards", arguments, e.guards)
+    emitter.add("derivative", arguments, e.derivative, anew=e.derivative.numel(), rates=True)
+    # Guards of a switch stay as they are: what opens it and what closes it again may not differ by their rounding.
+    emitter.add("guards", arguments, e.guards, anew=2 * model.count(FRICTION))
     emitter.functions["full"] = emitter.functions["derivative"] + emitter.functions["guards"]
     emitter.add("outputs", arguments, e.outputs)
     emitter.add("update", arguments, e.update)
