@@ -21,6 +21,7 @@ from engine.forms import LANES, STAGES, Lanes
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, COSTLY, UNARY, literal
 from engine.ports import Expression
+from engine.sharing import Jacobian, expressions, shared_nodes
 from engine.statements import Shelf, Statements
 
 _RUNTIME = Path(__file__).parent / "runtime"
@@ -443,6 +444,7 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
     """
     emitter, jacobians = tangent_emitter(model, parameters)
     lines, rules = [f"#define FA_DIRS {directions}"], [_PLACES]
+    lines.append(f"#define FA_SHARED {len(jacobians['derivative'].order) - len(model.states)}")
     for name, jacobian in jacobians.items():
         lines.append(f"#define FA_{name.upper()}_NNZ {len(jacobian.rows)}")
         if name in ("guards", "following"):
@@ -453,20 +455,6 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
     head = [INCLUDES, CALLED, _sizes(model, called=True), *lines, runtime("tangent.c"), runtime("vectors.c")]
     head.append(emitter.text(["derivative_values"], STAGES))
     return "\n".join([*head, runtime("core.c") + runtime("simulate.c"), *rules, runtime("tangent_rules.c")])
-
-
-@dataclass(frozen=True)
-class Jacobian:
-    """Where a Jacobian is not zero: by x, t, u, d and the parameters that are directions.
-
-    Attributes:
-        height: number of rows.
-        rows, columns: of each value.
-    """
-
-    height: int
-    rows: list[int]
-    columns: list[int]
 
 
 def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter, dict[str, Jacobian]]:
@@ -481,15 +469,40 @@ def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter,
     e = model.equations
     emitter = run_emitter(model)
     arguments = [*e.arguments, e.fire]
-    seeds = ca.vertcat(e.x, e.t, e.u, e.d, *[e.p[i] for i in parameters])
+    directions = [e.p[i] for i in parameters]
     found = {}
     for name in ("derivative", "guards", "update", "outputs", "following", *(["entering"] if model.lines else [])):
-        jacobian = ca.jacobian(getattr(e, name), seeds)
-        values = ca.vertcat(*jacobian.nonzeros())
+        results, seeds = getattr(e, name), ca.vertcat(e.x, e.t, e.u, e.d, *directions)
+        width, shared, plain = seeds.numel(), ca.SX(0, 1), ca.SX(0, 1)
+        if name == "derivative":
+            results, shared, plain = _by_way_of_shared(arguments, results, parameters)
+        jacobian = ca.jacobian(results, ca.vertcat(seeds, shared))
+        values = ca.substitute(ca.vertcat(ca.SX(0, 1), *jacobian.nonzeros()), shared, plain)
         row, column = (list(part) for part in jacobian.sparsity().get_triplet())
-        emitter.add(f"{name}_values", arguments, values if row else ca.SX(0, 1))
-        found[name] = Jacobian(jacobian.size1(), row, column)
+        emitter.add(f"{name}_values", arguments, values)
+        found[name] = Jacobian(getattr(e, name).numel(), row, column, width)
     return emitter, found
+
+
+def _by_way_of_shared(
+    arguments: list[Expression], results: Expression, parameters: Sequence[int]
+) -> tuple[Expression, Expression, Expression]:
+    """The results of a function and after them what they share; the symbols of that, and what these stand for."""
+    graph = Emitter()
+    graph.add("all", arguments, results)
+    nodes = graph.functions["all"]
+    sizes = {name: symbols.numel() for name, symbols in zip(_ARGUMENTS, arguments, strict=True)}
+    seeds = [("input", name, i) for name in "xtud" for i in range(sizes[name])]
+    seeds += [("input", "p", i) for i in parameters]
+    shared = shared_nodes(graph, nodes, {seed: k for k, seed in enumerate(seeds)})
+    inputs = dict(zip(_ARGUMENTS, arguments, strict=True))
+    symbols = {node: ca.SX.sym(f"shared{node}") for node in shared}
+    rows, defined = expressions(graph, nodes, inputs, symbols)
+    return (
+        ca.vertcat(*rows, *defined),
+        ca.vertcat(ca.SX(0, 1), *symbols.values()),
+        ca.vertcat(ca.SX(0, 1), *expressions(graph, shared, inputs, {})[0]),
+    )
 
 
 _PLACES = """
@@ -514,7 +527,7 @@ def _tangent_rule(name: str, model: Model, jacobian: Jacobian) -> str:
         "    const fa_lane *dt, const int lanes, fa_columns *out) {",
     ]
     of = "j[{k} * FA_WIDTH]" if name == "derivative" else "j[{k}]"
-    for i in range(jacobian.height):
+    for i in jacobian.order:
         sums, rates, own = [], [], {}
         for k, (row, c) in enumerate(zip(jacobian.rows, jacobian.columns, strict=True)):
             if row != i:
@@ -528,6 +541,8 @@ def _tangent_rule(name: str, model: Model, jacobian: Jacobian) -> str:
                 rates.append(f"{value} * s->slope[{c - at_u}]")
             elif c < at_q:
                 sums.append(f"{value} * D[{c - at_d}][l]")
+            elif c >= jacobian.shared:
+                sums.append(f"{value} * out[{jacobian.height + c - jacobian.shared}][l]")
             else:
                 own[c - at_q] = value
         lines.append(f"  FA_EACH_OF(lanes, l) out[{i}][l] = {' + '.join(sums) or '(fa_lane){0}'};")
