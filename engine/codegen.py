@@ -477,7 +477,7 @@ def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter,
         if name == "derivative":
             results, shared, plain = _by_way_of_shared(arguments, results, parameters)
         jacobian = ca.jacobian(results, ca.vertcat(seeds, shared))
-        values = ca.substitute(ca.vertcat(ca.SX(0, 1), *jacobian.nonzeros()), shared, plain)
+        values = ca.substitute(jacobian.nz[:], shared, plain)
         row, column = (list(part) for part in jacobian.sparsity().get_triplet())
         emitter.add(f"{name}_values", arguments, values)
         found[name] = Jacobian(getattr(e, name).numel(), row, column, width)
