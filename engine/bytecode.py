@@ -184,9 +184,7 @@ def source(directions: int | None = None) -> str:
         f"enum {{ FA_AT_END = {_END}, FA_AT_SKIP = {_SKIP} }};",
         f"#define FA_OPERATIONS(X) {' '.join(f'X({k})' for k in range(len(forms)))}",
         "#define FA_EVERY_OPERATION " + " ".join(bodies),
-        "static double fa_min(double a, double b) { return a < b ? a : b; }",
-        "static double fa_max(double a, double b) { return a > b ? a : b; }",
-        "static double fa_sign(double a) { return (double)((a > 0) - (a < 0)); }",
+        runtime("functions.c"),
         runtime("bytecode.c"),
     ]
     names = [f"FA_DO_{name}" for name in _WRITTEN]

@@ -348,7 +348,7 @@ def _sizes(model: Model, *, called: bool = False) -> str:
         "FA_NLS": sum(rings),
         "FA_NLR": sum(len(line.stages) for line in model.lines),
     }
-    lines = [f"#define {name} {value}" for name, value in sizes.items()]
+    lines = [runtime("functions.c"), *(f"#define {name} {value}" for name, value in sizes.items())]
     if model.lines:
         lines.append("#define FA_LINES")
     lines.append(_array("int", "fa_stick_coordinate", [str(mode.coordinate) for mode in frictions]))
@@ -374,9 +374,6 @@ def _sizes(model: Model, *, called: bool = False) -> str:
     for kind in "tv":
         names = [f"fa_table_{kind}{i}" for i in range(len(model.tables))]
         lines.append(_array("double *const", f"fa_table_{kind}", names))
-    lines.append("static double fa_min(double a, double b) { return a < b ? a : b; }")
-    lines.append("static double fa_max(double a, double b) { return a > b ? a : b; }")
-    lines.append("static double fa_sign(double a) { return (double)((a > 0) - (a < 0)); }")
     return "\n".join(lines)
 
 
@@ -423,8 +420,8 @@ def lanes_source(model: Model) -> str:
     parts = [
         INCLUDES,
         CALLED,
-        runtime("vectors.c"),
         _sizes(model, called=True),
+        runtime("vectors.c"),
         "\n\n",
         run_emitter(model).text(_IN_LANES),
         runtime("core.c"),

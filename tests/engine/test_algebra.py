@@ -20,6 +20,7 @@ _WRITTEN = {
     "fa_min": lambda a, b: min(a, b),
     "fa_max": lambda a, b: max(a, b),
     "fa_sign": np.sign,
+    "fa_exp": np.exp,
     "pow": lambda a, b: np.power(a, b),
 }
 _FUNCTIONS: dict[str, Any] = {name: getattr(np, name) for name in ("exp", "log", "sin", "cos", "tan", "tanh", "sqrt")}
