@@ -28,6 +28,8 @@ _RUNTIME = Path(__file__).parent / "runtime"
 
 _INLINED = 600
 """Statements up to which the derivative is compiled into every stage of a step, so that stages share what they can."""
+_PASSED_OVER = 3
+"""Operations from which on it pays to ask whether a mode needs them, however little each of them takes."""
 _ARGUMENTS = ("t", "x", "u", "d", "m", "p", "fire")
 
 
@@ -160,14 +162,34 @@ class Emitter:
 
         Args:
             nodes: what is computed.
-            results: of the function; without them there are no conditions. Only costly groups have some.
+            results: of the function; without them there are no conditions. Few and cheap operations have none.
         """
         wanted = self._wanted(nodes, results) if results is not None else {}
         computed = [node for node in nodes if self.is_computed(node)]
+        if any(wanted.values()) and len(computed) <= _INLINED:
+            computed = self._together(computed, wanted)
         for conditions, run in itertools.groupby(computed, lambda node: wanted.get(node, frozenset())):
             group = list(run)
-            costly = conditions and any(self.nodes[node][0] in COSTLY for node in group)
-            yield (conditions if costly else frozenset()), group
+            pays = len(group) >= _PASSED_OVER or any(self.nodes[node][0] in COSTLY for node in group)
+            yield (conditions if pays else frozenset()), group
+
+    def _together(self, nodes: list[int], wanted: Mapping[int, frozenset[int]]) -> list[int]:
+        """Nodes in an order in which those of the same conditions follow one another, as far as that goes."""
+        left, order = list(nodes), list[int]()
+        waiting = set(nodes)
+        while left:
+            ready = [node for node in left if waiting.isdisjoint(self.nodes[node][1:])]
+            conditions = {wanted.get(node, frozenset()): None for node in reversed(ready)}
+            chosen = frozenset[int]() if frozenset() in conditions else list(conditions)[-1]
+            rest = []
+            for node in left:
+                if wanted.get(node, frozenset()) == chosen and waiting.isdisjoint(self.nodes[node][1:]):
+                    order.append(node)
+                    waiting.remove(node)
+                else:
+                    rest.append(node)
+            left = rest
+        return order
 
     def _wanted(self, nodes: list[int], results: Sequence[int]) -> dict[int, frozenset[int]]:
         """For each node the conditions, known at the last switch, without which nothing uses it."""
