@@ -28,6 +28,8 @@ _RUNTIME = Path(__file__).parent / "runtime"
 
 _INLINED = 600
 """Statements up to which the derivative is compiled into every stage of a step, so that stages share what they can."""
+_READ = 3 * _INLINED
+"""Instructions, those of parameters too, up to which it is looked at whether a function is to be written anew."""
 _PASSED_OVER = 3
 """Operations from which on it pays to ask whether a mode needs them, however little each of them takes."""
 _ARGUMENTS = ("t", "x", "u", "d", "m", "p", "fire")
@@ -73,7 +75,9 @@ class Emitter:
         elif key[0] == "input":
             level = {"p": PARAMETER, "m": MODE}.get(key[1], STATE)
         else:
-            level = max(self.levels[operand] for operand in key[1:])
+            level = self.levels[key[1]]
+            if len(key) > 2 and self.levels[key[2]] > level:
+                level = self.levels[key[2]]
         if key[0] == ca.OP_DIV and level == STATE and self.levels[key[2]] < STATE:
             return self.node(ca.OP_MUL, key[1], self.node(ca.OP_INV, key[2]))
         self._index[key] = len(self.nodes)
@@ -99,17 +103,20 @@ class Emitter:
             anew: how many of its first results are written anew, unless it is large (`engine.algebra`).
             rates: whether these are dx/dt.
         """
-        if anew:
+        function = ca.Function(name, arguments, [ca.densify(expression)])
+        if anew and function.n_instructions() <= _READ:
             given = Emitter()
-            given.add(name, arguments, expression)
-            results = given.functions[name]
-            if len(given.plan().state[name]) <= _INLINED:
+            results = given._read(function)
+            if len(given._reach(results, STATE)) <= _INLINED:
                 first = Algebra(given, results[:anew], self, rates=rates).results()
                 self.functions[name] = first + copied(given, results[anew:], self)
                 return
-        function = ca.Function(name, arguments, [ca.densify(expression)])
+        self.functions[name] = self._read(function)
+
+    def _read(self, function: ca.Function) -> list[int]:
+        """Nodes of a function's result."""
         work: dict[int, int] = {}
-        results = [self.node("const", 0.0)] * expression.numel()
+        results = [self.node("const", 0.0)] * function.numel_out(0)
         for k in range(function.n_instructions()):
             operation = function.instruction_id(k)
             inputs, outputs = function.instruction_input(k), function.instruction_output(k)
@@ -126,7 +133,7 @@ class Emitter:
                 elif operation not in BINARY:
                     raise NotImplementedError(f"CasADi operation {operation} has no C form")
                 work[outputs[0]] = self.node(operation, *operands)
-        self.functions[name] = results
+        return results
 
     def _reach(self, roots: list[int], level: int) -> list[int]:
         """Nodes of exactly ``level`` that the roots need, in order, looking through that level only."""
@@ -498,7 +505,7 @@ def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter,
         jacobian = ca.jacobian(results, ca.vertcat(seeds, shared))
         values = ca.substitute(jacobian.nz[:], shared, plain)
         row, column = (list(part) for part in jacobian.sparsity().get_triplet())
-        emitter.add(f"{name}_values", arguments, values)
+        emitter.add(f"{name}_values", arguments, values, anew=values.numel() if name == "derivative" else 0)
         found[name] = Jacobian(getattr(e, name).numel(), row, column, width)
     return emitter, found
 
