@@ -29,6 +29,7 @@ _EARLY = -1000
 _CALLED = COSTLY - {ca.OP_DIV, ca.OP_INV, ca.OP_SQRT}
 _STAGE = 2 * _FEW
 """Cycles that an operation takes, about; and those from a rate to the state of the next stage."""
+_FACTORED = frozenset({ca.OP_NEG, ca.OP_TWICE, ca.OP_MUL, ca.OP_SQ, ca.OP_INV, ca.OP_DIV})
 _MOST = 12
 """Factors of a coefficient that are told apart."""
 
@@ -113,12 +114,14 @@ class Algebra:
         for node in self._order:
             self._forms[node] = self._form(node)
         forms = [self._forms[node] if self._changes(node) else None for node in self._results]
-        needed = self._needed([form for form in forms if form is not None])
+        needed, atoms = self._needed([form for form in forms if form is not None])
         self._rescale(needed)
         for form in needed:
             for factors, coefficient in self._terms(form):
                 if len(factors) > 1 and not _is_unit(coefficient):
                     self._pairs.update((_plain(coefficient), atom) for atom in set(factors))
+        for atom in sorted(atoms):  # in which each follows those that it is made of
+            self._made[atom] = self._atomic(atom)
         pairs = zip(self._results, forms, strict=True)
         return [self._copied(node) if form is None else self._sum(form) for node, form in pairs]
 
@@ -162,25 +165,33 @@ class Algebra:
 
     def _coefficient(self, node: int) -> Coefficient:
         """The factors of a node that does not change all the time."""
-        if node not in self._coefficients:
-            self._coefficients[node] = self._factored(node) or (1.0, (self._copied(node),))
-        return self._coefficients[node]
+        known, queue = self._coefficients, [node]
+        while queue:
+            last = queue[-1]
+            operation, *operands = self._source.nodes[last]
+            wanted = [operand for operand in operands if operand not in known] if operation in _FACTORED else []
+            if wanted:
+                queue += wanted
+            else:
+                known[last] = self._factored(last) or (1.0, (self._copied(last),))
+                queue.pop()
+        return known[node]
 
     def _factored(self, node: int) -> Coefficient | None:
-        operation, *operands = self._source.nodes[node]
+        known, (operation, *operands) = self._coefficients, self._source.nodes[node]
         if operation == "const":
             return (float(operands[0]), ())
         if operation == ca.OP_NEG:
-            return _scaled(self._coefficient(operands[0]), -1.0)
+            return _scaled(known[operands[0]], -1.0)
         if operation == ca.OP_TWICE:
-            return _scaled(self._coefficient(operands[0]), 2.0)
+            return _scaled(known[operands[0]], 2.0)
         if operation in (ca.OP_MUL, ca.OP_SQ):
-            return self._product(self._coefficient(operands[0]), self._coefficient(operands[-1]))
+            return self._product(known[operands[0]], known[operands[-1]])
         if operation == ca.OP_INV:
-            return self._inverse(self._coefficient(operands[0]))
+            return self._inverse(known[operands[0]])
         if operation == ca.OP_DIV:
-            below = self._inverse(self._coefficient(operands[1]))
-            return None if below is None else self._product(self._coefficient(operands[0]), below)
+            below = self._inverse(known[operands[1]])
+            return None if below is None else self._product(known[operands[0]], below)
         return None
 
     def _product(self, a: Coefficient, b: Coefficient) -> Coefficient | None:
@@ -362,8 +373,8 @@ class Algebra:
             return [{parts[0]: ONE}]
         return [dict(part) for part in parts if isinstance(part, tuple)]
 
-    def _needed(self, results: list[Form]) -> list[Form]:
-        """The results and the sums that they need."""
+    def _needed(self, results: list[Form]) -> tuple[list[Form], set[int]]:
+        """The results and the sums that they need, and their atoms."""
         forms, seen = list(results), set[int]()
         for form in forms:  # which grows
             for factors in form:
@@ -371,7 +382,7 @@ class Algebra:
                     if atom not in seen:
                         seen.add(atom)
                         forms += self._forms_in(atom)
-        return forms
+        return forms, seen
 
     def _rescale(self, needed: list[Form]) -> None:
         """Take a division by a parameter from a sum's users into its coefficients, where fewer products are left."""
@@ -423,24 +434,20 @@ class Algebra:
         return self._ready.get(node, _EARLY)
 
     def _atomic(self, atom: int) -> int:
-        """The node of an atom."""
-        if atom not in self._made:
-            operation, *parts = self._parts[atom]
-            if operation == "input":
-                made = self._node("input", *parts)
-            elif operation == "product":
-                made = self._sum({parts[0]: ONE})
-            elif operation == "sum":
-                by = self._scales.get(atom, (ONE, ONE))[0]
-                made = self._sum({factors: self._multiple(c, by) for factors, c in parts[0]})
-            else:
-                made = self._node(operation, *(self._sum(dict(p)) if isinstance(p, tuple) else p for p in parts))
-            self._made[atom] = made
-        return self._made[atom]
+        """The node of an atom, once those that it is made of have theirs."""
+        operation, *parts = self._parts[atom]
+        if operation == "input":
+            return self._node("input", *parts)
+        if operation == "product":
+            return self._sum({parts[0]: ONE})
+        if operation == "sum":
+            by = self._scales.get(atom, (ONE, ONE))[0]
+            return self._sum({factors: self._multiple(coefficient, by) for factors, coefficient in parts[0]})
+        return self._node(operation, *(self._sum(dict(part)) if isinstance(part, tuple) else part for part in parts))
 
     def _joined(self, factors: Factors, first: int | None = None) -> int:
         """The product of atoms, and of another node."""
-        nodes = [self._atomic(atom) for atom in factors] + ([] if first is None else [first])
+        nodes = [self._made[atom] for atom in factors] + ([] if first is None else [first])
         return self._reduced([(node, 1) for node in nodes], lambda a, b: (self._node(ca.OP_MUL, a[0], b[0]), 1))[0]
 
     def _reduced(self, parts: list[tuple[int, int]], join: Callable[..., tuple[int, int]]) -> tuple[int, int]:
@@ -465,7 +472,7 @@ class Algebra:
         if plain == ONE:
             return self._joined(factors), sign
         value = self._value(plain)
-        nodes = {atom: self._atomic(atom) for atom in factors}
+        nodes = {atom: self._made[atom] for atom in factors}
         if self._target.levels[value] == MODE and any(self._parts[atom][0] in _CALLED for atom in factors):
             product = self._node(ca.OP_MUL, value, self._joined(factors))
             return self._node(ca.OP_IF_ELSE_ZERO, value, product), sign

@@ -39,20 +39,21 @@ def _carried_out(operation: int, values: Sequence[Any]) -> Any:
 
 
 def _values(emitter: Emitter, roots: list[int], given: Callable[[str, int], float]) -> list[Any]:
+    needed, queue = set(roots), list(roots)
+    while queue:
+        key = emitter.nodes[queue.pop()]
+        queue += [operand for operand in key[1:] if key[0] not in ("const", "input") and operand not in needed]
+        needed.update(queue)
     found: dict[int, Any] = {}
-
-    def value(node: int) -> Any:
-        if node not in found:
-            key = emitter.nodes[node]
-            if key[0] == "const":
-                found[node] = Number(key[1])
-            elif key[0] == "input":
-                found[node] = Number(given(key[1], key[2]))
-            else:
-                found[node] = _carried_out(key[0], [value(operand) for operand in key[1:]])
-        return found[node]
-
-    return [value(node) for node in roots]
+    for node in sorted(needed):
+        key = emitter.nodes[node]
+        if key[0] == "const":
+            found[node] = Number(key[1])
+        elif key[0] == "input":
+            found[node] = Number(given(key[1], key[2]))
+        else:
+            found[node] = _carried_out(key[0], [found[operand] for operand in key[1:]])
+    return [found[node] for node in roots]
 
 
 def _both(arguments: list[Any], expression: Any) -> tuple[Emitter, Emitter]:
@@ -164,3 +165,13 @@ def test_what_depends_on_parameters_is_worked_out_beforehand() -> None:
     _, other = _both([ca.SX.sym("t"), x, empty, empty, ca.SX(0, 1), p, empty], ca.vertcat(x[2], x[2], rate))
     assert _operations(other) == 7  # (a x2 + b x0) + (c (x0 - x1) + d)
     assert other.levels[other.functions["derivative"][2]] == STATE
+
+
+def test_what_is_deep_is_no_trouble() -> None:
+    x, p, empty = ca.SX.sym("x", 1), ca.SX.sym("p", 1), ca.SX(0, 1)
+    factor, value = p, x
+    for k in range(500):
+        factor = factor * (p if k % 7 else 1 / p)
+        value = ca.sin(value + k)
+    one, other = _both([ca.SX.sym("t"), x, empty, empty, empty, p, empty], factor * value * ca.exp(x))
+    _assert_alike(one, other, lambda name, _: 1.01 if name == "p" else 0.3)
