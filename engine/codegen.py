@@ -1,9 +1,10 @@
 """Generate C from expressions: straight-line code in three levels.
 
-Every SX instruction becomes one named double. Level 0 depends on parameters only and is computed once per parameter
+Derivatives, guards of frictions and the values of a derivative's Jacobian are written anew first (`engine.algebra`).
+Then every operation becomes one named double. Level 0 depends on parameters only and is computed once per parameter
 set. Level 1 depends on parameters and modes and is computed once per switch. Level 2 is computed at every evaluation
-of the right-hand side. Equal subexpressions are
-shared between the functions, and a division by a lower-level value becomes a product with its stored reciprocal.
+of the right-hand side. Equal subexpressions are shared between the functions, and a division by a lower-level value
+becomes a product with its stored reciprocal.
 """
 
 from __future__ import annotations
