@@ -20,7 +20,6 @@ from engine.codegen import (
     CALLED,
     INCLUDES,
     Emitter,
-    Jacobian,
     rings_of,
     run_emitter,
     runtime,
@@ -28,6 +27,7 @@ from engine.codegen import (
 )
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, UNARY
+from engine.sharing import Jacobian
 
 MOST, MOST_LINE, MOST_PLACES = 128, 2048, 1 << 16
 """Values of a kind, values in delay lines, and places in the file of a model that byte code can serve."""
@@ -81,7 +81,7 @@ _PROGRAMS = (
     "entering_values",
 )
 _PATTERNS = ("derivative", "guards", "update", "outputs", "following", "entering")
-_STATE, _MEMORY, _TIME, _INPUT, _PARAMETER = range(5)
+_STATE, _MEMORY, _SHARED, _TIME, _INPUT, _PARAMETER = range(6)
 
 
 class _Program(ctypes.Structure):
@@ -95,7 +95,7 @@ class _Program(ctypes.Structure):
 
 class _Pattern(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_void_p) for name in ("first", "kind", "at", "value")),
+        *((name, ctypes.c_void_p) for name in ("first", "row", "kind", "at", "value")),
         ("rows", c_int64),
         ("machine", ctypes.c_void_p),
     )
@@ -184,9 +184,7 @@ def source(directions: int | None = None) -> str:
         f"enum {{ FA_AT_END = {_END}, FA_AT_SKIP = {_SKIP} }};",
         f"#define FA_OPERATIONS(X) {' '.join(f'X({k})' for k in range(len(forms)))}",
         "#define FA_EVERY_OPERATION " + " ".join(bodies),
-        "static double fa_min(double a, double b) { return a < b ? a : b; }",
-        "static double fa_max(double a, double b) { return a > b ? a : b; }",
-        "static double fa_sign(double a) { return (double)((a > 0) - (a < 0)); }",
+        runtime("functions.c"),
         runtime("bytecode.c"),
     ]
     names = [f"FA_DO_{name}" for name in _WRITTEN]
@@ -351,7 +349,7 @@ def _pattern(code: Code, pattern: _Pattern, jacobian: Jacobian, s: _Code) -> Non
     at_t = s.nx
     at_d = at_t + 1 + s.nu + s.nw
     at_q = at_d + s.nd
-    rows: list[list[tuple[int, int, int]]] = [[] for _ in range(jacobian.height)]
+    rows: list[list[tuple[int, int, int]]] = [[] for _ in jacobian.order]
     for k, (row, c) in enumerate(zip(jacobian.rows, jacobian.columns, strict=True)):
         if c < at_t:
             rows[row].append((_STATE, c, k))
@@ -361,11 +359,14 @@ def _pattern(code: Code, pattern: _Pattern, jacobian: Jacobian, s: _Code) -> Non
             rows[row].append((_INPUT, c - at_t - 1, k))
         elif c < at_q:
             rows[row].append((_MEMORY, c - at_d, k))
+        elif c >= jacobian.shared:
+            rows[row].append((_SHARED, jacobian.height + c - jacobian.shared, k))
         else:
             rows[row].append((_PARAMETER, c - at_q, k))
-    order = {_STATE: 0, _MEMORY: 0, _TIME: 1, _INPUT: 1, _PARAMETER: 2}
-    entries = [entry for row in rows for entry in sorted(row, key=lambda e: order[e[0]])]
-    pattern.first = code.array(np.cumsum([0, *(len(row) for row in rows)]), np.int32)
+    order = {_STATE: 0, _MEMORY: 0, _SHARED: 0, _TIME: 1, _INPUT: 1, _PARAMETER: 2}
+    entries = [entry for row in jacobian.order for entry in sorted(rows[row], key=lambda e: order[e[0]])]
+    pattern.first = code.array(np.cumsum([0, *(len(rows[row]) for row in jacobian.order)]), np.int32)
+    pattern.row = code.array(jacobian.order, np.int32)
     for k, name in enumerate(("kind", "at", "value")):
         setattr(pattern, name, code.array([entry[k] for entry in entries], np.int32))
-    pattern.rows = jacobian.height
+    pattern.rows = len(rows)

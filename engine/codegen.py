@@ -1,9 +1,10 @@
 """Generate C from expressions: straight-line code in three levels.
 
-Every SX instruction becomes one named double. Level 0 depends on parameters only and is computed once per parameter
+Derivatives, guards of frictions and the values of a derivative's Jacobian are written anew first (`engine.algebra`).
+Then every operation becomes one named double. Level 0 depends on parameters only and is computed once per parameter
 set. Level 1 depends on parameters and modes and is computed once per switch. Level 2 is computed at every evaluation
-of the right-hand side. Equal subexpressions are
-shared between the functions, and a division by a lower-level value becomes a product with its stored reciprocal.
+of the right-hand side. Equal subexpressions are shared between the functions, and a division by a lower-level value
+becomes a product with its stored reciprocal.
 """
 
 from __future__ import annotations
@@ -16,17 +17,22 @@ from typing import Any
 
 import casadi as ca
 
+from engine.algebra import CONSTANT, MODE, PARAMETER, STATE, Algebra, copied
 from engine.forms import LANES, STAGES, Lanes
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, COSTLY, UNARY, literal
 from engine.ports import Expression
+from engine.sharing import Jacobian, expressions, shared_nodes
 from engine.statements import Shelf, Statements
 
 _RUNTIME = Path(__file__).parent / "runtime"
 
 _INLINED = 600
 """Statements up to which the derivative is compiled into every stage of a step, so that stages share what they can."""
-_CONSTANT, _PARAMETER, _MODE, _STATE = range(4)
+_READ = 3 * _INLINED
+"""Instructions, those of parameters too, up to which it is looked at whether a function is to be written anew."""
+_PASSED_OVER = 3
+"""Operations from which on it pays to ask whether a mode needs them, however little each of them takes."""
 _ARGUMENTS = ("t", "x", "u", "d", "m", "p", "fire")
 
 
@@ -60,35 +66,65 @@ class Emitter:
         self._index: dict[tuple[Any, ...], int] = {}
         self.functions: dict[str, list[int]] = {}
 
-    def _node(self, *key: Any) -> int:
+    def node(self, *key: Any) -> int:
+        """The node of an operation and its operands, of ``"const"`` and a number, or of ``"input"`` and its place."""
         known = self._index.get(key)
         if known is not None:
             return known
         if key[0] == "const":
-            level = _CONSTANT
+            level = CONSTANT
         elif key[0] == "input":
-            level = {"p": _PARAMETER, "m": _MODE}.get(key[1], _STATE)
+            level = {"p": PARAMETER, "m": MODE}.get(key[1], STATE)
         else:
-            level = max(self.levels[operand] for operand in key[1:])
-        if key[0] == ca.OP_DIV and level == _STATE and self.levels[key[2]] < _STATE:
-            return self._node(ca.OP_MUL, key[1], self._node(ca.OP_INV, key[2]))
+            level = self.levels[key[1]]
+            if len(key) > 2 and self.levels[key[2]] > level:
+                level = self.levels[key[2]]
+        if key[0] == ca.OP_DIV and level == STATE and self.levels[key[2]] < STATE:
+            return self.node(ca.OP_MUL, key[1], self.node(ca.OP_INV, key[2]))
         self._index[key] = len(self.nodes)
         self.nodes.append(key)
         self.levels.append(level)
         return len(self.nodes) - 1
 
-    def add(self, name: str, arguments: list[Expression], expression: Expression) -> None:
-        """Add a function of the model's arguments, in the order ``t, x, u, d, m, p, fire``."""
+    def add(
+        self,
+        name: str,
+        arguments: list[Expression],
+        expression: Expression,
+        *,
+        anew: int = 0,
+        rates: bool = False,
+    ) -> None:
+        """Add a function of the model's arguments, in the order ``t, x, u, d, m, p, fire``.
+
+        Args:
+            name: of the function.
+            arguments: its symbols.
+            expression: its result.
+            anew: how many of its first results are written anew, unless it is large (`engine.algebra`).
+            rates: whether these are dx/dt.
+        """
         function = ca.Function(name, arguments, [ca.densify(expression)])
+        if anew and function.n_instructions() <= _READ:
+            given = Emitter()
+            results = given._read(function)
+            if len(given._reach(results, STATE)) <= _INLINED:
+                first = Algebra(given, results[:anew], self, rates=rates).results()
+                self.functions[name] = first + copied(given, results[anew:], self)
+                return
+        self.functions[name] = self._read(function)
+
+    def _read(self, function: ca.Function) -> list[int]:
+        """Nodes of a function's result."""
         work: dict[int, int] = {}
-        results = [self._node("const", 0.0)] * expression.numel()
+        results = [self.node("const", 0.0)] * function.numel_out(0)
         for k in range(function.n_instructions()):
             operation = function.instruction_id(k)
             inputs, outputs = function.instruction_input(k), function.instruction_output(k)
             if operation == ca.OP_CONST:
-                work[outputs[0]] = self._node("const", float(function.instruction_constant(k)))
+                work[outputs[0]] = self.node("const", float(function.instruction_constant(k)))
             elif operation == ca.OP_INPUT:
-                work[outputs[0]] = self._node("input", _ARGUMENTS[inputs[0]], inputs[1])
+                work[outputs[0]] = self.node("input", _ARGUMENTS[inputs[0]], inputs[1])
             elif operation == ca.OP_OUTPUT:
                 results[outputs[1]] = work[inputs[0]]
             else:
@@ -97,8 +133,8 @@ class Emitter:
                     operands = operands[:1]
                 elif operation not in BINARY:
                     raise NotImplementedError(f"CasADi operation {operation} has no C form")
-                work[outputs[0]] = self._node(operation, *operands)
-        self.functions[name] = results
+                work[outputs[0]] = self.node(operation, *operands)
+        return results
 
     def _reach(self, roots: list[int], level: int) -> list[int]:
         """Nodes of exactly ``level`` that the roots need, in order, looking through that level only."""
@@ -134,14 +170,34 @@ class Emitter:
 
         Args:
             nodes: what is computed.
-            results: of the function; without them there are no conditions. Only costly groups have some.
+            results: of the function; without them there are no conditions. Few and cheap operations have none.
         """
         wanted = self._wanted(nodes, results) if results is not None else {}
         computed = [node for node in nodes if self.is_computed(node)]
+        if any(wanted.values()) and len(computed) <= _INLINED:
+            computed = self._together(computed, wanted)
         for conditions, run in itertools.groupby(computed, lambda node: wanted.get(node, frozenset())):
             group = list(run)
-            costly = conditions and any(self.nodes[node][0] in COSTLY for node in group)
-            yield (conditions if costly else frozenset()), group
+            pays = len(group) >= _PASSED_OVER or any(self.nodes[node][0] in COSTLY for node in group)
+            yield (conditions if pays else frozenset()), group
+
+    def _together(self, nodes: list[int], wanted: Mapping[int, frozenset[int]]) -> list[int]:
+        """Nodes in an order in which those of the same conditions follow one another, as far as that goes."""
+        left, order = list(nodes), list[int]()
+        waiting = set(nodes)
+        while left:
+            ready = [node for node in left if waiting.isdisjoint(self.nodes[node][1:])]
+            conditions = {wanted.get(node, frozenset()): None for node in reversed(ready)}
+            chosen = frozenset[int]() if frozenset() in conditions else list(conditions)[-1]
+            rest = []
+            for node in left:
+                if wanted.get(node, frozenset()) == chosen and waiting.isdisjoint(self.nodes[node][1:]):
+                    order.append(node)
+                    waiting.remove(node)
+                else:
+                    rest.append(node)
+            left = rest
+        return order
 
     def _wanted(self, nodes: list[int], results: Sequence[int]) -> dict[int, frozenset[int]]:
         """For each node the conditions, known at the last switch, without which nothing uses it."""
@@ -154,7 +210,7 @@ class Emitter:
             own = found.get(node, frozenset())
             for place, operand in enumerate(key[1:]):
                 needed = own
-                if key[0] == ca.OP_IF_ELSE_ZERO and place and self.levels[key[1]] < _STATE:
+                if key[0] == ca.OP_IF_ELSE_ZERO and place and self.levels[key[1]] < STATE:
                     needed = own | {key[1]}
                 found[operand] = found[operand] & needed if operand in found else needed
         return found
@@ -162,23 +218,23 @@ class Emitter:
     def plan(self) -> Plan:
         """What every function added needs, by the occasion on which it changes."""
         everything = [node for results in self.functions.values() for node in results]
-        state = {name: self._reach(results, _STATE) for name, results in self.functions.items()}
+        state = {name: self._reach(results, STATE) for name, results in self.functions.items()}
         high = sorted({node for nodes in state.values() for node in nodes})
         direct = [r for r in everything if self.is_computed(r)]
-        mode = sorted({*self._needs(high, _MODE), *[r for r in direct if self.levels[r] == _MODE]})
-        modes = self._reach(mode, _MODE)
+        mode = sorted({*self._needs(high, MODE), *[r for r in direct if self.levels[r] == MODE]})
+        modes = self._reach(mode, MODE)
         parameter = sorted(
             {
-                *self._needs(high, _PARAMETER),
-                *self._needs(modes, _PARAMETER),
-                *[r for r in direct if self.levels[r] == _PARAMETER],
+                *self._needs(high, PARAMETER),
+                *self._needs(modes, PARAMETER),
+                *[r for r in direct if self.levels[r] == PARAMETER],
             }
         )
-        wanted = self._needs(high, _CONSTANT) + self._needs(modes, _CONSTANT)
-        wanted += self._needs(self._reach(parameter, _PARAMETER), _CONSTANT)
-        wanted += [r for r in direct if self.levels[r] == _CONSTANT]
+        wanted = self._needs(high, CONSTANT) + self._needs(modes, CONSTANT)
+        wanted += self._needs(self._reach(parameter, PARAMETER), CONSTANT)
+        wanted += [r for r in direct if self.levels[r] == CONSTANT]
         constant = sorted({n for n in wanted if self.nodes[n][0] != "const"})
-        low = [*self._reach(constant, _CONSTANT), *self._reach([*constant, *parameter], _PARAMETER)]
+        low = [*self._reach(constant, CONSTANT), *self._reach([*constant, *parameter], PARAMETER)]
         return Plan(constant, parameter, mode, low, modes, state)
 
     def text(self, lanes: Sequence[str] = (), form: Lanes = LANES) -> str:
@@ -192,7 +248,7 @@ class Emitter:
         cp, cm = Shelf("cp"), Shelf("cm")
 
         def shelf(node: int) -> Shelf:
-            return cm if self.levels[node] == _MODE else cp
+            return cm if self.levels[node] == MODE else cp
 
         bodies = {
             name: Statements(self, plan.state[name], shelf, results, rolled=len(plan.state[name]) > _INLINED)
@@ -272,9 +328,10 @@ def run_emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expre
     e = model.equations
     emitter = Emitter()
     arguments = [*e.arguments, e.fire]
-    emitter.add("derivative", arguments, e.derivative)
-    emitter.add("guards", arguments, e.guards)
-    emitter.add("full", arguments, ca.vertcat(e.derivative, e.guards))
+    emitter.add("derivative", arguments, e.derivative, anew=e.derivative.numel(), rates=True)
+    # Guards of a switch stay as they are: what opens it and what closes it again may not differ by their rounding.
+    emitter.add("guards", arguments, e.guards, anew=2 * model.count(FRICTION))
+    emitter.functions["full"] = emitter.functions["derivative"] + emitter.functions["guards"]
     emitter.add("outputs", arguments, e.outputs)
     emitter.add("update", arguments, e.update)
     emitter.add("following", arguments, e.following)
@@ -321,7 +378,7 @@ def _sizes(model: Model, *, called: bool = False) -> str:
         "FA_NLS": sum(rings),
         "FA_NLR": sum(len(line.stages) for line in model.lines),
     }
-    lines = [f"#define {name} {value}" for name, value in sizes.items()]
+    lines = [runtime("functions.c"), *(f"#define {name} {value}" for name, value in sizes.items())]
     if model.lines:
         lines.append("#define FA_LINES")
     lines.append(_array("int", "fa_stick_coordinate", [str(mode.coordinate) for mode in frictions]))
@@ -347,9 +404,6 @@ def _sizes(model: Model, *, called: bool = False) -> str:
     for kind in "tv":
         names = [f"fa_table_{kind}{i}" for i in range(len(model.tables))]
         lines.append(_array("double *const", f"fa_table_{kind}", names))
-    lines.append("static double fa_min(double a, double b) { return a < b ? a : b; }")
-    lines.append("static double fa_max(double a, double b) { return a > b ? a : b; }")
-    lines.append("static double fa_sign(double a) { return (double)((a > 0) - (a < 0)); }")
     return "\n".join(lines)
 
 
@@ -396,8 +450,8 @@ def lanes_source(model: Model) -> str:
     parts = [
         INCLUDES,
         CALLED,
-        runtime("vectors.c"),
         _sizes(model, called=True),
+        runtime("vectors.c"),
         "\n\n",
         run_emitter(model).text(_IN_LANES),
         runtime("core.c"),
@@ -417,6 +471,7 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
     """
     emitter, jacobians = tangent_emitter(model, parameters)
     lines, rules = [f"#define FA_DIRS {directions}"], [_PLACES]
+    lines.append(f"#define FA_SHARED {len(jacobians['derivative'].order) - len(model.states)}")
     for name, jacobian in jacobians.items():
         lines.append(f"#define FA_{name.upper()}_NNZ {len(jacobian.rows)}")
         if name in ("guards", "following"):
@@ -427,20 +482,6 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
     head = [INCLUDES, CALLED, _sizes(model, called=True), *lines, runtime("tangent.c"), runtime("vectors.c")]
     head.append(emitter.text(["derivative_values"], STAGES))
     return "\n".join([*head, runtime("core.c") + runtime("simulate.c"), *rules, runtime("tangent_rules.c")])
-
-
-@dataclass(frozen=True)
-class Jacobian:
-    """Where a Jacobian is not zero: by x, t, u, d and the parameters that are directions.
-
-    Attributes:
-        height: number of rows.
-        rows, columns: of each value.
-    """
-
-    height: int
-    rows: list[int]
-    columns: list[int]
 
 
 def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter, dict[str, Jacobian]]:
@@ -455,15 +496,40 @@ def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter,
     e = model.equations
     emitter = run_emitter(model)
     arguments = [*e.arguments, e.fire]
-    seeds = ca.vertcat(e.x, e.t, e.u, e.d, *[e.p[i] for i in parameters])
+    directions = [e.p[i] for i in parameters]
     found = {}
     for name in ("derivative", "guards", "update", "outputs", "following", *(["entering"] if model.lines else [])):
-        jacobian = ca.jacobian(getattr(e, name), seeds)
-        values = ca.vertcat(*jacobian.nonzeros())
+        results, seeds = getattr(e, name), ca.vertcat(e.x, e.t, e.u, e.d, *directions)
+        width, shared, plain = seeds.numel(), ca.SX(0, 1), ca.SX(0, 1)
+        if name == "derivative":
+            results, shared, plain = _by_way_of_shared(arguments, results, parameters)
+        jacobian = ca.jacobian(results, ca.vertcat(seeds, shared))
+        values = ca.substitute(jacobian.nz[:], shared, plain)
         row, column = (list(part) for part in jacobian.sparsity().get_triplet())
-        emitter.add(f"{name}_values", arguments, values if row else ca.SX(0, 1))
-        found[name] = Jacobian(jacobian.size1(), row, column)
+        emitter.add(f"{name}_values", arguments, values, anew=values.numel() if name == "derivative" else 0)
+        found[name] = Jacobian(getattr(e, name).numel(), row, column, width)
     return emitter, found
+
+
+def _by_way_of_shared(
+    arguments: list[Expression], results: Expression, parameters: Sequence[int]
+) -> tuple[Expression, Expression, Expression]:
+    """The results of a function and after them what they share; the symbols of that, and what these stand for."""
+    graph = Emitter()
+    graph.add("all", arguments, results)
+    nodes = graph.functions["all"]
+    sizes = {name: symbols.numel() for name, symbols in zip(_ARGUMENTS, arguments, strict=True)}
+    seeds = [("input", name, i) for name in "xtud" for i in range(sizes[name])]
+    seeds += [("input", "p", i) for i in parameters]
+    shared = shared_nodes(graph, nodes, {seed: k for k, seed in enumerate(seeds)})
+    inputs = dict(zip(_ARGUMENTS, arguments, strict=True))
+    symbols = {node: ca.SX.sym(f"shared{node}") for node in shared}
+    rows, defined = expressions(graph, nodes, inputs, symbols)
+    return (
+        ca.vertcat(*rows, *defined),
+        ca.vertcat(ca.SX(0, 1), *symbols.values()),
+        ca.vertcat(ca.SX(0, 1), *expressions(graph, shared, inputs, {})[0]),
+    )
 
 
 _PLACES = """
@@ -488,7 +554,7 @@ def _tangent_rule(name: str, model: Model, jacobian: Jacobian) -> str:
         "    const fa_lane *dt, const int lanes, fa_columns *out) {",
     ]
     of = "j[{k} * FA_WIDTH]" if name == "derivative" else "j[{k}]"
-    for i in range(jacobian.height):
+    for i in jacobian.order:
         sums, rates, own = [], [], {}
         for k, (row, c) in enumerate(zip(jacobian.rows, jacobian.columns, strict=True)):
             if row != i:
@@ -502,6 +568,8 @@ def _tangent_rule(name: str, model: Model, jacobian: Jacobian) -> str:
                 rates.append(f"{value} * s->slope[{c - at_u}]")
             elif c < at_q:
                 sums.append(f"{value} * D[{c - at_d}][l]")
+            elif c >= jacobian.shared:
+                sums.append(f"{value} * out[{jacobian.height + c - jacobian.shared}][l]")
             else:
                 own[c - at_q] = value
         lines.append(f"  FA_EACH_OF(lanes, l) out[{i}][l] = {' + '.join(sums) or '(fa_lane){0}'};")

@@ -77,6 +77,7 @@ _IN_LANES = {
     ca.OP_NOT: "fa_flag({0} == 0)",
     ca.OP_FABS: "fa_chosen(fa_sign_bits({0}), -{0}, {0})",
     ca.OP_SIGN: "(fa_flag({0} > 0) - fa_flag({0} < 0))",
+    ca.OP_EXP: "fa_exp_lanes({0})",
 }
 """Operations that vectors have; see ``vectors.c``."""
 

@@ -1,4 +1,4 @@
-"""The operations that models are made of, as C, and numbers as C."""
+"""The operations that models are made of, as C, and numbers as C; ``fa_...`` are in ``functions.c``."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ UNARY = {
     ca.OP_FABS: "fabs({0})",
     ca.OP_SIGN: "fa_sign({0})",
     ca.OP_SQRT: "sqrt({0})",
-    ca.OP_EXP: "exp({0})",
+    ca.OP_EXP: "fa_exp({0})",
     ca.OP_LOG: "log({0})",
     ca.OP_SIN: "sin({0})",
     ca.OP_COS: "cos({0})",

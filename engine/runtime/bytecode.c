@@ -14,8 +14,8 @@ typedef struct {
   void (*machine)(double *file, const double *x, const double *u, const double *d, const double *fire, double *r);
 } fa_program;                         /* machine: the same by machine_code.c, or 0 */
 
-typedef struct {                      /* nonzeros of a Jacobian by rows */
-  const int32_t *first;               /* of each row; one more than there are rows */
+typedef struct {                      /* nonzeros of a Jacobian by rows, in the order in which these are worked out */
+  const int32_t *first, *row;         /* of each, one more than there are rows; which row it is */
   const int32_t *kind, *at, *value;   /* FA_OF_..., which one, which result of the program */
   int64_t rows;
   void (*machine)(const double *j, const void *S, const void *D, void *out); /* without dt, by machine_code.c, or 0 */

@@ -4,6 +4,7 @@
 #define FA_GUARDS_NNZ FA_CODE->program[FA_GUARDS_VALUES].count
 #define FA_UPDATE_NNZ FA_CODE->program[FA_UPDATE_VALUES].count
 #define FA_OUTPUTS_NNZ FA_CODE->program[FA_OUTPUTS_VALUES].count
+#define FA_SHARED (FA_CODE->derivative.rows - FA_NX)
 #define FA_FOLLOWING_NNZ FA_CODE->program[FA_FOLLOWING_VALUES].count
 #define FA_ENTERING_NNZ FA_CODE->program[FA_ENTERING_VALUES].count
 #define fa_guards_row FA_CODE->guards_row
@@ -16,7 +17,7 @@
 #define FA_AT_Q (FA_NX + 1 + FA_NI + FA_ND)
 #define FA_INLINE static inline __attribute__((always_inline))
 
-enum { FA_OF_STATE, FA_OF_MEMORY, FA_OF_TIME, FA_OF_INPUT, FA_OF_PARAMETER };
+enum { FA_OF_STATE, FA_OF_MEMORY, FA_OF_SHARED, FA_OF_TIME, FA_OF_INPUT, FA_OF_PARAMETER };
 
 FA_INLINE void fa_apply(const fa_sim *s, const fa_pattern *p, const double *j, const fa_columns *S, const fa_columns *D,
                         const fa_lane *dt, fa_columns *out) {
@@ -25,13 +26,11 @@ FA_INLINE void fa_apply(const fa_sim *s, const fa_pattern *p, const double *j, c
     const int64_t last = p->first[i + 1];
     fa_columns sum;
     FA_EACH(l) sum[l] = (fa_lane){0};
-    if (k < last && p->kind[k] <= FA_OF_MEMORY) {
-      const fa_lane *from = p->kind[k] == FA_OF_STATE ? S[p->at[k]] : D[p->at[k]];
-      FA_EACH(l) sum[l] = j[p->value[k]] * from[l];
-      for (k++; k < last && p->kind[k] <= FA_OF_MEMORY; k++) {
-        from = p->kind[k] == FA_OF_STATE ? S[p->at[k]] : D[p->at[k]];
-        FA_EACH(l) sum[l] += j[p->value[k]] * from[l];
-      }
+    const fa_columns *const of[] = {S, D, out}; /* by kind */
+    for (int started = 0; k < last && p->kind[k] <= FA_OF_SHARED; k++, started = 1) {
+      const fa_lane *from = of[p->kind[k]][p->at[k]];
+      if (started) FA_EACH(l) sum[l] += j[p->value[k]] * from[l];
+      else FA_EACH(l) sum[l] = j[p->value[k]] * from[l];
     }
     if (k < last && p->kind[k] <= FA_OF_INPUT) {
       double rate = 0;
@@ -41,8 +40,8 @@ FA_INLINE void fa_apply(const fa_sim *s, const fa_pattern *p, const double *j, c
       }
       if (dt) FA_EACH(l) sum[l] += rate * dt[l];
     }
-    FA_EACH(l) out[i][l] = sum[l];
-    for (; k < last; k++) FA_COLUMN(out[i], p->at[k]) += j[p->value[k]];
+    FA_EACH(l) out[p->row[i]][l] = sum[l];
+    for (; k < last; k++) FA_COLUMN(out[p->row[i]], p->at[k]) += j[p->value[k]];
   }
 }
 

@@ -65,9 +65,9 @@ typedef struct {
 } fa_sim;
 
 static int fa_finite(const double *a, int n) {
-  int yes = 1;
-  for (int i = 0; i < n; i++) yes &= a[i] - a[i] == 0;
-  return yes;
+  double none = 0;
+  for (int i = 0; i < n; i++) none += a[i] - a[i];
+  return none == 0;
 }
 
 static void fa_inputs(const fa_sim *s, double t, double *u) {
@@ -344,8 +344,8 @@ static int fa_update_derivative(fa_sim *s) {
 
 /* Take over the trial; dx/dt at its end is left for when it is needed, since memories may change before. */
 static void fa_accept(fa_sim *s, const fa_trial *b) {
-  memcpy(s->x, b->x, sizeof(double) * FA_NX);
-  memcpy(s->full + FA_NX, b->guards, sizeof(double) * FA_NG);
+  for (int i = 0; i < FA_NX; i++) *(volatile double *)(s->x + i) = b->x[i];
+  for (int i = 0; i < FA_NG; i++) *(volatile double *)(s->full + FA_NX + i) = b->guards[i];
   s->rated = 0;
 }
 

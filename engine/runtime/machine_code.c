@@ -368,14 +368,16 @@ static int64_t fa_bytes_of_pattern(const fa_pattern *p) {
 /* What fa_apply does without dt: each row is kept in registers while what it depends on is added. */
 static void fa_write_pattern(fa_maker *m, const fa_pattern *p) {
   enum { J = FA_RDI, S = FA_RSI, D = FA_RDX, OUT = FA_RCX, ROW = 2 };
+  static const int of[] = {S, D, OUT}; /* by kind */
   for (int64_t i = 0; i < p->rows; i++) {
     int64_t k = p->first[i];
-    const int64_t begin = k, last = p->first[i + 1], out = i * (int64_t)sizeof(fa_columns);
-    for (; k < last && p->kind[k] <= FA_OF_MEMORY; k++) {
+    const int64_t begin = k, last = p->first[i + 1];
+    const int64_t out = p->row[i] * (int64_t)sizeof(fa_columns);
+    for (; k < last && p->kind[k] <= FA_OF_SHARED; k++) {
       fa_three(m, 2, FA_OF_FOUR, FA_BROADCAST, 0, 0, J, p->value[k] * 8);
       for (int l = 0; l < FA_BLOCKS; l++) {
         const int64_t from = p->at[k] * (int64_t)sizeof(fa_columns) + l * FA_BLOCK;
-        fa_three(m, 1, FA_OF_FOUR, FA_MUL, k == begin ? ROW + l : 1, 0, p->kind[k] == FA_OF_STATE ? S : D, from);
+        fa_three(m, 1, FA_OF_FOUR, FA_MUL, k == begin ? ROW + l : 1, 0, of[p->kind[k]], from);
         if (k > begin) fa_three(m, 1, FA_OF_FOUR, FA_ADD, ROW + l, ROW + l, 1, -1);
       }
     }

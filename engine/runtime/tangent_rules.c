@@ -1,5 +1,6 @@
 /* The rules announced in tangent.c; included after simulate.c and the generated fa_NAME_tangent, which carry seeds
- * through the Jacobian of a function of the model: out = J [S | dt | slope dt | D] + the parameters' own columns. */
+ * through the Jacobian of a function of the model: out = J [S | dt | slope dt | D] + the parameters' own columns. What
+ * several rates share comes after them in out, FA_SHARED rows; see engine/sharing.py. */
 
 typedef struct {
   fa_columns S[FA_ROOM(FA_NX)];             /* states */
@@ -47,7 +48,7 @@ FA_INLINE void fa_tangent_rk4(fa_sim *s, const fa_trial *trial, const fa_lane *d
   const int lanes = with_length ? FA_LANES : FA_OWN_LANES;
   const double h = trial->h, *k[4] = {s->full, trial->k[0], trial->k[1], trial->k[2]};
   double t[4], x[4][FA_ROOM(FA_NX)];
-  fa_columns dk[4][FA_SIZE(FA_NX)], y[FA_SIZE(FA_NX)], dt, length;
+  fa_columns dk[4][FA_SIZE(FA_NX + FA_SHARED)], y[FA_SIZE(FA_NX)], dt, length;
   FA_JACOBIANS(j);
   t[0] = s->t;
   memcpy(x[0], s->x, sizeof x[0]);

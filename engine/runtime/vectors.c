@@ -35,6 +35,25 @@ static inline int fa_any(fa_mask yes) {
   return found != 0;
 }
 
+/* fa_exp in every lane. */
+static inline fa_lane fa_exp_lanes(fa_lane x) {
+  fa_lane rest, power;
+  if (fa_any(~((x > -650) & (x < 709)))) {
+    FA_EACH_LANE(l) power[l] = fa_exp(x[l]);
+    return power;
+  }
+  const fa_lane shifted = x * FA_PER_LN2 + FA_WHOLE, n = shifted - FA_WHOLE;
+  const fa_lane r = x - n * FA_LN2_HIGH - n * FA_LN2_LOW, rr = r * r;
+  const fa_mask whole = (fa_mask)shifted;
+  fa_mask bits;
+  FA_EACH_LANE(l) {
+    rest[l] = fa_powers[whole[l] & 127].rest;
+    bits[l] = fa_powers[whole[l] & 127].bits;
+  }
+  power = (fa_lane)(bits + (whole << 45));
+  return power + power * (rest + r + rr * (1.0 / 2 + r * (1.0 / 6)) + rr * rr * (1.0 / 24 + r * (1.0 / 120)));
+}
+
 /* Whether all lanes have the same bits, as what depends on time alone. */
 static inline int fa_same(fa_lane a) { return !fa_any((fa_mask)a ^ (fa_mask)FA_ALL(a[0])); }
 

@@ -160,10 +160,7 @@ def test_every_operation_is_the_same_to_the_bit() -> None:
     code = bytecode.Code()
     code.struct.nx, code.struct.np, code.struct.nf = 2, 2, 2
     assert bytecode._programs(code, emitter)
-    head = "static double fa_min(double a, double b) { return a < b ? a : b; }\n"
-    head += "static double fa_max(double a, double b) { return a > b ? a : b; }\n"
-    head += "static double fa_sign(double a) { return (double)((a > 0) - (a < 0)); }\n"
-    own = library(INCLUDES + head + emitter.text() + _WRAPPED)
+    own = library(INCLUDES + runtime("functions.c") + emitter.text() + _WRAPPED)
     source = bytecode.source()
     general = library(source[: source.index(runtime("core.c"))] + _INTERPRETED)
     random = np.random.default_rng(0)

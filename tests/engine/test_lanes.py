@@ -240,10 +240,8 @@ def test_every_operation_is_the_same_to_the_bit(width: int) -> None:
             made = ca.SX.unary(operation, a) if operation in UNARY else ca.SX.binary(operation, a, b)
             nodes += [made, ca.if_else(m[0] != 0, made * x[0], 0), ca.if_else(m[1] * p[0] > 0, made + a, a)]
     emitter.add("derivative", [t, x, u, d, m, p, fire], ca.vertcat(*nodes))
-    head = f"#define FA_WIDTH {width}\n#define SIZE {len(nodes)}\n" + INCLUDES + runtime("vectors.c")
-    head += "static double fa_min(double a, double b) { return a < b ? a : b; }\n"
-    head += "static double fa_max(double a, double b) { return a > b ? a : b; }\n"
-    head += "static double fa_sign(double a) { return (double)((a > 0) - (a < 0)); }\n"
+    head = f"#define FA_WIDTH {width}\n#define SIZE {len(nodes)}\n{INCLUDES}"
+    head += runtime("functions.c") + runtime("vectors.c")
     own = library(head + emitter.text(["derivative"]) + _WRAPPED)
     random = np.random.default_rng(0)
     special = np.array([0.0, -0.0, 1.0, math.nan, math.inf, -math.inf])

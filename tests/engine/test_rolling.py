@@ -99,7 +99,7 @@ def test_loops_compute_the_same_to_the_bit(seed: int, monkeypatch: pytest.Monkey
     assert bytecode._programs(code, emitter)
     text = emitter.text()
     assert len(re.findall(r"for \(int k = 0; k < \d+; k\+\+\)", text)) >= 2
-    own = library(INCLUDES + text + _WRAPPED)
+    own = library(INCLUDES + runtime("functions.c") + text + _WRAPPED)
     source = bytecode.source()
     general = library(source[: source.index(runtime("core.c"))] + _INTERPRETED)
     for _ in range(20):
