@@ -207,11 +207,12 @@ class _LocalModel:
     """
 
     def __init__(self, r: Array, J: Array, stuck: Sequence[int]) -> None:
-        self.moves = np.setdiff1d(np.arange(J.shape[1]), stuck)
-        able = J[:, self.moves]
-        # Triangular factors, for squaring a Jacobian would lose what the prior says beside precise data.
-        upper = np.asarray(np.linalg.qr(np.column_stack([able, r]), mode="r"))
+        self.moves = np.array([k for k in range(J.shape[1]) if k not in stuck], dtype=np.intp)
         n = len(self.moves)
+        columns = np.empty((n + 1, len(r)))
+        columns[:n], columns[n] = J.T if n == J.shape[1] else J.T[self.moves], r
+        # Triangular factors, for squaring a Jacobian would lose what the prior says beside precise data.
+        upper = np.asarray(np.linalg.qr(columns.T, mode="r"))
         left, self.values, self.directions = np.linalg.svd(upper[:n, :n])
         self.pull = left.T @ upper[:n, n]
         self.gradient = J.T @ r
