@@ -397,6 +397,11 @@ class Model:
         return {}
 
     @functools.cached_property
+    def seeds(self) -> dict[Hashable, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Derivatives of starts by directions, likewise; nobody writes to them."""
+        return {}
+
+    @functools.cached_property
     def operations(self) -> int:
         """Operations of the right-hand side."""
         return int(self.functions["derivative"].n_instructions())

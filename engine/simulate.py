@@ -360,10 +360,7 @@ def _whole_state(model: Model) -> int:
 def _timetable(model: Model, stop: float, step: float, drive: Drive | None, columns: int) -> Timetable:
     """The instants of a run, worked out once for all runs with the same drive.
 
-    Args:
-        model: the model.
-        stop, step, drive: as of `prepare`.
-        columns: numbers that are recorded in a row.
+    Arguments are as of `prepare`, and the numbers that are recorded in a row.
     """
     if drive is None:
         return _new_timetable(model, stop, step, drive, columns)

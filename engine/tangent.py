@@ -152,6 +152,20 @@ def _directions(model: Model, wrt: tuple[str, ...]) -> tuple[list[str], tuple[in
 def _seeds(
     model: Model, p: Vector, initial: dict[str, float], names: list[str], indices: tuple[int, ...], room: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """dx0/dq and dd0/dq, worked out once for all parameters that give the same; see `_differences`."""
+    same = (p[model.shapes].tobytes(), tuple(initial.items()), tuple(names), room)
+    found = model.seeds.get(same)
+    if found is None:
+        found = _differences(model, p, initial, names, indices, room)
+        if len(model.seeds) >= MOST_BEGUN:
+            model.seeds.clear()
+        model.seeds[same] = found
+    return found
+
+
+def _differences(
+    model: Model, p: Vector, initial: dict[str, float], names: list[str], indices: tuple[int, ...], room: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """dx0/dq and dd0/dq. Starting values are smooth, nearly linear functions: central differences are exact enough."""
     S0 = np.zeros((len(model.states), room))
     D0 = np.zeros((len(model.memories), room))

@@ -153,7 +153,9 @@ class PeriodSimulator:
             near = replace(job, x0=found.states[int(row)], m0=found.modes[int(row)], record_states=False)
             near = replace(near, t0=job.t0 + row * job.resolution, log_capacity=0)
             sides = (part - ASIDE, part + ASIDE) if self.jumps else (part,)
-            times = [replace(job.timetable, resolution=side * job.resolution, outputs=1) for side in sides if side > ASIDE]
+            times = [
+                replace(job.timetable, resolution=side * job.resolution, outputs=1) for side in sides if side > ASIDE
+            ]
             runs = [self.run(replace(near, timetable=one)) for one in times]
             return np.array([found.y[int(row)], *(run.y[1] for run in runs)])
 
