@@ -89,7 +89,7 @@ class Fitting:
     longer: float = number(
         1.5,
         "1",
-        "A step that should be so many times as long is tried at that length; the next gains what a shorter one misses.",
+        "A step that should be so many times as long is tried at that length; the next gains what shorter ones miss.",
         "a parabola's minimum is missed by a ninth of the gain",
     )
     straight: float = number(

@@ -136,8 +136,8 @@ def descend(
     promised, or half of it, has shown that the valley is straight there.
 
     With noise as strong as what is left over, the squares of a step lie above the cost: alone they may creep, each step
-    gaining twice what it promised. So a step within the region is made as long as the parabola through the cost's slope
-    and its change says, while that lowers the cost.
+    gaining twice what it promised. So where two steps within the region are each too short by the parabola through the
+    cost's slope and its change, the second is made as long as that says, while that lowers the cost.
 
     Args:
         problem: what to fit.
@@ -165,7 +165,7 @@ def descend(
     except SimulationError:
         return x, math.inf, False
     cost, radius = stack.cost(x, rows), FITTING.radius
-    costs = [cost]
+    costs, creeping = [cost], False
     for left in range(iterations - 1, -1, -1):
         weights = stack.weights(rows)
         r, J = stack.whitened(x, rows, weights), stack.whitened_slopes(x, slopes, weights)
@@ -192,10 +192,15 @@ def descend(
             radius = 0.25 * min(radius, float(np.linalg.norm(step)))
         else:
             return x, cost, little
+        creeping, crept = False, creeping
         while (longer := min(local.stretch(step, there - cost), radius / float(np.linalg.norm(step)))) > FITTING.longer:
+            if not crept:  # a single step may have met a bend
+                creeping = True
+                break
             along = stack.moved(x, longer * step)
             least = stack.cost(along, stack.residual(along))
-            if not least < there:
+            creeping = least < there
+            if not creeping:
                 break
             step, moved, there = longer * step, along, least
         if cost - there > FITTING.straight * local.gain(step):

@@ -43,7 +43,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Task:
-    """A fit: of effects at their starting sizes from some parents' parameters, or one begun elsewhere with its reach."""
+    """A fit: effects at their starting sizes from some parents' parameters, or one begun elsewhere, and its reach."""
 
     effects: tuple[Candidate, ...]
     parents: tuple[dict[str, float], ...]

@@ -351,7 +351,8 @@ class CandidateFitter:
             for _ in range(SEARCH.retries):
                 there = best.x + random.normal(0.0, SEARCH.around, len(best.x))
                 with Threads(self.workers) as pool:
-                    x, cost, _ = descend(made.problem, there, made.problem.training, pool)
+                    # What does not come as low says nothing, however low it is.
+                    x, cost, _ = descend(made.problem, there, made.problem.training, pool, reach=min(ends) + 1.0)
                 ends.append(cost)
                 if cost < best.cost:
                     best = replace(made, x=x, cost=cost)
