@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.fft
-import scipy.signal
 
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.initial_states import FirstSamples, Start, Statics
@@ -405,7 +404,9 @@ class TimeExperiment(Experiment):
 @functools.cache
 def _smoother(count: int) -> Array:
     """Weights of a cubic through ``2 count + 1`` samples, at its middle; it bends no signal that is slow there."""
-    return np.asarray(scipy.signal.savgol_coeffs(2 * count + 1, 3))
+    from scipy.signal import savgol_coeffs  # on first use, as it is large and seldom needed
+
+    return np.asarray(savgol_coeffs(2 * count + 1, 3))
 
 
 def _mean_drive(drive: Drive, interval: float, stop: float) -> Drive:
