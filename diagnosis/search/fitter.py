@@ -489,10 +489,15 @@ class CandidateFitter:
                 return partial
             x, least, sizes = best.x, near.cost, best.sizes[k]
             for share in SEARCH.finer:
+                costs = []
                 for other in finer(sizes, share):
                     moved, cost = near.fitted(self.build(partial.effects, _with(best.built, k, other)))
+                    costs.append(cost)
                     if cost < least:
                         x, least, sizes = moved, cost, other
+                # Between two that are worse by less, a parabola is lower by an eighth of that at most.
+                if len(costs) > 1 and max(costs) - least < SEARCH.slow:
+                    break
             if sizes == best.sizes[k]:
                 return partial
             built = _with(best.built, k, sizes)
