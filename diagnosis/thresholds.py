@@ -80,6 +80,18 @@ class Fitting:
         "Standard deviation of the logarithm of the ratio of two sizes that are expected to be equal.",
         "suite 'pairs' (15b161c)",
     )
+    pace: int = number(
+        3,
+        "steps",
+        "Steps whose gain tells what those to come will gain, at most, of a fit that is to reach a cost.",
+        "one step may be cut short by its region; a valley's next bend shows within a few",
+    )
+    longer: float = number(
+        1.5,
+        "1",
+        "A step that should be so many times as long is tried at that length; the next gains what shorter ones miss.",
+        "a parabola's minimum is missed by a ninth of the gain",
+    )
     straight: float = number(
         0.5,
         "1",

@@ -236,7 +236,7 @@ class Simulation:
 
     def tick(self, tick: int) -> None:
         """Let the clocks that are due tick."""
-        pairs = zip(self.job.period, self.job.offset, strict=True)
+        pairs = zip(self.job.timetable.period, self.job.timetable.offset, strict=True)
         fire = [float(tick >= offset and (tick - offset) % period == 0) for period, offset in pairs]
         if any(fire):
             fire += self.returned
@@ -248,7 +248,7 @@ class Simulation:
                     answer = self.calls.call(k, self.t, self.call("external", self.t, self.x, fire)[first:last])
                     if answer is None:
                         raise Stop(EXTERNAL, k)
-                    begin = len(self.job.period) + external.first_output
+                    begin = len(self.job.timetable.period) + external.first_output
                     fire[begin : begin + external.outputs] = answer.tolist()
             after = self.call("update", self.t, self.x, fire)
             entering = self.call("entering", self.t, self.x, fire) if self.model.lines else ()
@@ -265,23 +265,23 @@ class Simulation:
 
     def drive(self, k: int) -> None:
         """Let the inputs follow knot ``k`` of the drive."""
-        job = self.job
-        for i, linear in enumerate(job.linear):
+        times = self.job.timetable
+        for i, linear in enumerate(times.linear):
             rise = 0.0
-            if linear and k + 1 < len(job.knot):
-                span = float(job.knot[k + 1] - job.knot[k]) * job.resolution
-                rise = (job.value[k + 1, i] - job.value[k, i]) / span
-            self.base[i], self.slope[i], self.origin[i] = job.value[k, i], rise, self.t
+            if linear and k + 1 < len(times.knot):
+                span = float(times.knot[k + 1] - times.knot[k]) * times.resolution
+                rise = (times.value[k + 1, i] - times.value[k, i]) / span
+            self.base[i], self.slope[i], self.origin[i] = times.value[k, i], rise, self.t
 
     def next_tick(self, tick: int, knot: int) -> int:
         """The next tick at which something happens."""
-        job = self.job
-        hits = [tick - tick % job.output_ticks + job.output_ticks]
-        for period, offset in zip(job.period, job.offset, strict=True):
+        times = self.job.timetable
+        hits = [tick - tick % times.output_ticks + times.output_ticks]
+        for period, offset in zip(times.period.tolist(), times.offset.tolist(), strict=True):
             since = tick - offset
             hits.append(offset if since < 0 else tick - since % period + period)
-        if knot < len(job.knot):
-            hits.append(int(job.knot[knot]))
+        if knot < len(times.knot):
+            hits.append(int(times.knot[knot]))
         return min(hits)
 
 
@@ -297,7 +297,7 @@ def run(model: Model, job: Job) -> Outcome:
     states = np.zeros((rows, len(model.states))) if job.record_states else None
     modes = np.zeros((rows, len(model.modes))) if job.record_states else None
     tick, knot, row, status, culprit = 0, 0, 0, OK, 0
-    driven = len(model.inputs) > 0
+    driven, knots = len(model.inputs) > 0, job.timetable.knot
 
     def record(row: int) -> None:
         y[row] = s.call("outputs", s.t, s.x)
@@ -305,7 +305,7 @@ def run(model: Model, job: Job) -> Outcome:
             states[row], modes[row] = s.x, s.m
 
     def feed(tick: int, knot: int) -> int:
-        while driven and knot < len(job.knot) and job.knot[knot] <= tick:
+        while driven and knot < len(knots) and knots[knot] <= tick:
             s.drive(knot)
             knot += 1
         return knot
@@ -317,7 +317,7 @@ def run(model: Model, job: Job) -> Outcome:
         record(0)
         row = 1
         while tick < job.outputs * job.output_ticks:
-            tick = s.next_tick(tick, knot if driven else len(job.knot))
+            tick = s.next_tick(tick, knot if driven else len(knots))
             s.integrate(job.t0 + tick * job.resolution)
             before, knot = knot, feed(tick, knot)
             if knot != before:

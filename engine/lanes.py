@@ -113,8 +113,9 @@ class Lanes:
 def alike(job: Job) -> Hashable:
     """Equal for runs that share rows, clocks and knots; and the number of steps between rows, as lanes take them."""
     between = math.ceil(job.output_ticks * job.resolution / job.hmax)
-    times = (job.t0, job.resolution, job.outputs, job.output_ticks, *job.period, *job.offset)
-    return times, job.knot.tobytes(), between, job.record_states, id(job.cancel)
+    shared = job.timetable
+    times = (job.t0, job.resolution, job.outputs, job.output_ticks, *shared.period.tolist(), *shared.offset.tolist())
+    return times, shared.knot.tobytes(), between, job.record_states, id(job.cancel)
 
 
 _lanes: OrderedDict[str, Lanes] = OrderedDict()

@@ -20,6 +20,9 @@ from engine.ports import Expression
 from engine.quantity import Parameter
 from engine.relations import Relation
 
+MOST_VECTORS = 8
+"""Parameter vectors that a model keeps: those of the runs under way."""
+
 Vector = NDArray[np.float64]
 
 FRICTION, SWITCH, TIME = "friction", "switch", "time"
@@ -242,6 +245,10 @@ class Model:
     @property
     def parameter_values(self) -> Vector:
         """Default parameter vector."""
+        return self._defaults.copy()
+
+    @functools.cached_property
+    def _defaults(self) -> Vector:
         return np.array([parameter.value for parameter in self.parameters])
 
     def parameter_vector(self, changes: dict[str, float] | None = None) -> Vector:
@@ -250,14 +257,28 @@ class Model:
         Raises:
             ParameterError: unknown name, or a value out of bounds.
         """
+        changes = changes or {}
+        same = tuple(changes.items()) if all(type(value) is float for value in changes.values()) else None
+        before = self._vectors.get(same)
+        if before is not None:
+            return before.copy()
         values = self.parameter_values
-        for name, value in (changes or {}).items():
+        for name, value in changes.items():
             index = self.parameter_index(name)
             try:
                 values[index] = self.parameters[index].declared.check(value)
             except ParameterError as error:
                 raise error.at(Where(path=name)) from None
+        if same is not None:
+            if len(self._vectors) >= MOST_VECTORS:
+                self._vectors.clear()
+            self._vectors[same] = values.copy()
         return values
+
+    @functools.cached_property
+    def _vectors(self) -> dict[Hashable, Vector]:
+        """Parameter vectors that were made last: runs that differ in their drive alone share one."""
+        return {}
 
     def parameter_conflict(self, values: Vector) -> str:
         """What a block refuses of a parameter vector, such as ``f.static_friction = 1 is less than ...``; or ""."""
@@ -368,6 +389,16 @@ class Model:
     @functools.cached_property
     def steps(self) -> dict[Hashable, float]:
         """Internal steps of runs that were prepared, likewise."""
+        return {}
+
+    @functools.cached_property
+    def directions(self) -> dict[tuple[str, ...], tuple[list[str], tuple[int, ...]]]:
+        """Directions of tangents that were asked for, likewise: see `engine.tangent`."""
+        return {}
+
+    @functools.cached_property
+    def seeds(self) -> dict[Hashable, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Derivatives of starts by directions, likewise; nobody writes to them."""
         return {}
 
     @functools.cached_property

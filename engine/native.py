@@ -29,27 +29,65 @@ OK, NOT_FINITE, CHATTER, CANCELLED, NO_MODE, EXTERNAL = range(6)
 EVENTS_PER_STEP = 200
 
 
+@dataclass(frozen=True, eq=False)
+class Timetable:
+    """When things happen that do not depend on what a model does: instants are whole ticks of ``resolution`` seconds.
+
+    Runs that differ in parameters, starts and steps alone share one; see ``simulate.c`` for the attributes.
+    """
+
+    resolution: float
+    outputs: int
+    output_ticks: int
+    period: NDArray[np.int64]
+    offset: NDArray[np.int64]
+    knot: NDArray[np.int64]
+    value: NDArray[np.float64]
+    linear: NDArray[np.int32]
+
+    @functools.cached_property
+    def struct(self) -> _Job:
+        """The struct of a run with these instants, the rest of it empty."""
+        c = _Job()
+        c.resolution, c.outputs, c.output_ticks = self.resolution, self.outputs, self.output_ticks
+        c.knots = len(self.knot)
+        for name in ("period", "offset", "knot", "value", "linear"):
+            setattr(c, name, getattr(self, name).ctypes.data)
+        return c
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "struct"}
+
+
 @dataclass
 class Job:
-    """One run in the runtime's form: instants are whole ticks of ``resolution`` seconds; see ``simulate.c``."""
+    """One run in the runtime's form; see ``simulate.c``."""
 
     p: Vector
     x0: Vector
     d0: Vector
     m0: Vector
-    resolution: float
     hmax: float
-    outputs: int
-    output_ticks: int
-    period: list[int]
-    offset: list[int]
-    knot: NDArray[np.int64]
-    value: NDArray[np.float64]
-    linear: list[int]
+    timetable: Timetable
     record_states: bool = False
     log_capacity: int = 0
     t0: float = 0.0
     cancel: Any = None
+
+    @property
+    def resolution(self) -> float:
+        """Seconds in a tick."""
+        return self.timetable.resolution
+
+    @property
+    def outputs(self) -> int:
+        """Rows after the first."""
+        return self.timetable.outputs
+
+    @property
+    def output_ticks(self) -> int:
+        """Ticks between rows."""
+        return self.timetable.output_ticks
 
 
 @dataclass
@@ -174,7 +212,7 @@ ENOUGH, ENOUGH_FOR_EACH = 0.12, 2e-4
 
 def steps_of(job: Job) -> int:
     """About how many steps a run takes."""
-    return job.outputs * math.ceil(job.output_ticks * job.resolution / job.hmax) + len(job.knot)
+    return job.outputs * math.ceil(job.output_ticks * job.resolution / job.hmax) + len(job.timetable.knot)
 
 
 class Way:
@@ -299,15 +337,12 @@ class Call:
         self._modes = np.empty((rows, len(model.modes))) if job.record_states else None
         self._ends = [np.zeros(len(part)) for part in (model.states, model.memories, model.modes)]
         self._log = np.empty((job.log_capacity, 3))
-        self.struct = c = _Job()
+        self.struct = c = _Job.from_buffer_copy(job.timetable.struct)
         c.p, c.x0, c.d0, c.m0 = (keep.address(part, np.float64) for part in (job.p, job.x0, job.d0, job.m0))
-        c.period, c.offset = keep.address(job.period, np.int64), keep.address(job.offset, np.int64)
-        c.knot, c.value = keep.address(job.knot, np.int64), keep.address(job.value, np.float64)
-        c.linear = keep.address(job.linear, np.int32)
+        keep.arrays.append(job.timetable)
         if model.lines:
             c.stage = keep.address([stage for line in model.lines for stage in line.stages], np.int64)
-        c.t0, c.resolution, c.hmax = job.t0, job.resolution, job.hmax
-        c.outputs, c.output_ticks, c.knots = job.outputs, job.output_ticks, len(job.knot)
+        c.t0, c.hmax = job.t0, job.hmax
         c.y, c.x1, c.d1, c.m1, c.log = (array.ctypes.data for array in (self._y, *self._ends, self._log))
         if self._states is not None and self._modes is not None:
             c.states, c.modes = self._states.ctypes.data, self._modes.ctypes.data

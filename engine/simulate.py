@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from html import escape
@@ -19,7 +19,7 @@ from engine import external, interpret, native, result_files
 from engine.display import counts, number, spark, table
 from engine.errors import CompilerUnavailable, ParameterError, SimulationError, nearest
 from engine.model import TIME, Model, Vector
-from engine.native import Job, Outcome
+from engine.native import Job, Outcome, Timetable
 from engine.start import start_values
 from engine.step import fastest
 from engine.step import internal_step as choose_step
@@ -51,6 +51,14 @@ class Drive:
     time: ArrayLike
     values: ArrayLike
     hold: str | tuple[str, ...] = "zero_order"
+
+    @functools.cached_property
+    def timetables(self) -> dict[Hashable, Timetable]:
+        """Those of runs with this drive: see `prepare`."""
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "timetables"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -253,10 +261,7 @@ def simulate(
         record_states=o.record_states(model) if callable(o.record_states) else o.record_states,
         log_capacity=o.log_capacity,
     )
-    used, outcome = _execute(model, job, o.backend)
-    reason = fault(model, job, outcome)
-    if reason:
-        raise SimulationError(reason) from outcome.cause
+    used, outcome = carried_out(model, job, o.backend)
     result = as_result(model, job, outcome, step, used, o.parameters)
     if o.step_tolerance is not None:
         _check_step(model, job, result, used, o.step_tolerance)
@@ -334,6 +339,42 @@ def prepare(
             )
     p = model.parameter_vector(parameters)
     x0, d0 = _begin(model, p, initial)
+    shared = _timetable(model, stop, step, drive, len(model.outputs) + record_states * _whole_state(model))
+    hmax = _checked_step(model, p, x0, step, stop, internal_step)
+    return Job(
+        p=p,
+        x0=x0,
+        d0=d0,
+        m0=np.full(len(model.modes), np.nan),
+        hmax=hmax,
+        timetable=shared,
+        record_states=record_states,
+        log_capacity=log_capacity,
+    )
+
+
+def _whole_state(model: Model) -> int:
+    return len(model.states) + len(model.modes)
+
+
+def _timetable(model: Model, stop: float, step: float, drive: Drive | None, columns: int) -> Timetable:
+    """The instants of a run, worked out once for all runs with the same drive.
+
+    Arguments are as of `prepare`, and the numbers that are recorded in a row.
+    """
+    if drive is None:
+        return _new_timetable(model, stop, step, drive, columns)
+    same = (stop, step, len(model.inputs), model.clocks, columns)
+    found = drive.timetables.get(same)
+    if found is None:
+        found = _new_timetable(model, stop, step, drive, columns)
+        if len(drive.timetables) >= MOST_BEGUN:
+            drive.timetables.clear()
+        drive.timetables[same] = found
+    return found
+
+
+def _new_timetable(model: Model, stop: float, step: float, drive: Drive | None, columns: int) -> Timetable:
     knots, values, linear = _driven(model, drive)
     instants = [step, *[c.period for c in model.clocks], *[c.offset for c in model.clocks]]
     tick = common_tick(instants)
@@ -343,7 +384,6 @@ def prepare(
         raise ParameterError(
             f"step and sample periods {instants} have no common tick", remedy="make them multiples of one another"
         )
-    columns = len(model.outputs) + record_states * (len(model.states) + len(model.modes))
     if stop / step > min(200_000_000, MOST_VALUES / max(columns, 1)):
         raise ParameterError(
             f"{stop / step:.3g} rows of {columns} numbers are too many", remedy="give a longer step or an earlier stop"
@@ -357,23 +397,15 @@ def prepare(
             f"times up to {farthest * float(tick):g} s do not go with a tick of {float(tick):g} s",
             remedy="give an earlier stop or drive, or sample periods that are multiples of a longer time",
         )
-    hmax = _checked_step(model, p, x0, step, stop, internal_step)
-    return Job(
-        p=p,
-        x0=x0,
-        d0=d0,
-        m0=np.full(len(model.modes), np.nan),
+    return Timetable(
         resolution=float(tick),
-        hmax=hmax,
         outputs=outputs,
         output_ticks=int(rational(step) / tick),
-        period=[int(rational(c.period) / tick) for c in model.clocks],
-        offset=[int(rational(c.offset) / tick) for c in model.clocks],
+        period=np.array([int(rational(c.period) / tick) for c in model.clocks], dtype=np.int64),
+        offset=np.array([int(rational(c.offset) / tick) for c in model.clocks], dtype=np.int64),
         knot=np.round(knots / float(tick)).astype(np.int64),
-        value=values,
-        linear=linear,
-        record_states=record_states,
-        log_capacity=log_capacity,
+        value=np.ascontiguousarray(values, dtype=np.float64),
+        linear=np.array(linear, dtype=np.int32),
     )
 
 
@@ -465,6 +497,19 @@ def _execute(model: Model, job: Job, backend: str) -> tuple[str, Outcome]:
                 _warned.add("compiler")
                 warnings.warn(f"{error.message}; using the slower interpreter", RuntimeWarning, stacklevel=3)
     return "interpreter", interpret.run(model, job)
+
+
+def carried_out(model: Model, job: Job, backend: str = "auto") -> tuple[str, Outcome]:
+    """A run that was prepared: what carried it out, and what came of it.
+
+    Raises:
+        SimulationError: it diverged or chattered.
+    """
+    used, outcome = _execute(model, job, backend)
+    reason = fault(model, job, outcome)
+    if reason:
+        raise SimulationError(reason) from outcome.cause
+    return used, outcome
 
 
 def fault(model: Model, job: Job, outcome: Outcome) -> str:

@@ -19,7 +19,7 @@ from engine.codegen import tangent_source
 from engine.compile import known, library
 from engine.errors import ParameterError, SimulationError, nearest
 from engine.model import Model, Vector
-from engine.simulate import Drive, Result, as_result, explain, prepare
+from engine.simulate import MOST_BEGUN, Drive, Result, as_result, explain, prepare
 from engine.start import start_values, starting_names
 
 GRAZING = 1e-9
@@ -108,13 +108,7 @@ def tangents(
             f"'{model.externals[0].name}' is a Python function or a foreign FMU, which has no derivative",
             remedy="leave it out of the model, or compare runs with slightly different values",
         )
-    known = [parameter.name for parameter in model.parameters]
-    starting = starting_names(model)
-    for name in wrt:
-        if name not in known and name not in starting:
-            raise ParameterError(f"no parameter or starting value '{name}'", remedy=nearest(name, [*known, *starting]))
-    ordered = [name for name in wrt if name in known] + [name for name in wrt if name not in known]
-    indices = tuple(known.index(name) for name in ordered if name in known)
+    ordered, indices = _directions(model, tuple(wrt))
     job = prepare(model, stop, step, parameters=parameters, drive=drive, initial=initial, internal_step=internal_step)
     room = max(len(ordered), room)
     S0, D0 = _seeds(model, job.p, dict(initial or {}), ordered, indices, room)
@@ -133,7 +127,43 @@ def tangents(
     return Tangents(result, tuple(wrt), rows.transpose(1, 2, 0), bool(least[0] < GRAZING))
 
 
+def _directions(model: Model, wrt: tuple[str, ...]) -> tuple[list[str], tuple[int, ...]]:
+    """The directions in the runtime's order, parameters first, and the parameters' positions; found once.
+
+    Raises:
+        ParameterError: as of `tangents`.
+    """
+    found = model.directions.get(wrt)
+    if found is None:
+        known = [parameter.name for parameter in model.parameters]
+        starting = starting_names(model)
+        for name in wrt:
+            if name not in known and name not in starting:
+                remedy = nearest(name, [*known, *starting])
+                raise ParameterError(f"no parameter or starting value '{name}'", remedy=remedy)
+        ordered = [name for name in wrt if name in known] + [name for name in wrt if name not in known]
+        found = ordered, tuple(known.index(name) for name in ordered if name in known)
+        if len(model.directions) >= MOST_BEGUN:
+            model.directions.clear()
+        model.directions[wrt] = found
+    return found
+
+
 def _seeds(
+    model: Model, p: Vector, initial: dict[str, float], names: list[str], indices: tuple[int, ...], room: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """dx0/dq and dd0/dq, worked out once for all parameters that give the same; see `_differences`."""
+    same = (p[model.shapes].tobytes(), tuple(initial.items()), tuple(names), room)
+    found = model.seeds.get(same)
+    if found is None:
+        found = _differences(model, p, initial, names, indices, room)
+        if len(model.seeds) >= MOST_BEGUN:
+            model.seeds.clear()
+        model.seeds[same] = found
+    return found
+
+
+def _differences(
     model: Model, p: Vector, initial: dict[str, float], names: list[str], indices: tuple[int, ...], room: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """dx0/dq and dd0/dq. Starting values are smooth, nearly linear functions: central differences are exact enough."""

@@ -277,7 +277,9 @@ class Core:
         grid = plan.ticks(plan.step)
         while True:
             following = s.tick - s.tick % grid + grid
-            for period, offset in zip(sim.job.period, sim.job.offset, strict=True):
+            for period, offset in zip(
+                sim.job.timetable.period.tolist(), sim.job.timetable.offset.tolist(), strict=True
+            ):
                 since = s.tick - offset
                 following = min(following, offset if since < 0 else s.tick - since % period + period)
             at = s.start + following * float(plan.tick)

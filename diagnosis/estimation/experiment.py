@@ -151,7 +151,11 @@ class Experiment(ABC):
         """
 
     def components(self, rows: Array) -> Array:
-        """Rows (samples, columns) as independent values whose squares sum to the same: those of a table as they are."""
+        """Rows (samples, ...) as independent values whose squares sum to the same: those of a table as they are."""
+        return rows
+
+    def even(self, rows: Array) -> Array:
+        """Rows (samples, ...) whose squares and products sum to those of their `components`, at less cost."""
         return rows
 
     def bands(self, fewest: int) -> list[tuple[int, slice]]:

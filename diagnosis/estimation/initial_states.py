@@ -8,7 +8,7 @@ the twist between two angles, the deflection of a tip.
 
 from __future__ import annotations
 
-import copy
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -108,7 +108,8 @@ class Statics:
         """The same at other values of parameters."""
         if not settings:
             return self
-        made = copy.copy(self)
+        made = Statics.__new__(Statics)
+        made.model, made.names, made.n = self.model, self.names, self.n
         made.p = self.model.parameter_vector(settings)
         made.own = start_values(self.model, made.p)
         return made
@@ -255,8 +256,7 @@ class Statics:
         if flange in self.model.motions and quantity in _ORDERS:
             if _ORDERS[quantity] != order:
                 return None
-            transform: Array = np.array(self.model.functions["transform"](self.p).full())
-            return np.asarray(transform[self.model.motions[flange]])
+            return np.asarray(self._transform[self.model.motions[flange]])
         states = [state.name for state in self.model.states[order * self.n : (order + 1) * self.n]]
         return np.asarray(np.eye(self.n)[states.index(name)]) if name in states else None
 
@@ -266,13 +266,23 @@ class Statics:
         assert row is not None
         flange, _, quantity = name.rpartition(".")
         if flange in self.model.motions and quantity in _ORDERS:
-            e, p = self.model.equations, self.p
-            memory = np.array(self.model.functions["memory_start"](p).full()).ravel()
-            imposed = self.model.functions["imposed"](
-                0, self.own, np.zeros(e.u.numel()), memory, np.zeros(e.m.numel()), p
-            )
-            return row, float(np.array(imposed.full()).reshape(2, -1)[order][self.model.motions[flange]])
+            return row, float(self._imposed[order][self.model.motions[flange]])
         return row, 0.0
+
+    @functools.cached_property
+    def _transform(self) -> Array:
+        return self.model.at("transform")(self.p)
+
+    @functools.cached_property
+    def _memory(self) -> Array:
+        return self.model.at("memory_start")(self.p).ravel()
+
+    @functools.cached_property
+    def _imposed(self) -> Array:
+        """What imposed motions add to all angles, and to all speeds, at the model's own start."""
+        e = self.model.equations
+        u, m = np.zeros(e.u.numel()), np.zeros(e.m.numel())
+        return self.model.at("imposed")(0.0, self.own, u, self._memory, m, self.p).reshape(2, -1)
 
     def _rows(self, samples: FirstSamples, order: int) -> tuple[Array, Array, Array, Array]:
         """Measured positions or speeds at the first instant: rows of coordinates, values, deviations, if stated."""
@@ -310,9 +320,8 @@ class Statics:
         e, p = self.model.equations, self.p
         u = np.zeros(e.u.numel())
         u[: len(samples.inputs)] = samples.inputs
-        memory = np.array(self.model.functions["memory_start"](p).full()).ravel()
         given = np.zeros(int(made.numel_in(3)))
-        given[: len(memory)] = memory
+        given[: len(self._memory)] = self._memory
         found = made(0, self.own, u, given, np.zeros(e.m.numel()), p)
         y, by_state, by_input = (np.nan_to_num(np.array(part.full())) for part in found)
         return y.ravel(), by_state, by_input
@@ -329,9 +338,8 @@ class Statics:
         e = self.model.equations
         x = np.array(self.own)
         x[:n], x[n : 2 * n] = q, 0.0
-        memory = np.array(self.model.functions["memory_start"](self.p).full()).ravel()
         given = np.zeros(int(made.numel_in(3)))
-        given[: len(memory)] = memory
+        given[: len(self._memory)] = self._memory
         gradient, hessian = made(0, x, np.zeros(e.u.numel()), given, np.zeros(e.m.numel()), self.p)
         return np.nan_to_num(np.array(gradient.full()).ravel()), np.nan_to_num(np.array(hessian.full()))
 

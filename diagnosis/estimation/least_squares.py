@@ -119,6 +119,7 @@ def descend(
     least_gain: float = 0.0,
     accelerated: bool = True,
     noise: Noise = "coloured",
+    reach: float = math.inf,
 ) -> tuple[Array, float, bool]:
     """Gauss-Newton steps within a trust region, with geodesic acceleration, from ``x``.
 
@@ -134,6 +135,10 @@ def descend(
     make, where plain steps only zigzag [Transtrum 2012]. It costs two more simulations, and a step that gains what it
     promised, or half of it, has shown that the valley is straight there.
 
+    With noise as strong as what is left over, the squares of a step lie above the cost: alone they may creep, each step
+    gaining twice what it promised. So where two steps within the region are each too short by the parabola through the
+    cost's slope and its change, the second is made as long as that says, while that lowers the cost.
+
     Args:
         problem: what to fit.
         x: where to start, shape (n,).
@@ -146,6 +151,8 @@ def descend(
         accelerated: whether steps that gain little are bent by geodesic acceleration.
         noise: how strong the noise is, as of `Bands`. With white noise of unknown strength the largest errors count
             most, which leads out of places where, with coloured noise, one error is as good as another.
+        reach: cost that is to be reached: the fit is left where it would not be by the last step, if all that are
+            still to be taken gained as much as the last few.
 
     Returns:
         Search vector, cost, as of `Problem.cost` with this noise, and whether it converged: a full step would gain no
@@ -158,7 +165,8 @@ def descend(
     except SimulationError:
         return x, math.inf, False
     cost, radius = stack.cost(x, rows), FITTING.radius
-    for _ in range(iterations):
+    costs, creeping = [cost], False
+    for left in range(iterations - 1, -1, -1):
         weights = stack.weights(rows)
         r, J = stack.whitened(x, rows, weights), stack.whitened_slopes(x, slopes, weights)
         local = _LocalModel(r, J, stack.stuck(x, J.T @ r))
@@ -184,6 +192,17 @@ def descend(
             radius = 0.25 * min(radius, float(np.linalg.norm(step)))
         else:
             return x, cost, little
+        creeping, crept = False, creeping
+        while (longer := min(local.stretch(step, there - cost), radius / float(np.linalg.norm(step)))) > FITTING.longer:
+            if not crept:  # a single step may have met a bend
+                creeping = True
+                break
+            along = stack.moved(x, longer * step)
+            least = stack.cost(along, stack.residual(along))
+            creeping = least < there
+            if not creeping:
+                break
+            step, moved, there = longer * step, along, least
         if cost - there > FITTING.straight * local.gain(step):
             radius = max(radius, 2 * float(np.linalg.norm(step)))
         x = moved
@@ -192,9 +211,17 @@ def descend(
         except SimulationError:
             return x, there, False
         before, cost = cost, stack.cost(x, rows)
-        if before - cost < least_gain * unit:
+        if before - cost < least_gain * unit or _out_of_reach(costs, cost, left, reach):
             return x, cost, little
+        costs.append(cost)
     return x, cost, False
+
+
+def _out_of_reach(costs: Sequence[float], cost: float, left: int, reach: float) -> bool:
+    """Whether a cost, before which were others, would not come down to ``reach`` in the steps that are left."""
+    if len(costs) < FITTING.pace:
+        return False
+    return cost - left * (costs[-FITTING.pace] - cost) / FITTING.pace > reach
 
 
 class _LocalModel:
@@ -207,11 +234,12 @@ class _LocalModel:
     """
 
     def __init__(self, r: Array, J: Array, stuck: Sequence[int]) -> None:
-        self.moves = np.setdiff1d(np.arange(J.shape[1]), stuck)
-        able = J[:, self.moves]
-        # Triangular factors, for squaring a Jacobian would lose what the prior says beside precise data.
-        upper = np.asarray(np.linalg.qr(np.column_stack([able, r]), mode="r"))
+        self.moves = np.array([k for k in range(J.shape[1]) if k not in stuck], dtype=np.intp)
         n = len(self.moves)
+        columns = np.empty((n + 1, len(r)))
+        columns[:n], columns[n] = J.T if n == J.shape[1] else J.T[self.moves], r
+        # Triangular factors, for squaring a Jacobian would lose what the prior says beside precise data.
+        upper = np.asarray(np.linalg.qr(columns.T, mode="r"))
         left, self.values, self.directions = np.linalg.svd(upper[:n, :n])
         self.pull = left.T @ upper[:n, n]
         self.gradient = J.T @ r
@@ -239,6 +267,17 @@ class _LocalModel:
     def gain(self, step: Array) -> float:
         """How much a step reduces the cost of the linear model."""
         return float(-2 * self.gradient @ step - np.sum((self.J @ step) ** 2))
+
+    def stretch(self, step: Array, change: float) -> float:
+        """How many times as long a step is to be, by the parabola through the cost's slope and its change, 4 at most.
+
+        Args:
+            step: from the point.
+            change: of the true cost with it.
+        """
+        slope = 2 * float(self.gradient @ step)
+        bend = change - slope
+        return min(-slope / (2 * bend), 4.0) if bend > 0 else 4.0
 
     def bent(self, curvature: Array) -> Array:
         """The geodesic acceleration that belongs to the last step, from the second derivative along it."""

@@ -72,6 +72,14 @@ class Bands:
         """Independent values in each band, shape (bands,)."""
         return np.asarray(self.counts.sum(axis=0))
 
+    def components(self, e: Experiment, rows: Array) -> Array:
+        """Rows (samples, ...) of one of the experiments, split into its bands.
+
+        Where the noise is as strong in all bands of a signal there is nothing to split: squares and products of rows
+        sum to those of their cosines, which are an orthonormal basis.
+        """
+        return e.components(rows) if self.noise == "coloured" else e.even(rows)
+
     def strength(self, energies: Array) -> Array:
         """Mean square of the noise in each band, shape (bands,), given `energies`."""
         return np.ones(len(self.names)) if self.noise == "stated" else strength(energies.sum(axis=0), self.count)
@@ -81,7 +89,7 @@ class Bands:
         return float(energies.sum()) if self.noise == "stated" else misfit(energies.sum(axis=0), self.count)
 
     def energies(self, components: Sequence[Array]) -> Array:
-        """Sum of squares in each band of residuals, given their `Experiment.components`; shape (experiments, bands)."""
+        """Sum of squares in each band of residuals, given their `components`; shape (experiments, bands)."""
         found = np.zeros_like(self.counts)
         for n, (rows, (edges, _, signals, columns)) in enumerate(zip(components, self._rows, strict=True)):
             found[n, columns] = np.add.reduceat(rows[:, signals] ** 2, edges, axis=0)

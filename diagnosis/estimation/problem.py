@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -89,12 +90,29 @@ class Problem:
 
     def values(self, x: Array, experiment: Experiment | None = None) -> tuple[dict[str, float], dict[str, float]]:
         """Parameters and starting values at a search vector."""
-        parameters = {f.name: f.value(v) for f, v in zip(self.free, x, strict=True) if not f.recording}
+        place = x.tobytes()
+        last, parameters = self._last
+        if place != last:
+            parameters = {f.name: f.value(v) for f, v in zip(self.free, x.tolist(), strict=True) if not f.recording}
+            self.__dict__["_last"] = place, parameters
         starts = dict(experiment.initial) if experiment else {}
-        for f, v in zip(self.free, x, strict=True):
-            if experiment is not None and f.recording == experiment.name:
-                starts[f.name] = f.value(v)
-        return parameters, starts
+        for i in self._begun.get(experiment.name, ()) if experiment else ():
+            starts[self.free[i].name] = self.free[i].value(float(x[i]))
+        return dict(parameters), starts
+
+    @functools.cached_property
+    def _last(self) -> tuple[bytes, dict[str, float]]:
+        """The search vector that was asked for last, and its parameters: those of all experiments are the same."""
+        return b"", {}
+
+    @functools.cached_property
+    def _begun(self) -> dict[str, list[int]]:
+        """Numbers of the free starting values, by the experiment that begins there."""
+        found: dict[str, list[int]] = {}
+        for i, f in enumerate(self.free):
+            if f.recording:
+                found.setdefault(f.recording, []).append(i)
+        return found
 
     def simulate(self, x: Array, experiment: Experiment) -> Array:
         """Outputs, shape (rows, signals).
@@ -141,7 +159,7 @@ class Problem:
             noise: as of `Bands`.
         """
         bands = Bands(experiments, noise=noise)
-        return bands.misfit(bands.energies([e.components(self.residual(x, e)) for e in experiments]))
+        return bands.misfit(bands.energies([bands.components(e, self.residual(x, e)) for e in experiments]))
 
     def cost(self, x: Array, experiments: Sequence[Experiment], *, noise: Noise = "coloured") -> float:
         """What a fit makes small: the misfit of experiments and the cost of the prior; arguments as of `misfit`."""

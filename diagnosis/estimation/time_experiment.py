@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.fft
-import scipy.signal
 
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.initial_states import FirstSamples, Start, Statics
@@ -20,7 +19,7 @@ from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.thresholds import FITTING, NOISE
 from engine.errors import FlexarmError, ParameterError, SimulationError
 from engine.model import Model
-from engine.simulate import Drive, simulate
+from engine.simulate import Drive, carried_out, prepare, simulate
 from engine.start import starting_names
 from engine.tangent import tangents
 
@@ -197,7 +196,7 @@ class TimeExperiment(Experiment):
         Raises:
             SimulationError: the run diverged.
         """
-        run = simulate(
+        job = prepare(
             model,
             self.stop,
             self.step,
@@ -207,7 +206,7 @@ class TimeExperiment(Experiment):
             internal_step=longest,
             log_capacity=0,
         )
-        return run.values
+        return carried_out(model, job)[1].y
 
     def linearised(
         self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None
@@ -251,7 +250,7 @@ class TimeExperiment(Experiment):
             raise SimulationError("the sensitivities grow without bound")
         if len(mine) == len(free):
             return r, own
-        J = np.zeros((len(r), len(free)))
+        J = np.zeros((len(free), len(r))).T
         J[:, mine] = own
         return r, J
 
@@ -260,15 +259,20 @@ class TimeExperiment(Experiment):
         rows = self.sampled(simulated)
         if any(self.from_first):
             rows = rows - np.where(self.from_first, rows[0], 0.0)
-        made = np.asarray((self.measured - rows) / self.sigma)
+        made = np.asarray((self.measured - rows) / self._sigmas)
         return made if np.isfinite(made).all() else np.nan_to_num(made, nan=0.0)
+
+    @functools.cached_property
+    def _sigmas(self) -> Array:
+        """The noise of each sample: arrays of one shape are divided in one go."""
+        return np.tile(self.sigma, (len(self.measured), 1))
 
     def slopes(self, values: Array) -> Array:
         """Derivative of the residual, shape (samples, signals, directions), from that of the outputs."""
         rows = self.sampled(values)
         if any(self.from_first):
             rows = rows - np.where(np.asarray(self.from_first)[:, None], rows[0], 0.0)
-        made = np.asarray(rows / -self.sigma[None, :, None])
+        made = (rows.transpose(2, 0, 1) / -self._sigmas).transpose(1, 2, 0)
         unknown = np.isnan(self.measured)
         if unknown.any():
             made[unknown] = 0.0
@@ -307,8 +311,17 @@ class TimeExperiment(Experiment):
         return np.column_stack(columns), float(even[1] - even[0])
 
     def components(self, rows: Array) -> Array:
-        """Rows (samples, columns) as amplitudes of cosines, whose squares sum to the same [Ahmed 1974]."""
-        return np.asarray(scipy.fft.dct(self.evenly(rows)[0], axis=0, norm="ortho"))
+        """Rows (samples, ...) as amplitudes of cosines, whose squares sum to the same [Ahmed 1974]."""
+        even = self.even(rows)
+        if rows.ndim < 3:
+            return np.asarray(scipy.fft.dct(even, axis=0, norm="ortho"))
+        return np.asarray(scipy.fft.dct(even.transpose(2, 0, 1), axis=1, norm="ortho")).transpose(1, 2, 0)
+
+    def even(self, rows: Array) -> Array:
+        """Rows (samples, ...) at even instants."""
+        if not self.uneven:
+            return rows
+        return self.evenly(rows.reshape(len(rows), -1))[0].reshape(rows.shape)
 
     def bands(self, fewest: int) -> list[tuple[int, slice]]:
         """Bands of a third of an octave, numbered from 1 Hz; the lowest cosines are one band."""
@@ -391,7 +404,9 @@ class TimeExperiment(Experiment):
 @functools.cache
 def _smoother(count: int) -> Array:
     """Weights of a cubic through ``2 count + 1`` samples, at its middle; it bends no signal that is slow there."""
-    return np.asarray(scipy.signal.savgol_coeffs(2 * count + 1, 3))
+    from scipy.signal import savgol_coeffs  # on first use, as it is large and seldom needed
+
+    return np.asarray(savgol_coeffs(2 * count + 1, 3))
 
 
 def _mean_drive(drive: Drive, interval: float, stop: float) -> Drive:

@@ -57,8 +57,9 @@ class WhitenedResiduals:
         return found
 
     def residual(self, x: Array) -> list[Array]:
-        """Components of the residual of each experiment, shape (samples, signals)."""
-        return list(self.pool.map(lambda e: e.components(self.problem.residual(x, e)), self.experiments))
+        """Components of the residual of each experiment, shape (samples, signals), as of `Bands.components`."""
+        split = self.bands.components
+        return list(self.pool.map(lambda e: split(e, self.problem.residual(x, e)), self.experiments))
 
     def linearised(self, x: Array) -> tuple[list[Array], list[Array]]:
         """The same, and their slopes, shape (samples, signals, variables).
@@ -70,8 +71,11 @@ class WhitenedResiduals:
         def one(e: Experiment) -> tuple[Array, Array]:
             r, J = self.problem.linearised(x, e)
             samples, signals = e.measured.shape
-            columns = J[:, self.numbers].reshape(samples, -1)
-            return e.components(r.reshape(samples, signals)), e.components(columns).reshape(samples, signals, -1)
+            # Tangents come variable by variable, and stay so.
+            moving = J if len(self.numbers) == J.shape[1] else J.T[self.numbers].T
+            slopes = moving.reshape(samples, signals, -1)
+            split = self.bands.components
+            return split(e, r.reshape(samples, signals)), split(e, slopes)
 
         parts = list(self.pool.map(one, self.experiments))
         return [r for r, _ in parts], [J for _, J in parts]
@@ -92,8 +96,8 @@ class WhitenedResiduals:
     def whitened_slopes(self, x: Array, slopes: Sequence[Array], weights: Sequence[Array]) -> Array:
         """Its Jacobian, shape (rows, variables)."""
         n = len(self.numbers)
-        parts = [(J * w[:, :, None]).reshape(-1, n) for J, w in zip(slopes, weights, strict=True)]
-        return np.vstack([*parts, self.problem.prior(x)[1][:, self.numbers]])
+        parts = [(J.transpose(2, 0, 1) * w).reshape(n, -1) for J, w in zip(slopes, weights, strict=True)]
+        return np.concatenate([*parts, self.problem.prior(x)[1][:, self.numbers].T], axis=1).T
 
     def curvature(self, x: Array, r: Array, J: Array, step: Array, weights: Sequence[Array]) -> Array:
         """Second derivative of the residual along a step, from one residual a tenth of the way along it."""

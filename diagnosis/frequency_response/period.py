@@ -108,7 +108,8 @@ class PeriodSimulator:
 
     def job(self, p: Vector, x: Vector | None, step: float, rows: int, begin: int = 0) -> Job:
         """A run of ``rows`` steps of ``step`` seconds from state ``x`` (None: the model's start) at row ``begin``."""
-        job = replace(self._pattern, p=p, resolution=step, hmax=step, outputs=rows, t0=begin * step)
+        times = replace(self._pattern.timetable, resolution=step, outputs=rows, output_ticks=1)
+        job = replace(self._pattern, p=p, hmax=step, timetable=times, t0=begin * step)
         return replace(job, x0=start_values(self.model, p) if x is None else x)
 
     @functools.cached_property
@@ -116,7 +117,6 @@ class PeriodSimulator:
         return replace(
             prepare(self.model, 1.0, 1.0, internal_step=1.0),
             record_states=True,
-            output_ticks=1,
             log_capacity=LOG_CAPACITY,
         )
 
@@ -150,10 +150,13 @@ class PeriodSimulator:
             assert found.states is not None
             assert found.modes is not None
             row, part = divmod(position + first, 1.0)
-            near = replace(job, x0=found.states[int(row)], m0=found.modes[int(row)], outputs=1, record_states=False)
+            near = replace(job, x0=found.states[int(row)], m0=found.modes[int(row)], record_states=False)
             near = replace(near, t0=job.t0 + row * job.resolution, log_capacity=0)
             sides = (part - ASIDE, part + ASIDE) if self.jumps else (part,)
-            runs = [self.run(replace(near, resolution=side * job.resolution)) for side in sides if side > ASIDE]
+            times = [
+                replace(job.timetable, resolution=side * job.resolution, outputs=1) for side in sides if side > ASIDE
+            ]
+            runs = [self.run(replace(near, timetable=one)) for one in times]
             return np.array([found.y[int(row)], *(run.y[1] for run in runs)])
 
         last = len(found.y) - 1 if last is None else last

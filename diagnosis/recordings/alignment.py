@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import fftconvolve
 
 from diagnosis.recordings.columns_type import Vector
 
@@ -94,6 +93,8 @@ def _even(time: Vector, values: Vector, step: float) -> Vector:
 
 def _correlations(a: Vector, b: Vector) -> tuple[Vector, Vector]:
     """Lags of ``b`` in points, and the correlation over what then overlaps; 0 where too little does."""
+    from scipy.signal import fftconvolve  # on first use, as it is large and seldom needed
+
     one_a, one_b = np.ones_like(a), np.ones_like(b)
 
     def slid(x: Vector, y: Vector) -> Vector:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from diagnosis.recordings.columns_type import Vector
 
@@ -47,6 +46,8 @@ class Clock:
         interval of the axis at most, and the other instants hold NaN: noise stays what it was. Else each instant takes
         its value. Nothing is made up in gaps.
         """
+        from scipy.interpolate import CubicSpline  # on first use, as it is large and seldom needed
+
         time, values = _usable(self.time, values)
         if len(time) < 4:
             return np.full(len(axis), np.nan)

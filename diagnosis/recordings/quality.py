@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from diagnosis.recordings.columns import Vector
 
@@ -202,7 +202,7 @@ def early(values: Vector, drives: Sequence[Vector]) -> int:
     if errors[-1] <= 0 or without < BETTER**2 * errors[-1]:
         return 0
     f = (without - errors[-1]) / (LATE * len(u)) / (errors[-1] / free)
-    if fisher.sf(f, LATE * len(u), free) > 1e-6:
+    if fdtrc(LATE * len(u), free, f) > 1e-6:
         return 0
     gained = [(errors[0] - e) / (errors[0] - errors[-1]) for e in errors]
     return next(k for k, share in enumerate(gained) if share > 0.9)

@@ -6,6 +6,7 @@ numbers come back. The models are built on both sides, so that the verdict is th
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,11 +43,12 @@ class Order:
 
 @dataclass(frozen=True)
 class Task:
-    """A fit: of effects at their starting sizes from some parents' parameters, or one begun elsewhere."""
+    """A fit: effects at their starting sizes from some parents' parameters, or one begun elsewhere, and its reach."""
 
     effects: tuple[Candidate, ...]
     parents: tuple[dict[str, float], ...]
     begun: dict[str, Any] | None = None
+    reach: float = math.inf
 
 
 class DaskFitter(CandidateFitter):
@@ -72,9 +74,9 @@ class DaskFitter(CandidateFitter):
         """As of `CandidateFitter`, on a worker."""
         return self._done(Task(effects, tuple(parents)))
 
-    def compute_finish(self, partial: PartialFit) -> PartialFit:
+    def compute_finish(self, partial: PartialFit, reach: float = math.inf) -> PartialFit:
         """As of `CandidateFitter`, on a worker."""
-        return self._done(Task(partial.effects, (), partial.row()))
+        return self._done(Task(partial.effects, (), partial.row(), reach))
 
     def _done(self, task: Task) -> PartialFit:
         return self.restored(task.effects, self.spread.call(perform, (self.order, task)))
@@ -92,7 +94,7 @@ def perform(given: tuple[Order, Task]) -> dict[str, Any]:
         if task.begun is None:
             made = fitter.compute_partial_fit(task.effects, task.parents)
         else:
-            made = fitter.compute_finish(fitter.restored(task.effects, task.begun))
+            made = fitter.compute_finish(fitter.restored(task.effects, task.begun), task.reach)
     return made.row()
 
 

@@ -321,16 +321,21 @@ class CandidateFitter:
         others = [points[0] for points in each if points and not any(p is q for p in points for q in first)]
         return [*first, *others, *bold[:1]]
 
-    def finish(self, partial: PartialFit) -> ScoredModel:
+    def finish(self, partial: PartialFit, reach: float = math.inf) -> ScoredModel:
         """Finish a partial fit until it converges, or `SEARCH.most_steps` are taken, and score it.
+
+        Args:
+            partial: which.
+            reach: cost of the whole recordings that is to be reached, as of `descend`.
 
         Raises:
             SimulationError: it fits coarse recordings where it cannot be simulated or differentiated on the whole ones.
         """
         point = partial.point
         names = [f"{c.key} {c.option}" for c in partial.effects]
-        key = " ".join(["finish", *names, repr(point.sizes), _mark(point.x)])
-        return self._trial(self._kept(key, partial.effects, lambda: self.compute_finish(partial)))
+        aim = [f"to {reach!r}"] if math.isfinite(reach) else []
+        key = " ".join(["finish", *names, repr(point.sizes), _mark(point.x), *aim])
+        return self._trial(self._kept(key, partial.effects, lambda: self.compute_finish(partial, reach)))
 
     def retried(self, model: ScoredModel) -> ScoredModel:
         """A model fitted again from points around where its fit ended, or as it is if none of them leads lower.
@@ -346,7 +351,8 @@ class CandidateFitter:
             for _ in range(SEARCH.retries):
                 there = best.x + random.normal(0.0, SEARCH.around, len(best.x))
                 with Threads(self.workers) as pool:
-                    x, cost, _ = descend(made.problem, there, made.problem.training, pool)
+                    # What does not come as low says nothing, however low it is.
+                    x, cost, _ = descend(made.problem, there, made.problem.training, pool, reach=min(ends) + 1.0)
                 ends.append(cost)
                 if cost < best.cost:
                     best = replace(made, x=x, cost=cost)
@@ -355,16 +361,16 @@ class CandidateFitter:
 
         return self._trial(self._kept(f"retried {model.label} {_mark(made.x)}", model.effects, compute))
 
-    def compute_finish(self, partial: PartialFit) -> PartialFit:
+    def compute_finish(self, partial: PartialFit, reach: float = math.inf) -> PartialFit:
         """The work of `finish`, done anew whatever is kept and not scored.
 
         Raises:
             SimulationError: as of `finish`.
         """
         ends, why = [], SimulationError("")
-        for there in self._in_step(partial):
+        for there in _apart([self._coloured(there, reach) for there in self._in_step(partial)]):
             try:
-                ends.append(self._ended(partial, there))
+                ends.append(self._whole(partial, there, reach))
             except SimulationError as error:
                 why = error
         if not ends:
@@ -379,32 +385,41 @@ class CandidateFitter:
             return [there]
         begun = replace(partial.point, x=grown(partial.point.problem, partial.point.x), cost=math.inf)
         again = self._descended(replace(partial, point=begun), noise="white")
-        if not math.isfinite(again.point.cost) or abs(again.point.cost - there.point.cost) < SEARCH.effort:
-            return [there]
-        return [there, again]
+        return _apart([there, again]) if math.isfinite(again.point.cost) else [there]
 
-    def _ended(self, partial: PartialFit, there: PartialFit) -> PartialFit:
-        """A fit with white noise fitted to the end, with coloured noise and to whole recordings.
+    def _coloured(self, there: PartialFit, reach: float) -> PartialFit:
+        """A fit with white noise fitted with coloured noise, sizes that are only chosen too.
+
+        Args:
+            there: where it ended.
+            reach: as of `finish`, where recordings are not coarse.
+        """
+        reach = reach if self.coarse is self.base else math.inf
+        there = self._descended(there, reach=reach)
+        finer = self._refined(there, noise="coloured")
+        return finer if finer is there or self.coarse is not self.base else self._descended(finer, reach=reach)
+
+    def _whole(self, partial: PartialFit, finer: PartialFit, reach: float) -> PartialFit:
+        """A fit to coarse recordings fitted to the whole ones.
 
         Args:
             partial: where it began.
-            there: where it ended.
+            finer: where it ended.
+            reach: as of `finish`.
 
         Raises:
             SimulationError: as of `finish`.
         """
-        there = self._descended(there)
-        finer = self._refined(there, noise="coloured")
         if self.coarse is self.base:
-            return self._descended(finer) if finer is not there else there
+            return finer
         for end in (finer, partial):
-            whole = self._descended(end, whole=True)
+            whole = self._descended(end, whole=True, reach=reach)
             if whole is not end:
-                return self._back_in_step(end, whole)
+                return self._back_in_step(end, whole, reach)
         # Coarse recordings have fewer samples to leave something over of: a model judged on them would win.
         raise SimulationError("it follows coarse recordings only, at sizes at which it cannot follow the whole ones")
 
-    def _back_in_step(self, rough: PartialFit, whole: PartialFit) -> PartialFit:
+    def _back_in_step(self, rough: PartialFit, whole: PartialFit, reach: float = math.inf) -> PartialFit:
         """The fit to whole recordings, again from their beginnings if it has lost them.
 
         Averages of several samples show a mismatch as clearly, unless it is faster than they are.
@@ -416,7 +431,7 @@ class CandidateFitter:
         x = grown(made, end.x)
         with Threads(1) as pool:
             x, cost, converged = descend(
-                made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow
+                made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow, reach=reach
             )
         again = PartialFit(whole.effects, replace(whole.point, x=x, cost=cost), converged)
         return self._likelier([whole, again]) if math.isfinite(cost) else whole
@@ -430,7 +445,9 @@ class CandidateFitter:
                 best = other
         return best
 
-    def _descended(self, partial: PartialFit, *, whole: bool = False, noise: Noise = "coloured") -> PartialFit:
+    def _descended(
+        self, partial: PartialFit, *, whole: bool = False, noise: Noise = "coloured", reach: float = math.inf
+    ) -> PartialFit:
         """The partial fit fitted until it converges or hardly gains: to coarse recordings, or to all."""
         point = partial.point
         made = self.build(partial.effects, point.built, whole=True) if whole else point.problem
@@ -444,6 +461,7 @@ class CandidateFitter:
                 iterations=SEARCH.most_steps,
                 least_gain=SEARCH.slow,
                 noise=noise,
+                reach=reach,
             )
         if not math.isfinite(cost):  # it stands where the model cannot be differentiated
             return partial
@@ -471,10 +489,15 @@ class CandidateFitter:
                 return partial
             x, least, sizes = best.x, near.cost, best.sizes[k]
             for share in SEARCH.finer:
+                costs = []
                 for other in finer(sizes, share):
                     moved, cost = near.fitted(self.build(partial.effects, _with(best.built, k, other)))
+                    costs.append(cost)
                     if cost < least:
                         x, least, sizes = moved, cost, other
+                # Between two that are worse by less, a parabola is lower by an eighth of that at most.
+                if len(costs) > 1 and max(costs) - least < SEARCH.slow:
+                    break
             if sizes == best.sizes[k]:
                 return partial
             built = _with(best.built, k, sizes)
@@ -484,6 +507,12 @@ class CandidateFitter:
             return partial
         point = StartingPoint(cost, made, x, _with(best.sizes, k, sizes), built)
         return PartialFit(partial.effects, point, converged)
+
+
+def _apart(ends: Sequence[PartialFit]) -> list[PartialFit]:
+    """The first of two ends of a fit, and the second if it is another: where they meet, one of them goes on."""
+    first, *others = ends
+    return [first, *(end for end in others if abs(end.point.cost - first.point.cost) >= SEARCH.effort)]
 
 
 def _with(kept: tuple[Sizes, ...], k: int, sizes: Sizes) -> tuple[Sizes, ...]:

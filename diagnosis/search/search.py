@@ -124,7 +124,7 @@ class _Search:
     def fit_known(self, models: Sequence[ScoredModel]) -> None:
         """Fit models that were found with other recordings, from where they ended there."""
         tasks = [(tuple(ended(m, c) for c in m.effects), [standing(m.fit)]) for m in models]
-        self.known.fit(tasks, len(tasks))
+        self.known.fit(tasks, len(tasks), whole=True)
 
     def _simplified(self, model: ScoredModel) -> None:
         """Take each effect of a model away, or put a simpler law in its place, from where it ended, and try it again.
@@ -136,14 +136,15 @@ class _Search:
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             if kept:
-                self.known.fit([(kept, [standing(model.fit)])], 1)
+                self.known.fit([(kept, [standing(model.fit)])], 1, whole=True)
             laws = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
             simpler = _able_beside(kept, laws)
             begun = [
                 replace(c, starts=({k: values.get(f"{effect.name}.{k}", v) for k, v in c.starts[0].items()},))
                 for c in simpler
             ]
-            for made in self.known.fit([((*kept, c), [standing(model.fit)]) for c in begun], len(begun)):
+            tasks = [((*kept, c), [standing(model.fit)]) for c in begun]
+            for made in self.known.fit(tasks, len(tasks), whole=True):
                 if self.known.worth(self.known[made.keys]) < self.known.worth(model):
                     self.known.keep(self.fitter.retried(made))
 
@@ -159,7 +160,7 @@ class _Search:
             both = all_beside([ended(m, c) for c in m.effects], nuisances)
             if m is not best and both is not None and prices(both) <= SEARCH.most:
                 tasks.append((both, [standing(m.fit)]))
-        self.known.fit(tasks, len(tasks))
+        self.known.fit(tasks, len(tasks), whole=True)
 
     def _enriched(self, model: ScoredModel) -> None:
         """Put richer laws in the place of a simpler one of a model, from where that ended.
@@ -175,7 +176,7 @@ class _Search:
                 if (c.place, c.option) == (effect.place, effect.option) and c.key != effect.key and is_in(effect, c)
             ]
             wanted = [c for c in richer if not self._as_close(frozenset(k.key for k in (*kept, c)), model)]
-            self.known.fit([((*kept, c), [standing(model.fit)]) for c in wanted], len(wanted))
+            self.known.fit([((*kept, c), [standing(model.fit)]) for c in wanted], len(wanted), whole=True)
 
     def _as_close(self, keys: frozenset[str], model: ScoredModel) -> bool:
         """Whether a model with these effects was fitted, as closely as another one but for what is no evidence."""
@@ -321,7 +322,7 @@ class _Search:
             return
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
-            self.known.fit([(kept, [standing(model.fit)])], 1)
+            self.known.fit([(kept, [standing(model.fit)])], 1, whole=True)
             self._beside_in_every_way(kept, model, effect)
             alike = [c for c in self.listed if related(c, [effect])]
             among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())

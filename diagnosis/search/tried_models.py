@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, ended
 from diagnosis.search.posterior import complete, misses, price, prices, told_as, value
+from diagnosis.search.ranking import related
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
@@ -92,8 +94,20 @@ class TriedModels:
         if known is None or self.worth(made) > self.worth(known):
             self._models[made.keys] = made
 
-    def fit(self, wanted: Iterable[tuple[tuple[Candidate, ...], Sequence[Values]]], finish: int) -> list[ScoredModel]:
-        """Fit models a few steps, and those of the lowest cost to the end, which are given."""
+    def fit(
+        self,
+        wanted: Iterable[tuple[tuple[Candidate, ...], Sequence[Values]]],
+        finish: int,
+        *,
+        whole: bool = False,
+    ) -> list[ScoredModel]:
+        """Fit models a few steps, and those of the lowest cost to the end, which are given.
+
+        Args:
+            wanted: effects, and parameters to begin from.
+            finish: how many are fitted to the end.
+            whole: as of `finished`.
+        """
         tasks = []
         for effects, parents in wanted:
             mark = tuple(sorted(f"{c.key} {c.option} {c.starts}" for c in effects))
@@ -118,23 +132,28 @@ class TriedModels:
                     self.progress("trying effects", done, len(tasks))
         able = self._able(partials)
         self.dropped += able[finish:]
-        return self.finished(able[:finish])
+        return self.finished(able[:finish], whole=whole)
 
-    def finished(self, partials: Sequence[PartialFit]) -> list[ScoredModel]:
+    def finished(self, partials: Sequence[PartialFit], *, whole: bool = False) -> list[ScoredModel]:
         """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.
 
         Beside a second effect what was far from the best may be part of the truth; and what is related to the best, as
         a simpler law at its place is, does not wait.
+
+        Args:
+            partials: which.
+            whole: to the end even where that is not near the best, for what the best may be told as.
         """
 
         def finish(partial: PartialFit) -> ScoredModel | tuple[str, str]:
             try:
-                return self.fitter.finish(partial)
+                return self.fitter.finish(partial) if whole else self.fitter.finish(partial, reaches[id(partial)])
             except FlexarmError as error:
                 return partial.effects[-1].key, error.message
 
         kept: list[ScoredModel] = []
         for few in range(0, len(partials), SEARCH.few):
+            reaches = {id(partial): self._reach_of(partial) for partial in partials[few : few + SEARCH.few]}
             with Spread(self.fitter.workers, threads=True) as pool:
                 found = list(pool.map(finish, partials[few : few + SEARCH.few]))
             self.failures += [why for why in found if isinstance(why, tuple)]
@@ -147,6 +166,19 @@ class TriedModels:
                 self.waiting += partials[few + SEARCH.few :]
                 break
         return kept
+
+    def _reach_of(self, partial: PartialFit) -> float:
+        """Cost of the fitted recordings above which a model is not near the best, once one with effects is known.
+
+        Not even if it explained all that the best leaves of recordings that are not fitted. What is akin to the best is
+        compared with it however far it is: the best may be told as that.
+        """
+        best = self.best
+        if not best.effects or all(related(c, best.effects) for c in partial.effects):
+            return math.inf
+        others = best.unseen.unexplained if best.fit.problem.held_out else 0.0
+        fewer = prices(best.effects) - prices(partial.effects)
+        return best.fit.cost + 2 * (others + (1 + fewer) * self.price + SEARCH.effort)
 
     def settled(self, model: ScoredModel) -> ScoredModel:
         """A model whose fit was left early, fitted to the end."""

@@ -15,7 +15,7 @@ from fmpy.fmi1 import FMICallException
 
 from engine import native
 from engine.model import TIME, Model
-from engine.native import Job
+from engine.native import Job, Timetable
 from fmu.verify import reference, references, slave
 
 each_model = pytest.mark.parametrize("name", ["smooth_model", "switching_model", "timed_model", "delayed_model"])
@@ -158,15 +158,17 @@ def _restart(model: Model, instance: Any, description: Any, p: np.ndarray, at: f
         x0=np.array(instance.getReal([reals[state.name] for state in model.states])),
         d0=np.array(instance.getReal([reals[memory.name] for memory in model.memories])),
         m0=np.array([1.0 if mode.kind == TIME else float(next(modes)) for mode in model.modes]),
-        resolution=5e-4,
         hmax=1e-3,
-        outputs=rows,
-        output_ticks=2,
-        period=[2 for _ in model.clocks],
-        offset=[half for _ in model.clocks],
-        knot=np.zeros(1, dtype=np.int64),
-        value=np.zeros((1, len(model.inputs))),
-        linear=[0] * len(model.inputs),
+        timetable=Timetable(
+            resolution=5e-4,
+            outputs=rows,
+            output_ticks=2,
+            period=np.full(len(model.clocks), 2, dtype=np.int64),
+            offset=np.full(len(model.clocks), half, dtype=np.int64),
+            knot=np.zeros(1, dtype=np.int64),
+            value=np.zeros((1, len(model.inputs))),
+            linear=np.zeros(len(model.inputs), dtype=np.int32),
+        ),
         t0=at,
     )
     outcome = native.run(model, job)

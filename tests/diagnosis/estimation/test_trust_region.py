@@ -30,6 +30,9 @@ class Samples:
     def components(self, rows: Array) -> Array:
         return rows
 
+    def even(self, rows: Array) -> Array:
+        return rows
+
     def bands(self, fewest: int) -> list[tuple[int, slice]]:
         return [(0, slice(0, len(self.measured)))]
 
@@ -243,3 +246,36 @@ def test_a_fit_takes_a_loss_that_is_not_there_to_nothing() -> None:
     x, _, converged = toy.descended([3.0])
     assert converged
     assert free[0].value(x[0]) == 0.0
+
+
+def test_a_creeping_step_is_made_longer() -> None:
+    """Samples ask for 40, the prior for 0, and from 22 on the samples win: near there squares creep.
+
+    With n / (40 - a)^2 the weight of the samples and p that of the prior, a plain step multiplies the distance from
+    that point, where the two pull alike, by 2 w / (w + p) = 1.1: it would take more than thirty.
+    """
+    n, spread = 100_000, 0.0629
+    ripple = np.where(np.arange(n) % 2, 1.0, -1.0)
+    toy = Toy(lambda x: x[0] - 40.0 + ripple, lambda x: np.ones((n, 1)), [plain("a", spread=spread)])
+    _, cost, converged = toy.descended([22.6], iterations=60)
+    assert converged
+    assert cost < minimize_scalar(lambda a: toy.cost([a]), bounds=(30.0, 45.0), method="bounded").fun + 0.25
+    assert toy.jacobians < 16
+
+
+def test_a_cost_that_the_steps_left_would_not_reach_is_given_up() -> None:
+    """Rosenbrock's valley gains little by little: whoever must come far below its bottom need not follow it."""
+    free = [plain("a", spread=1e3), plain("b", spread=1e3)]
+
+    def valley(x: Array) -> Array:
+        return np.array([1e3 * (x[1] - x[0] ** 2), 30 * (1 - x[0])])
+
+    def begun() -> Toy:
+        return Toy(valley, lambda x: np.array([[-2e3 * x[0], 1e3], [-30.0, 0.0]]), free)
+
+    whole, left, able = begun(), begun(), begun()
+    end = whole.descended([-1.2, 1.0], iterations=60, noise="stated")
+    assert not left.descended([-1.2, 1.0], iterations=60, noise="stated", reach=-1e9)[2]
+    assert left.jacobians < whole.jacobians
+    same = able.descended([-1.2, 1.0], iterations=60, noise="stated", reach=end[1] + 1.0)
+    np.testing.assert_array_equal(same[0], end[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal, norm
 
-from diagnosis.estimation.leftover import Leftover, left_by
+from diagnosis.estimation.leftover import Bands, Leftover, left_by
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search.evidence import ChosenSize, evidence
 from diagnosis.thresholds import EVIDENCE
@@ -88,6 +89,26 @@ def test_cosines_hold_the_energy_of_the_samples_and_every_cosine_is_in_one_band(
     np.testing.assert_array_equal(covered, np.arange(samples))
     numbers = [number for number, _ in e.bands(EVIDENCE.fewest)]
     assert numbers == sorted(set(numbers))
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize("noise", ["white", "stated"])
+def test_where_noise_is_white_samples_stand_for_their_cosines(uneven: bool, noise: Any) -> None:
+    """Energies, and products of residuals with slopes, are those of the cosines, as the fit with coloured noise has."""
+    random = np.random.default_rng(1)
+    time = np.sort(random.uniform(0.0, 1.0, 300))
+    e = recorded(random.normal(size=(300, 2)), time=time - time[0])
+    e = replace(e, uneven=uneven)
+    bands = Bands([e], noise=noise)
+    rows, slopes = random.normal(size=(300, 2)), random.normal(size=(300, 2, 4))
+    short, long = bands.components(e, rows), e.components(rows)
+    np.testing.assert_allclose(bands.energies([short]), bands.energies([long]))
+    several = bands.components(e, slopes), e.components(slopes)
+    for k in range(2):
+        one, other = several[0][:, k].T @ short[:, k], several[1][:, k].T @ long[:, k]
+        np.testing.assert_allclose(one, other, atol=1e-9)
+        columns = np.column_stack([e.components(slopes[:, :, j])[:, k] for j in range(4)])
+        np.testing.assert_allclose(several[1][:, k], columns, atol=1e-12)
 
 
 def test_a_sine_is_in_the_band_of_its_frequency() -> None:

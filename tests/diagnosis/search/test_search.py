@@ -51,6 +51,8 @@ class World:
         self.settlings: list[frozenset[str]] = []
         self.bad: set[frozenset[str]] = set()
         """Models of which no fit converges before it is tried again."""
+        self.reaches: list[tuple[frozenset[str], float]] = []
+        """What each fit to the end was to reach."""
         self.refit = self.made(())
 
     def made(self, effects: tuple[Candidate, ...], *, after: Excess | None = None) -> Any:
@@ -60,7 +62,7 @@ class World:
             converged=True,
             cost=float(left.energy[0]),
             parameters=lambda: {f"{c.name}.p{k}": 0.2 for c in effects for k in range(len(c.parameters))},
-            problem=SimpleNamespace(free=()),
+            problem=SimpleNamespace(free=(), held_out=()),
             x=(),
         )
         return SimpleNamespace(
@@ -97,8 +99,9 @@ class World:
         point = StartingPoint(float(left.energy[0]), problem, np.zeros(0), tuple(c.starts[0] for c in effects), ())
         return PartialFit(effects, point, True)
 
-    def finish(self, partial: PartialFit) -> Any:
+    def finish(self, partial: PartialFit, reach: float = math.inf) -> Any:
         made = self.made(partial.effects, after=self.excess_at_end)
+        self.reaches.append((made.keys, reach))
         made.fit.converged = made.keys not in self.bad
         self.fitted.append(made.keys)
         return made
@@ -181,6 +184,20 @@ def test_only_models_near_the_best_are_fitted_to_the_end() -> None:
     found = run(world, [FRICTION, LAG, *OTHERS])
     assert frozenset({LAG.key}) in found.known
     assert world.settlings == [frozenset({FRICTION.key})]
+
+
+def test_what_is_not_akin_to_the_best_has_a_cost_to_reach_once_that_is_known() -> None:
+    """And what the best may be told as has none: a simpler law at its place is compared with it however far it is."""
+    pair = f"{STRIBECK.key} + {LAG.key}"
+    world = World(by({STRIBECK.key: 2e4, FRICTION.key: 5e4, LAG.key: 5e5, pair: 0.0}))
+    found = run(world, [STRIBECK, FRICTION, LAG, *OTHERS])
+    assert found.known.best.keys == {STRIBECK.key, LAG.key}
+    first, later = world.reaches[: SEARCH.few], world.reaches[SEARCH.few :]
+    assert {reach for _, reach in first} == {math.inf}
+    assert {reach for keys, reach in later if keys == {FRICTION.key}} <= {math.inf}
+    others = [reach for keys, reach in later if keys & {c.key for c in OTHERS} and len(keys) == 1]
+    expected = world.made((STRIBECK,)).fit.cost + 2 * (found.known.price + SEARCH.effort)
+    assert others[0] == pytest.approx(expected)
 
 
 def test_what_looked_worse_after_a_few_steps_is_fitted_before_a_second_effect_is_sought() -> None:
@@ -296,7 +313,7 @@ def test_a_richer_law_that_leaves_more_than_the_simpler_one_is_tried_from_where_
     """The richer one contains the simpler, and could not leave more if its fit had not lost its way."""
 
     class LosesItsWay(World):
-        def finish(self, partial: PartialFit) -> Any:
+        def finish(self, partial: PartialFit, reach: float = math.inf) -> Any:
             lost = {c.key for c in partial.effects} == {STRIBECK.key} and partial.effects[0].starts[0]["p0"] == 0.1
             made = self.made(partial.effects, after=by({}, 1e5) if lost else None)
             self.fitted.append(made.keys)
@@ -394,7 +411,7 @@ def test_what_cannot_be_fitted_is_told_and_passed_over(monkeypatch: pytest.Monke
     world = World(by({FRICTION.key: 0.0, LAG.key: 9e4}))
     real = world.finish
 
-    def finish(partial: PartialFit) -> Any:
+    def finish(partial: PartialFit, reach: float = math.inf) -> Any:
         if partial.effects[-1] is FRICTION:
             raise FlexarmError("it follows coarse recordings only")
         return real(partial)
@@ -449,7 +466,7 @@ def test_a_vibration_is_tried_elsewhere_at_the_frequency_that_it_has() -> None:
     started: list[tuple[float, ...]] = []
 
     class Resonant(World):
-        def finish(self, partial: PartialFit) -> Any:
+        def finish(self, partial: PartialFit, reach: float = math.inf) -> Any:
             (last,) = partial.effects[-1:]
             if last.key == load.key:
                 started.append(tuple(start["p1"] for start in last.starts))

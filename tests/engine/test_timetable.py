@@ -1,0 +1,42 @@
+"""What runs share is worked out once, and is what each alone would have."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+
+from engine.simulate import Drive, prepare, simulate
+from scenarios.load import load
+
+
+def test_runs_with_one_drive_share_its_timetable_and_their_numbers_are_those_of_runs_alone() -> None:
+    model = load("reference-a").build(inputs=["motor.voltage"])
+    time = np.arange(0.0, 0.5, 0.01)
+    drive = Drive(time, np.sin(20 * time)[:, None], "linear")
+    first, second = (prepare(model, stop, 1e-3, drive=drive) for stop in (0.5, 0.5))
+    shorter, coarser = prepare(model, 0.4, 1e-3, drive=drive), prepare(model, 0.5, 2e-3, drive=drive)
+    assert first.timetable is second.timetable
+    assert (first.outputs, shorter.outputs, coarser.outputs) == (500, 400, 250)
+    for stop, step in ((0.5, 1e-3), (0.4, 1e-3), (0.5, 2e-3)):
+        alone = simulate(model, stop, step, drive=Drive(drive.time, drive.values, drive.hold))
+        again = simulate(model, stop, step, drive=drive)
+        np.testing.assert_array_equal(again.values, alone.values)
+        np.testing.assert_array_equal(simulate(model, stop, step, drive=drive, backend="interpreter").time, again.time)
+
+
+def test_a_drive_travels_without_it() -> None:
+    model = load("reference-a").build(inputs=["motor.voltage"])
+    drive = Drive([0.0, 0.1], [[1.0], [2.0]])
+    before = simulate(model, 0.3, drive=drive)
+    after = simulate(model, 0.3, drive=pickle.loads(pickle.dumps(drive)))
+    np.testing.assert_array_equal(after.values, before.values)
+
+
+def test_parameters_that_were_set_before_are_checked_all_the_same() -> None:
+    model = load("reference-a").build()
+    name = model.parameters[0].name
+    found = model.parameter_vector({name: 1.5})
+    found[:] = 0.0
+    assert model.parameter_vector({name: 1.5})[0] == 1.5
+    assert model.parameter_vector()[0] == model.parameters[0].value
