@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -147,7 +148,8 @@ def write(proof: Proof, page: Path) -> None:
     every = of(proof.rows, "drives")
     rows = [r for r in every if r.outcome != "not run"]
     told = f"{len(rows)} of the {len(every)} cases that were asked for have run. {proof.about['machine']}, "
-    told += "shared with other work.\n\n"
+    states = ", ".join(f"`{s}` ({n} cases)" for s, n in Counter(r.code for r in rows if r.code).most_common())
+    told += f"shared with other work. State of the program (hash over its sources): {states}.\n\n"
     with writing(page, (".md",)) as temporary:
         temporary.write_text(
             HEAD.replace("EFFECTS\n", _places()) + told + _summary(rows) + "\n" + _cases(rows) + TRUTHS,
