@@ -212,6 +212,10 @@ ASKED = {"belt_slack": "belt", "warm_up": "motor", "transmission_error": "gear"}
 """What a random rig is asked to have, for effects that need it."""
 
 
+FURTHER = {"belt_slack": 8, "warm_up": 5}
+"""Random rigs for effects that some rigs cannot show: so many that four can be drawn with the first seed."""
+
+
 def drives(seeds: list[int]) -> Iterator[Spec]:
     """Effects of drives, on the plants that can hide them and on random rigs."""
     for names, plants in DRIVE_CASES.items():
@@ -225,7 +229,7 @@ def drives(seeds: list[int]) -> Iterator[Spec]:
         for effect in ON_RIGS:
             part, sizes = ASKED.get(effect, ""), OTHER_SIZES.get(effect, DRIVE_SIZES)[:1]
             able = (k for k in itertools.count(1000 * seed) if _can_hide(k, part, effect))
-            for k in itertools.islice(able, DRIVE_RIGS):
+            for k in itertools.islice(able, FURTHER.get(effect, DRIVE_RIGS)):
                 plant, options = made(k, part)
                 yield Spec("drives", plant.name, (effect,), sizes, k, options)
 

@@ -308,6 +308,26 @@ def test_oil_that_warms_damps_less_as_scipy_says() -> None:
     assert y[:, 1] == pytest.approx(exact[0], abs=1e-6)
 
 
+def test_a_belt_without_pretension_is_a_spring_of_one_strand() -> None:
+    """Half of the stiffness and of the damping, whichever strand pulls: where it always hangs, nobody can tell."""
+    outcomes = []
+    for slack in (True, False):
+        m = Mechanism()
+        rim, carriage = m.coordinate("rim"), m.coordinate("carriage")
+        m.inertia(rim, 0.3)
+        m.inertia(carriage, 1.5)
+        m.torque(rim)
+        between = rim.against(carriage)
+        if slack:
+            m.add(native.STRANDS, between, 800.0, 2.0, 0.0)
+        else:
+            m.spring(between, 400.0, 1.0)
+        push = 5 * np.sin(2 * math.pi * 4 * DT * np.arange(1000))
+        outcomes.append(Simulator(m, [Readout(between.sense), Readout(carriage.sense)], DT, 200).run(push).clean)
+    assert np.ptp(outcomes[1][:, 0]) > 0.01
+    assert outcomes[0] == pytest.approx(outcomes[1], abs=1e-6)
+
+
 def meshed(stiffness: float, damping: float, waves: list[tuple[float, float, float]]) -> Mechanism:
     """A rotor and a load on either side of an elastic gear of ratio 20 that errs."""
     m = Mechanism()

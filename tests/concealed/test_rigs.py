@@ -219,6 +219,13 @@ def test_a_backlash_that_shows_by_its_faces_alone_is_refused() -> None:
         draw(rig, ["backlash@accelerometer.shaft -> gear1.input"], [5.0], 0, replace(options, **QUIET, rate=500.0))
 
 
+def test_a_belt_that_hangs_all_the_time_is_refused() -> None:
+    """It is a belt of one strand, half as stiff: a wrong stiffness, which is all that recordings could show."""
+    rig, options = made(1001, "belt")
+    with pytest.raises(Unseen, match="half its stiffness"):
+        draw(rig, ["belt_slack"], [30.0], 1001, options)
+
+
 def test_the_quick_refit_finds_the_minimum_of_the_slow_one() -> None:
     rig, options = made(4)
     rng = np.random.default_rng(1)
