@@ -226,6 +226,12 @@ def test_a_belt_that_hangs_all_the_time_is_refused() -> None:
         draw(rig, ["belt_slack"], [30.0], 1001, options)
 
 
+def test_a_stop_that_no_recording_to_train_on_meets_is_refused() -> None:
+    rig, options = made(1001)
+    with pytest.raises(Unseen, match="met by no recording to train on"):
+        draw(rig, ["end_stop"], [2.0], 1001, options)
+
+
 def test_the_quick_refit_finds_the_minimum_of_the_slow_one() -> None:
     rig, options = made(4)
     rng = np.random.default_rng(1)
