@@ -230,8 +230,8 @@ def drives(seeds: list[int]) -> Iterator[Spec]:
             part, sizes = ASKED.get(effect, ""), OTHER_SIZES.get(effect, DRIVE_SIZES)[:1]
             able = (k for k in itertools.count(1000 * seed) if _can_hide(k, part, effect))
             for k in itertools.islice(able, FURTHER.get(effect, DRIVE_RIGS)):
-                plant, options = made(k, part)
-                yield Spec("drives", plant.name, (effect,), sizes, k, options)
+                rig, options = made(k, part)
+                yield Spec("drives", rig.name, (effect,), sizes, k, options)
 
 
 def _can_hide(seed: int, part: str, effect: str) -> bool:

@@ -362,11 +362,11 @@ def test_the_transmission_error_of_a_gear_agrees_with_scipy() -> None:
         tau = k * (rotor / 20 + error(rotor) - load) + d * (share * w - v)
         return [v, w, tau / 0.02, (u - share * tau) / 1e-4]
 
-    x, exact = np.zeros(4), []
+    x, rows = np.zeros(4), []
     for u in torque:
-        exact.append(x[:2])
+        rows.append(x[:2])
         x = solve_ivp(slope, (0, DT), x, args=(u,), rtol=1e-9, atol=1e-12).y[:, -1]
-    exact = np.array(exact)
+    exact = np.array(rows)
     assert np.ptp(exact[:, 1]) > 4 * math.pi  # several waves pass
     assert made.run(torque).clean == pytest.approx(exact, abs=2e-6)
 
