@@ -70,7 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     random.set_defaults(run=_rig)
 
     listing = commands.add_parser("list", help="the plants, the effects each can hide, and where")
-    listing.add_argument("--plant", metavar="NAME", help="one of the four, rig-SEED or hard-CASE")
+    listing.add_argument("--plant", metavar="NAME", help="one of the four, rig-SEED, rig-SEED-PART or hard-CASE")
     listing.add_argument("--json", action="store_true")
     listing.set_defaults(run=_list)
 

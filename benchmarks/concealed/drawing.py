@@ -179,6 +179,21 @@ def conceal(site: Site, size: float, features: Features, here: Scales) -> Concea
     return Concealed(site.effect.name, site.place, site.effect.make(size, features, here))
 
 
+def _in_training(bench: Bench, base: Truth, met: Concealed, quick: GaussNewton) -> float:
+    """What a refit leaves of something on the recordings to train on, in floors."""
+    target = bench.outputs(replace(base, concealed=(met,)))
+    return bench.distance(bench.outputs(quick.refit(target)), target, held_out=False)
+
+
+def _beyond_softness(bench: Bench, base: Truth, slack: Concealed) -> float:
+    """What a refit about a belt of half the stiffness and damping, of one strand, leaves of a slack one, in floors."""
+    keys = (f"{slack.place}.stiffness", f"{slack.place}.damping")
+    centre = bench.centre | {key: bench.centre[key] / 2 for key in keys}
+    single = replace(base, parameters={**base.parameters, **{key: base.parameters[key] / 2 for key in keys}})
+    there = replace(bench, centre=centre)
+    return excess(there, replace(base, concealed=(slack,)), quick=GaussNewton(there, single))
+
+
 def hide(
     bench: Bench, base: Truth, chosen: Sequence[Site], asked: Sequence[float], rng: Generator
 ) -> tuple[float, tuple[Concealed, ...], list[tuple[float, float, float]]]:
@@ -232,4 +247,8 @@ def hide(
             raise Unseen(f"{site} cannot be made {multiple:g} times as large as can be seen")
         if quick and effect.name == "backlash" and alone(1e-3 * size) > ACCESSORY * found[-1][2]:
             raise Unseen(f"{site} shows by its faces, which give, and not by its gap")
+        if quick and effect.name == "end_stop" and not _in_training(bench, base, concealed[-1], quick) > 1:
+            raise Unseen(f"{site} is met by no recording to train on")
+        if quick and effect.name == "belt_slack" and not _beyond_softness(bench, base, concealed[-1]) > 1:
+            raise Unseen(f"{site} shows as a belt of half its stiffness, of which one strand hangs all the time")
     return 1.0, tuple(concealed), found

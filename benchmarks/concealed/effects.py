@@ -39,10 +39,12 @@ class Scales:
     Attributes:
         command: largest command (SI).
         torque, speed, angle: root mean square torque and speed, and range of the angle, at the place.
+        largest: torque of a belt on a random rig; 0 elsewhere.
         inertia: felt at the place; of the lighter side for a joint.
         signal: root mean square of the sensor's signal.
         orders: waves per revolution to choose from.
         cogging: the same of a cogging whose waves the recordings resolve.
+        meshing: the same of a transmission error, per revolution of the gear's input.
         current: the largest through a motor's winding.
         stiffness, damping: of a spring that is there already, else 0; at a shaft the damping of a bearing.
         resonance: band in which hidden resonances lie (Hz).
@@ -53,9 +55,11 @@ class Scales:
     speed: float = 1.0
     angle: float = 1.0
     inertia: float = 1.0
+    largest: float = 0.0
     signal: float = 1.0
     orders: tuple[int, ...] = (1, 2, 3)
     cogging: tuple[int, ...] = ()
+    meshing: tuple[int, ...] = ()
     current: float = 1.0
     stiffness: float = 0.0
     damping: float = 0.0
@@ -443,6 +447,9 @@ COGGING = (18, 24, 30, 36, 42, 60, 72, 84, 90)
 """Waves per revolution of a motor's cogging: least common multiples of usual numbers of poles and slots, above those of
 a torque ripple (2 and 9, 8 and 6, 10 and 6, 4 and 18, 14 and 6, 10 and 12, 8 and 18, 14 and 12, 10 and 9)."""
 
+MESHING = (1, 2, 4)
+"""Waves per revolution of a gear's input: an eccentric pinion, and both sides of a wave generator."""
+
 DRIVES: dict[str, Effect] = {
     e.name: e
     for e in (
@@ -533,10 +540,19 @@ DRIVES: dict[str, Effect] = {
         Effect(
             "belt_slack",
             "joint",
-            "five times the typical force / twice the pretension, less 1",
+            "largest force, of the belt axis five times the typical one, / twice the pretension, less 1",
             lambda s: 0.5,
-            lambda z, f, s: {"pretension": 2.5 * s.torque / (1 + z)},
+            lambda z, f, s: {"pretension": (s.largest / 2 or 2.5 * s.torque) / (1 + z)},
             most=200,
+        ),
+        Effect(
+            "transmission_error",
+            "joint",
+            "amplitude at the output, rad",
+            lambda s: 0.1 * s.torque / s.stiffness,
+            lambda z, f, s: {"amplitude": z, "order": f["order"], "phase": f["phase"]},
+            lambda rng, s: {"order": float(rng.choice(s.meshing)), "phase": _phase(rng)},
+            most=100,
         ),
         Effect(
             "end_stop",

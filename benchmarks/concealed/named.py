@@ -6,10 +6,11 @@ from benchmarks.concealed.plants import DRIVEN, PLANTS
 from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.rigs.drawn import PREFIX, rig
 from benchmarks.concealed.rigs.hard import HARD, hard
+from benchmarks.concealed.rigs.topology import PARTS
 
 
 def plant(name: str) -> Plant:
-    """A plant by its name, a random rig by ``rig-SEED``, that of a hard case by ``hard-WHAT``.
+    """A plant by its name, a random rig by ``rig-SEED`` or ``rig-SEED-PART``, that of a hard case by ``hard-WHAT``.
 
     Raises:
         ValueError: there is none.
@@ -18,9 +19,11 @@ def plant(name: str) -> Plant:
         return (PLANTS | DRIVEN)[name]
     if name in HARD:
         return hard(name)
-    seed = name.removeprefix(PREFIX)
-    if name.startswith(PREFIX) and seed.isdecimal():
-        return rig(int(seed))
+    seed, _, part = name.removeprefix(PREFIX).partition("-")
+    if name.startswith(PREFIX) and seed.isdecimal() and part in ("", *PARTS):
+        return rig(int(seed), part)
+    parts = ", ".join(f"{PREFIX}SEED-{part}" for part in PARTS)
     raise ValueError(
-        f"no plant is called '{name}'; there are {', '.join([*PLANTS, *DRIVEN])}, and {PREFIX}SEED for a random rig"
+        f"no plant is called '{name}'; there are {', '.join([*PLANTS, *DRIVEN])}, {PREFIX}SEED for a random rig, and "
+        f"{parts} for one with that part"
     )

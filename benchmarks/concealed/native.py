@@ -17,9 +17,8 @@ from subprocess import run
 SOURCE = Path(__file__).with_name("simulator.c")
 FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fPIC", "-shared")
 
-FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WARM_UP, SERIES, STRANDS, END_STOP, OILED = range(
-    13
-)
+FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN = range(8)
+WARM_UP, SERIES, STRANDS, END_STOP, OILED, MESH, MESH_INPUT = range(8, 15)
 """Kinds of elements, in the order of the C enum."""
 
 WIDTH = 12

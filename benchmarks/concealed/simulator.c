@@ -13,7 +13,8 @@
 #define PARAMETERS 12
 #define MODES 4
 
-enum { FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WARM_UP, SERIES, STRANDS, END_STOP, OILED };
+enum { FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WARM_UP, SERIES, STRANDS, END_STOP, OILED, MESH,
+       MESH_INPUT };
 
 /* What happens to the command: places in `input`. SLEW: fastest change (1/s). QUANTUM: step of the command. SAG: resistance
  * of the supply over that of the winding and the square of its voltage (1/V2). HEAT...: rise of the resistance per kelvin,
@@ -66,6 +67,19 @@ static double level(const double *p, double w, double load, double time, int for
     return warm * (coulomb + (peak - coulomb) * exp(-ratio * ratio));
 }
 
+/* Transmission error of a gear at the angle e of its input, which turns with w, and its rate; gives its slope. p: amplitude,
+ * waves per radian and phase of each of three waves. A gear is at rest where a recording begins: there it errs by nothing. */
+static double erring(const double *p, double e, double w, double *error, double *rate) {
+    double slope = 0;
+    *error = 0;
+    for (int k = 0; k < 3; k++) {
+        *error += p[3 * k] * (sin(p[3 * k + 1] * e + p[3 * k + 2]) - sin(p[3 * k + 2]));
+        slope += p[3 * k] * p[3 * k + 1] * cos(p[3 * k + 1] * e + p[3 * k + 2]);
+    }
+    *rate = slope * w;
+    return slope;
+}
+
 static double push(double k, double d, double p, double rate) {
     double force = k * p + d * rate;
     return p > 0 && force > 0 ? force : 0;
@@ -90,6 +104,19 @@ static double effort(const Plan *P, int j, const double *x, double z, double tim
     }
     case END_STOP: return push(p[0], p[1], p[2] - e, -w) - push(p[0], p[1], e - p[3], w);
     case OILED: return -p[0] * expm1(-p[1] * z) * w; /* the oil when cold damps as the matrices say */
+    /* An elastic gear: stiffness p[0] and damping p[1] at its output, waves from p[2] on. MESH acts on its twist, beyond
+     * what the matrices say of it, and the element after it on its input: a wave takes no power. */
+    case MESH: {
+        double error, rate, turned = dot(P->sense + (j + 1) * P->states, x, P->states);
+        erring(p + 2, turned, dot(P->rate + (j + 1) * P->states, x, P->states), &error, &rate);
+        return -p[0] * error - p[1] * rate;
+    }
+    case MESH_INPUT: {
+        double error, rate, slope = erring(p + 2, e, w, &error, &rate);
+        double twist = dot(P->sense + (j - 1) * P->states, x, P->states);
+        double twisting = dot(P->rate + (j - 1) * P->states, x, P->states);
+        return -slope * (p[0] * (twist + error) + p[1] * (twisting + rate));
+    }
     case SERIES: return p[0] * ((1 - share) * P->series[sample] + share * P->series[sample + 1]);
     default: return 0;
     }

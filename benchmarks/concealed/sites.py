@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from benchmarks.concealed.bench import Bench
-from benchmarks.concealed.effects import BEAM_MODE, CATALOGUE, COGGING, DRIVES, Effect, Scales
+from benchmarks.concealed.effects import BEAM_MODE, CATALOGUE, COGGING, DRIVES, MESHING, Effect, Scales
 from benchmarks.concealed.mechanism import Mechanism, Port, Readout
 from benchmarks.concealed.plants.base import Body, LinkOptions, Plant
 from benchmarks.concealed.simulator import Simulator
@@ -21,9 +21,12 @@ DRIVEN = ("motor.shaft", "drive.shaft")
 """Flanges of what drives."""
 
 
-DECLARED = frozenset({"belt_slack", "end_stop", "warm_up", "friction_warm_up"})
+DECLARED = frozenset({"belt_slack", "end_stop", "warm_up", "friction_warm_up", "transmission_error"})
 """Effects of drives that need what few plants have: a belt, a range that ends, a motor whose losses are all counted, a
-bearing of its own."""
+bearing of its own, an elastic gear."""
+
+RESOLVED = 6
+"""Samples for each wave of a shaft that turns as fast as it does on average."""
 
 
 @dataclass(frozen=True)
@@ -147,14 +150,18 @@ def scales(bench: Bench, truth: Truth, site: Site) -> Scales:
     if kind == "shaft":
         port = body.ports[site.place]
         angle, speed, torque = _motion(bench, body, port, _inertia(body.mechanism, port))
-        # Six samples for each wave while the shaft turns as fast as it does on average.
-        seen = tuple(k for k in COGGING if k * speed * bench.interval < 2 * math.pi / 6)
+        seen = tuple(k for k in COGGING if _seen(k * speed, bench))
         if site.effect.name == "cogging" and not seen:
             raise ValueError(f"{site}: its waves pass faster than the recordings show")
         inertia = _inertia(body.mechanism, port)
         bearing = truth.parameters.get(f"{site.place.partition('.')[0]}.viscous_friction", 0.0)
         return Scales(command, torque, speed, angle, inertia, orders=plant.orders, cogging=seen, damping=bearing)
     return _joint(bench, truth, site, body, command)
+
+
+def _seen(rate: float, bench: Bench) -> bool:
+    """Whether samples show a wave (rad/s)."""
+    return rate * bench.interval < 2 * math.pi / RESOLVED
 
 
 def _current(bench: Bench, truth: Truth) -> float:
@@ -181,13 +188,25 @@ def _joint(bench: Bench, truth: Truth, site: Site, body: Body, command: float) -
     if stiffness:
         split.mechanism.spring(port, stiffness, damping)
         twist, _, _ = _motion(bench, split, port, lighter, spread=False)
-        return Scales(
+        made = Scales(
             command, stiffness * twist, 1.0, twist, lighter, stiffness=stiffness, damping=damping, orders=plant.orders
         )
+        if plant.habits.hidden and site.effect.name == "belt_slack":
+            made = replace(made, largest=stiffness * _largest(bench, split, port))
+        return replace(made, meshing=_meshing(bench, body, site)) if place in body.meshes else made
     inner, outer = place.split(" -> ")
     far = _inertia(split.mechanism, split.ports[outer])
     angle, speed, torque = _motion(bench, body, body.ports[inner], far)
     return Scales(command, torque, speed, angle, lighter, orders=plant.orders)
+
+
+def _meshing(bench: Bench, body: Body, site: Site) -> tuple[int, ...]:
+    """Orders of a gear's error whose waves the recordings show."""
+    _, speed, _ = _motion(bench, body, body.meshes[site.place][0], 0.0)
+    seen = tuple(k for k in MESHING if _seen(k * speed, bench))
+    if not seen:
+        raise ValueError(f"{site}: its waves pass faster than the recordings show")
+    return seen
 
 
 def _inertia(mechanism: Mechanism, port: Port) -> float:
@@ -210,6 +229,13 @@ def _motion(bench: Bench, body: Body, port: Port, inertia: float, spread: bool =
     rms = np.sqrt(np.mean(y**2, axis=0))
     size = float(np.ptp(y[:, 0])) if spread else float(rms[0])
     return size, float(rms[1]), inertia * float(rms[2])
+
+
+def _largest(bench: Bench, body: Body, port: Port) -> float:
+    """Largest angle at a port, from where each recording begins."""
+    made = Simulator(body.mechanism, [Readout(port.sense)], bench.interval, _substeps(bench.interval))
+    runs = zip(bench.commands, bench.released, strict=True)
+    return max(float(np.abs(made.run(u, initial=made.at(angle)).clean).max()) for u, angle in runs)
 
 
 def _substeps(interval: float) -> int:

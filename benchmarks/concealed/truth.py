@@ -74,8 +74,10 @@ _SWITCHING = frozenset(
         "hysteresis",
         "belt_slack",
         "end_stop",
+        "transmission_error",
     }
 )
+"""Effects that change fast: by a switch, or with each tooth of a fast shaft."""
 
 TOUCHING = frozenset({"backlash", "end_stop"})
 """Effects with a contact."""
@@ -103,6 +105,7 @@ def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float
     laws: dict[str, JointLaw] = {}
     link, inductance = LinkOptions(), truth.nuisance.inductance
     shafts: list[Concealed] = []
+    gears: list[Concealed] = []
     for c in truth.concealed:
         p = c.parameters
         if c.effect in _INPUT:
@@ -113,6 +116,8 @@ def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float
             if c.place in laws:
                 raise ValueError(f"two effects change the joint '{c.place}'")
             laws[c.place] = _joint_law(c)
+        elif c.effect == "transmission_error":
+            gears.append(c)
         elif c.effect in ("payload", "centrifugal_stiffening") or (c.effect == "extra_mode" and "modes" in p):
             link = _link(link, c)
         elif c.effect in _SENSOR:
@@ -137,6 +142,8 @@ def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float
         if c.place not in body.ports:
             raise ValueError(f"{truth.plant.name} has no shaft '{c.place}'; it has {', '.join(body.ports)}")
         _SHAFT[c.effect](body.mechanism, body.ports[c.place], c.parameters)
+    for c in gears:
+        _err(body, c, truth.parameters)
     _disturb(body, truth)
     held = input_chain.held and all(c.lag == 0 for c in sensors.values())
     exact = held and not body.mechanism.elements and body.mechanism.whirl is None
@@ -307,6 +314,15 @@ def _joint_law(c: Concealed) -> JointLaw:
                 mechanism.add(native.CUBIC, port, p["cubic_stiffness"])
 
     return stamp
+
+
+def _err(body: Body, c: Concealed, true: Mapping[str, float]) -> None:
+    """The transmission error of an elastic gear: angle out = angle in / n + a (sin(k angle in + phi) - sin(phi))."""
+    input, twist = body.meshes[c.place]
+    law = [true[f"{c.place}.stiffness"], true[f"{c.place}.damping"]]
+    law += [c.parameters[key] for key in ("amplitude", "order", "phase")]
+    body.mechanism.add(native.MESH, twist, *law)
+    body.mechanism.add(native.MESH_INPUT, input, *law)
 
 
 def _friction(mechanism: Mechanism, port: Port, p: Mapping[str, float]) -> None:

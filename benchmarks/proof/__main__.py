@@ -55,6 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
     driving.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="folder of the results; absent: the data file"
     )
+    driving.add_argument("--add", action="store_true", help="keep the data file's other cases, of whatever program")
     driving.add_argument("--page", type=Path, default=drives.PAGE)
     driving.add_argument("--data", type=Path, default=drives.DATA)
     driving.set_defaults(act=_drives)
@@ -141,8 +142,7 @@ def _show(given: argparse.Namespace) -> int:
 
 
 def _page(given: argparse.Namespace) -> int:
-    if given.add and not given.output:
-        raise FlexarmError("'--add' joins the results of a folder to the data file", remedy="give the folder by '-o'")
+    _check_added(given)
     if given.output:
         made = data.gather(given.output)
         data.save(data.together(made, data.load(given.data)) if given.add else made, given.data)
@@ -150,6 +150,11 @@ def _page(given: argparse.Namespace) -> int:
     page.write(proof, given.page, data.causes())
     print(f"{given.page}: {len(proof.rows)} cases, {sum(r.right for r in proof.rows)} right; data in {given.data}")
     return 0
+
+
+def _check_added(given: argparse.Namespace) -> None:
+    if given.add and not given.output:
+        raise FlexarmError("'--add' joins the results of a folder to the data file", remedy="give the folder by '-o'")
 
 
 def _rigs(given: argparse.Namespace) -> int:
@@ -163,8 +168,10 @@ def _rigs(given: argparse.Namespace) -> int:
 
 
 def _drives(given: argparse.Namespace) -> int:
+    _check_added(given)
     if given.output:
-        data.save(data.gather(given.output), given.data)
+        made = data.gather(given.output)
+        data.save(data.joined(made, data.load(given.data)) if given.add else made, given.data)
     proof = data.load(given.data)
     drives.write(proof, given.page)
     ran = [r for r in proof.rows if r.outcome != "not run"]

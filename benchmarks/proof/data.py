@@ -6,7 +6,7 @@ import json
 import os
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -96,7 +96,12 @@ def together(proof: Proof, earlier: Proof) -> Proof:
     made = frozen.frozen()
     if made is None:
         raise FlexarmError("no rules are frozen", remedy="leave '--add' out")
-    rows = {row.name: row for row in earlier.rows if row.frozen == made.commit and row.outcome != "not run"}
+    return joined(proof, replace(earlier, rows=[row for row in earlier.rows if row.frozen == made.commit]))
+
+
+def joined(proof: Proof, earlier: Proof) -> Proof:
+    """Cases, and with them those of an earlier score that were not run again. Each says by which program it was run."""
+    rows = {row.name: row for row in earlier.rows if row.outcome != "not run"}
     rows |= {row.name: row for row in proof.rows if row.name not in rows or row.outcome != "not run"}
     sindy = {name: found for name, found in earlier.sindy.items() if name in rows}
     return Proof(proof.about, [rows[name] for name in sorted(rows)], sindy | proof.sindy)

@@ -187,7 +187,7 @@ DRIVE_CASES: dict[str, tuple[str, ...]] = {
 """What drives leave out, and plain Coulomb friction for which it must not be taken, with plants that can hide it."""
 
 DRIVE_SIZES, DRIVE_RIGS = (30.0, 300.0), 4
-"""Detection thresholds; random rigs for each effect of `ON_RIGS`, at the first of these sizes."""
+"""Detection thresholds; random rigs for each effect of `ON_RIGS`, at the first size that it has."""
 
 OTHER_SIZES = {"end_stop": (2.0, 4.0)}
 """The same of effects that are there or not: a few thresholds leave an axis between its stops without room to move."""
@@ -200,8 +200,20 @@ ON_RIGS = (
     "rate_limit",
     "command_quantisation",
     "supply_sag",
+    "belt_slack",
+    "end_stop",
+    "warm_up",
+    "friction_warm_up",
+    "transmission_error",
 )
 """Effects of drives that are concealed on random rigs too."""
+
+ASKED = {"belt_slack": "belt", "warm_up": "motor", "transmission_error": "gear"}
+"""What a random rig is asked to have, for effects that need it."""
+
+
+FURTHER = {"belt_slack": 8, "end_stop": 6, "warm_up": 5}
+"""Random rigs for effects that some rigs cannot show: so many that four can be drawn with the first seed."""
 
 
 def drives(seeds: list[int]) -> Iterator[Spec]:
@@ -215,14 +227,16 @@ def drives(seeds: list[int]) -> Iterator[Spec]:
                     yield Spec("drives", plant, effects, (size,) * len(effects), seed, options)
     for seed in seeds:
         for effect in ON_RIGS:
-            able = (k for k in itertools.count(1000 * seed) if _can_hide(k, effect))
-            for k in itertools.islice(able, DRIVE_RIGS):
-                yield Spec("drives", f"{PREFIX}{k}", (effect,), DRIVE_SIZES[:1], k, made(k)[1])
+            part, sizes = ASKED.get(effect, ""), OTHER_SIZES.get(effect, DRIVE_SIZES)[:1]
+            able = (k for k in itertools.count(1000 * seed) if _can_hide(k, part, effect))
+            for k in itertools.islice(able, FURTHER.get(effect, DRIVE_RIGS)):
+                rig, options = made(k, part)
+                yield Spec("drives", rig.name, (effect,), sizes, k, options)
 
 
-def _can_hide(seed: int, effect: str) -> bool:
+def _can_hide(seed: int, part: str, effect: str) -> bool:
     """Whether a random rig has a place for an effect of a drive."""
-    plant, _ = made(seed)
+    plant, _ = made(seed, part)
     return any(site.effect.name == effect for site in drive_sites(plant))
 
 

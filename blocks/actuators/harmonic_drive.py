@@ -28,10 +28,11 @@ class HarmonicDrive(Block):
     follows |tau|, and so it holds the input still, exactly, below that level. With efficiency = 1 neither is in the
     equations. [One-link n.d., eqs. 1, 2], with the reaction divided by n (docs/errata.md).
 
-    Transmission error: with ``error_waves`` above 0, e = angle of the input / n + sum a sin(k angle of the input + phi)
-    - angle of the output, a = error_amplitude, k = error_order, phi = error_phase, one value each per wave. Harmonic
-    drives have k = 2 and 4, the meshing of both sides of the wave generator, of some 0.1 mrad. The torque on the input
-    follows from the power, -tau (1 / n + sum a k cos(...)): the error is lossless, and shakes a fast motor.
+    Transmission error: with ``error_waves`` above 0, e = theta / n + sum a (sin(k theta + phi) - sin(phi)) - angle of
+    the output, theta = angle of the input, a = error_amplitude, k = error_order, phi = error_phase, a value per wave:
+    angles are counted from where nothing is twisted. Harmonic drives have k = 2 and 4, the meshing of both sides of the
+    wave generator, of some 0.1 mrad. The torque on the input follows from the power, -tau (1 / n + sum a k cos(...)):
+    the error is lossless, and shakes a fast motor.
     """
 
     cut_after = ("output",)

@@ -29,14 +29,16 @@ def order() -> Any:
 
 def phase() -> Any:
     """The declaration of the waves' phases."""
-    return parameter("rad", 0.0, "phase phi at input angle zero, of each wave", size="error_waves")
+    return parameter("rad", 0.0, "phase phi at input angle zero, where the error is zero", size="error_waves")
 
 
 def meshed(block: Any, input: Motion) -> tuple[Expression, Expression]:
     """Angle that the mesh gives the output, and its derivative by the angle of the input.
 
-    theta / n + sum a_k sin(k theta + phi_k), theta = angle of the input, n = ratio; and 1 / n + sum a_k k cos(...). By
-    the second, speed goes forward and torque comes back: a wave takes no power.
+    theta / n + sum a_k (sin(k theta + phi_k) - sin(phi_k)), theta = angle of the input, n = ratio; and
+    1 / n + sum a_k k cos(...). By the second, speed goes forward and torque comes back: a wave takes no power. Both
+    angles are counted from where the gear is without twist: the error is zero at input angle zero, and a gear at rest
+    stays there.
 
     Args:
         block: declares ``ratio``, ``error_waves``, ``error_amplitude``, ``error_order`` and ``error_phase``.
@@ -45,6 +47,6 @@ def meshed(block: Any, input: Motion) -> tuple[Expression, Expression]:
     angle, share = input.angle / block.ratio, 1 / block.ratio
     for k in range(block.error_waves):
         wave = block.error_order[k] * input.angle + block.error_phase[k]
-        angle = angle + block.error_amplitude[k] * sin(wave)
+        angle = angle + block.error_amplitude[k] * (sin(wave) - sin(block.error_phase[k]))
         share = share + block.error_amplitude[k] * block.error_order[k] * cos(wave)
     return angle, share

@@ -66,6 +66,12 @@ class ScoredModel:
         return self.strain > self.own
 
     @property
+    def vanished(self) -> bool:
+        """Whether one of the user's own parameters, such as a friction, was fitted to nothing."""
+        pairs = zip(self.fit.problem.free, self.fit.x, strict=True)
+        return any(f.start != 0 and f.value(x) == 0 for f, x in pairs if f.prior and not f.recording)
+
+    @property
     def room(self) -> float:
         """By how much the evidence could rise at most: what is unexplained, and what the parameters cost."""
         return self.left.unexplained + 0.5 * self.strain

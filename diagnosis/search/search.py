@@ -377,8 +377,12 @@ class _Search:
             self.known.fit([((*kept, c), [standing(model.fit)]) for c in moved], len(moved))
 
     def _alone_from(self) -> list[Values]:
-        """Parameters that a first effect begins from: those of the refit, and those given where it has bent them."""
-        return [standing(self.known.refit.fit), *([{}] if self.known.refit.bent else [])]
+        """Parameters that a first effect begins from: those of the refit, and those given where it has bent them.
+
+        Of a friction that the refit has taken away, nothing can fall: what changes a parameter is seen from its value.
+        """
+        refit = self.known.refit
+        return [standing(refit.fit), *([{}] if refit.bent or refit.vanished else [])]
 
     def _first(self) -> None:
         """Put every effect into the user's model, and fit those that promise most."""

@@ -35,7 +35,8 @@ KINDS: list[type[Block]] = [HarmonicDrive, Gear]
 
 
 def error(theta: float) -> float:
-    return 4e-4 * math.sin(2 * theta + 0.3) + 1.5e-4 * math.sin(4 * theta - 1.0)
+    """Counted from where the gear is without twist."""
+    return 4e-4 * (math.sin(2 * theta + 0.3) - math.sin(0.3)) + 1.5e-4 * (math.sin(4 * theta - 1.0) + math.sin(1.0))
 
 
 def slope_of_error(theta: float) -> float:
@@ -81,6 +82,19 @@ def test_turned_slowly_the_output_errs_by_its_waves(kind: type[Block]) -> None:
     theta = result["rotor.shaft.angle"]
     expected = theta / 50 + [error(x) for x in theta]
     np.testing.assert_allclose(result["load.shaft.angle"][50:], expected[50:], atol=1e-8)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_gear_at_rest_stays_where_it_is(kind: type[Block]) -> None:
+    """Nothing drives: a wave of whatever phase must not twist the gear where it begins."""
+    parts: dict[str, Block] = {
+        "rotor": Inertia(inertia=3e-5),
+        "gear": kind(ratio=50, stiffness=6e3, damping=4.0, **WAVES),
+        "load": Inertia(inertia=0.08),
+    }
+    result = run(parts, "rotor.shaft gear.input", "gear.output load.shaft", stop=0.2)
+    assert np.abs(result["gear.torque"]).max() < 1e-12
+    assert np.abs(result["rotor.shaft.angle"]).max() < 1e-12
 
 
 @pytest.mark.parametrize("loss", ["constant", "directed"])

@@ -19,6 +19,37 @@ from scenarios.load import load
 NOT_IN_THE_LIBRARY = frozenset({"rectified_sensor"})
 
 
+SLIDING = {
+    "BearingFriction": ("TranslationalBearingFriction", "slide"),
+    "QuadraticDrag": ("TranslationalQuadraticDrag", "slide"),
+    "GroundSpring": ("TranslationalGroundSpring", "slide"),
+    "SpringDamper": ("TranslationalSpringDamper", "a"),
+    "Backlash": ("TranslationalBacklash", "a"),
+    "EndStop": ("TranslationalEndStop", "slide"),
+    "WarmingFriction": ("TranslationalWarmingFriction", "slide"),
+}
+UNITS = {
+    "N.m": "N",
+    "N.m.s/rad": "N.s/m",
+    "N.m.s2/rad2": "N.s2/m2",
+    "N.m/rad": "N/m",
+    "rad": "m",
+    "rad/s": "m/s",
+}
+
+
+def slid(type_: Any, parameters: Any, port: Any) -> Any:
+    """A block of rotation and its parameters, told for a slide."""
+    if type_ not in SLIDING:
+        return type_, parameters, port
+    kind, flange = SLIDING[type_]
+    made = {}
+    for key, value in parameters.items():
+        number, _, unit = str(value).partition(" ")
+        made[key] = f"{number} {UNITS.get(unit, unit)}" if unit else value
+    return kind, made, flange if port == "shaft" else port
+
+
 def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
     """The effect in flexarm's words."""
     p, place, effect = concealed.parameters, concealed.place, concealed.effect
@@ -89,10 +120,13 @@ def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
         ]
     if effect == "belt_slack":
         return [Set(place, "pretension", f"{p['pretension']} N")]
+    if effect == "transmission_error":
+        wave = {"amplitude": f"{p['amplitude']} rad", "order": p["order"], "phase": f"{p['phase']} rad"}
+        return [Set(place, "error_waves", 1), *(Set(place, f"error_{key}", [value]) for key, value in wave.items())]
     if effect == "end_stop":
-        law = {"lower": f"{p['lower']} m", "upper": f"{p['upper']} m"}
-        law |= {"stiffness": f"{p['stiffness']} N/m", "damping": f"{p['damping']} N.s/m"}
-        return [AtFlange("x", "TranslationalEndStop", place, "slide", law)]
+        law = {"lower": f"{p['lower']} rad", "upper": f"{p['upper']} rad"}
+        law |= {"stiffness": f"{p['stiffness']} N.m/rad", "damping": f"{p['damping']} N.m.s/rad"}
+        return [AtFlange("x", "EndStop", place, "shaft", law)]
     if effect == "warm_up":
         thermal = {
             "winding_heat_capacity": f"{p['capacity']} J/K",
@@ -105,7 +139,7 @@ def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
     if effect == "friction_warm_up":
         law = {"temperature_coefficient": f"{p['coefficient']} 1/K", "heat_capacity": f"{p['capacity']} J/K"}
         law["thermal_resistance"] = f"{p['resistance']} K/W"
-        return [Replace(place.partition(".")[0], "TranslationalWarmingFriction", law)]
+        return [Replace(place.partition(".")[0], "WarmingFriction", law)]
     if effect == "current_limit":
         law = {
             "current_limit": f"{p['current_limit']} A",
@@ -159,6 +193,9 @@ def simulated(case: Any, folder: Any, concealed: Any = (), internal_step: Any = 
     for c in concealed:
         edits = edits_for(c, case.plant, case.truth.parameters)
         for edit in edits:
+            if c.place.endswith((".flange", ".slide")):
+                kind, parameters, port = slid(edit.type, edit.parameters, getattr(edit, "port", ""))
+                edit = replace(edit, type=kind, parameters=parameters, **({"port": port} if port else {}))
             if edit.name == "y" and isinstance(edit, InSignal) and edit.type == "Sine":
                 source = _driven(source, edit)
             else:

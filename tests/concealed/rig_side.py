@@ -16,33 +16,7 @@ from diagnosis.recordings.types import Recording
 from engine.simulate import simulate
 from scenarios.amend import AtFlange, Between, InSignal, amended
 from scenarios.load import load
-from tests.concealed.flexarm_side import _driven, edits_for
-
-SLIDING = {
-    "BearingFriction": ("TranslationalBearingFriction", "slide"),
-    "QuadraticDrag": ("TranslationalQuadraticDrag", "slide"),
-    "GroundSpring": ("TranslationalGroundSpring", "slide"),
-    "SpringDamper": ("TranslationalSpringDamper", "a"),
-    "Backlash": ("TranslationalBacklash", "a"),
-}
-UNITS = {
-    "N.m": "N",
-    "N.m.s/rad": "N.s/m",
-    "N.m.s2/rad2": "N.s2/m2",
-    "N.m/rad": "N/m",
-    "rad": "m",
-    "rad/s": "m/s",
-}
-
-
-def slid(type_: Any, parameters: Any, port: Any) -> Any:
-    """A block of rotation and its parameters, told for a slide."""
-    kind, flange = SLIDING[type_]
-    made = {}
-    for key, value in parameters.items():
-        number, _, unit = str(value).partition(" ")
-        made[key] = f"{number} {UNITS.get(unit, unit)}" if unit else value
-    return kind, made, flange if port == "shaft" else port
+from tests.concealed.flexarm_side import _driven, edits_for, slid
 
 
 def _yaml(change: Any, source: Any) -> Any:
@@ -59,7 +33,7 @@ def concealed_in(source: Any, c: Any, rig: Any) -> Any:
     if c.place in [s.signal for s in rig.sensors]:
         c, rig = replace(c, place=_seat(c.place, rig)), _Seated(rig)
     for edit in edits_for(c, rig):
-        slides = rig.topology.slides
+        slides = _slides(c.place, rig.topology)
         if isinstance(edit, InSignal) and edit.name == "y":
             source = _driven(source, edit)
         elif isinstance(edit, Between):
@@ -75,13 +49,19 @@ def concealed_in(source: Any, c: Any, rig: Any) -> Any:
     return source
 
 
+def _slides(place: Any, t: Any) -> bool:
+    """Whether a place slides."""
+    flange = place.split(" -> ")[0]
+    return bool(t.slides and not (any(flange in node for node in t.nodes) and t.turns(flange)))
+
+
 def _cut(source: Any, edit: Any, place: Any, rig: Any) -> Any:
     """A node parted in two, whatever hangs on either side, and the joint between."""
     t = rig.topology
     index = next(i for i in range(len(t.nodes)) if t.cuts[i] and t.cut(i) == place)
     node, after = t.nodes[index], t.cuts[index]
     kind, parameters = edit.type, edit.parameters
-    if t.slides:
+    if _slides(place, t):
         kind, parameters, _ = slid(kind, parameters, "a")
 
     def change(document: Any) -> None:

@@ -308,6 +308,83 @@ def test_oil_that_warms_damps_less_as_scipy_says() -> None:
     assert y[:, 1] == pytest.approx(exact[0], abs=1e-6)
 
 
+def test_a_belt_without_pretension_is_a_spring_of_one_strand() -> None:
+    """Half of the stiffness and of the damping, whichever strand pulls: where it always hangs, nobody can tell."""
+    outcomes = []
+    for slack in (True, False):
+        m = Mechanism()
+        rim, carriage = m.coordinate("rim"), m.coordinate("carriage")
+        m.inertia(rim, 0.3)
+        m.inertia(carriage, 1.5)
+        m.torque(rim)
+        between = rim.against(carriage)
+        if slack:
+            m.add(native.STRANDS, between, 800.0, 2.0, 0.0)
+        else:
+            m.spring(between, 400.0, 1.0)
+        push = 5 * np.sin(2 * math.pi * 4 * DT * np.arange(1000))
+        outcomes.append(Simulator(m, [Readout(between.sense), Readout(carriage.sense)], DT, 200).run(push).clean)
+    assert np.ptp(outcomes[1][:, 0]) > 0.01
+    assert outcomes[0] == pytest.approx(outcomes[1], abs=1e-6)
+
+
+def meshed(stiffness: float, damping: float, waves: list[tuple[float, float, float]]) -> Mechanism:
+    """A rotor and a load on either side of an elastic gear of ratio 20 that errs."""
+    m = Mechanism()
+    load, rotor = m.coordinate("load"), m.coordinate("rotor")
+    m.inertia(load, 0.02)
+    m.inertia(rotor, 1e-4)
+    m.torque(rotor)
+    twist = rotor.geared(1 / 20).against(load)
+    m.spring(twist, stiffness, damping)
+    law = [stiffness, damping, *(value for wave in waves for value in wave)]
+    m.add(native.MESH, twist, *law)
+    m.add(native.MESH_INPUT, rotor, *law)
+    return m
+
+
+WAVES = [(2e-3, 2.0, 0.7), (5e-4, 4.0, -1.9), (3e-3, 0.05, 2.0)]
+
+
+def test_the_transmission_error_of_a_gear_agrees_with_scipy() -> None:
+    """By the energy alone: torque on each shaft = -dU / d(angle), U = k e^2 / 2; and a damper on e'."""
+    k, d = 90.0, 0.05
+    m = meshed(k, d, WAVES)
+    made = Simulator(m, [Readout({0: 1.0}), Readout({1: 1.0})], DT, 100)
+    torque = 0.05 * np.sin(2 * math.pi * 3 * DT * np.arange(1500))
+
+    def error(theta: float) -> float:
+        return sum(a * (math.sin(n * theta + phi) - math.sin(phi)) for a, n, phi in WAVES)
+
+    def slope(t: float, x: Any, u: float) -> list[float]:
+        load, rotor, v, w = x
+        share = 1 / 20 + sum(a * n * math.cos(n * rotor + phi) for a, n, phi in WAVES)
+        tau = k * (rotor / 20 + error(rotor) - load) + d * (share * w - v)
+        return [v, w, tau / 0.02, (u - share * tau) / 1e-4]
+
+    x, rows = np.zeros(4), []
+    for u in torque:
+        rows.append(x[:2])
+        x = solve_ivp(slope, (0, DT), x, args=(u,), rtol=1e-9, atol=1e-12).y[:, -1]
+    exact = np.array(rows)
+    assert np.ptp(exact[:, 1]) > 4 * math.pi  # several waves pass
+    assert made.run(torque).clean == pytest.approx(exact, abs=2e-6)
+
+
+def test_a_gear_that_errs_takes_no_power_and_is_at_rest_where_it_begins() -> None:
+    k = 90.0
+    m = meshed(k, 0.0, WAVES)
+    made = Simulator(m, [Readout({0: 1.0})], DT, 200)
+    assert not made.run(np.zeros(50)).clean.any()
+    x = made.run(np.zeros(800), states=True, initial=np.array([0.0, 0.0, 0.0, 25.0])).states
+    assert x is not None
+    error = sum(a * (np.sin(n * x[:, 1] + phi) - math.sin(phi)) for a, n, phi in WAVES)
+    twist = x[:, 1] / 20 + error - x[:, 0]
+    energy = 0.5 * (0.02 * x[:, 2] ** 2 + 1e-4 * x[:, 3] ** 2 + k * twist**2)
+    assert (0.5 * k * twist**2).max() > 0.01 * energy[0]
+    assert energy == pytest.approx(energy[0], rel=1e-6)
+
+
 def test_input_chain_delay_lag_and_limits() -> None:
     torque = np.where(np.arange(3000) < 1000, 0.0, 1.0)
     late = body(1.0, substeps=10, input=InputChain(delay=0.0123))[2]().run(torque).clean

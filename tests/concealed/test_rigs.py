@@ -13,7 +13,7 @@ from scipy.integrate import trapezoid
 
 from benchmarks.concealed.case import draw
 from benchmarks.concealed.drawing import Options, Unseen, choose_sensors, hide, make_bench, true_parameters
-from benchmarks.concealed.effects import CATALOGUE
+from benchmarks.concealed.effects import CATALOGUE, DRIVES
 from benchmarks.concealed.mechanism import Mechanism, Readout
 from benchmarks.concealed.named import plant
 from benchmarks.concealed.native import FRICTION
@@ -24,9 +24,10 @@ from benchmarks.concealed.rigs.drawn import made
 from benchmarks.concealed.rigs.equip import KINDS, RATES, ROWS
 from benchmarks.concealed.rigs.hard import HARD, hard
 from benchmarks.concealed.rigs.rig import SLIDING
+from benchmarks.concealed.rigs.topology import PARTS
 from benchmarks.concealed.scenario import text, write
 from benchmarks.concealed.simulator import Simulator
-from benchmarks.concealed.sites import find, sites
+from benchmarks.concealed.sites import DECLARED, drive_sites, find, sites
 from benchmarks.concealed.truth import Nuisance, Truth
 from tests.concealed.flexarm_side import NOT_IN_THE_LIBRARY, clean, difference
 from tests.concealed.rig_side import simulated
@@ -87,6 +88,60 @@ def test_everything_lies_within_what_is_promised(drawn: Any) -> None:
 )
 def test_shares_are_those_that_are_told(drawn: Any, what: Any, low: Any, high: Any) -> None:
     assert low <= np.mean([what(rig, options) for rig, options in drawn]) <= high
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_rig_has_what_it_is_asked_to_have(part: Any) -> None:
+    for seed in range(60):
+        rig, options = made(seed, part)
+        t = rig.topology
+        assert rig.name == f"rig-{seed}-{part}"
+        assert plant(rig.name) is rig
+        kinds = [p.kind for p in t.between]
+        if part == "belt":
+            assert kinds[:2] == ["pulley", "belt"]
+            assert 0.008 <= 1 / t.between[0].ratio <= 0.04
+            assert "pretension" not in rig.blocks
+            assert t.turns(t.nodes[0][0])
+            assert not any(t.turns(flange) for node in t.nodes[1:] for flange in node)
+        elif part == "motor":
+            assert rig.drive_unit == "V"
+            assert not {"motor.efficiency", "motor.back_emf_constant"} & rig.nominal().keys()
+            assert not rig.fixed.get("motor.inductance")
+        else:
+            assert kinds[0] == "mesh"
+            assert 3 <= t.between[0].ratio <= 160
+        able = {s.effect.name for s in drive_sites(rig)}
+        assert {"belt": "belt_slack", "motor": "warm_up", "gear": "transmission_error"}[part] in able
+        assert ROWS[0] <= options.seconds * options.rate <= ROWS[1]
+
+
+def test_what_is_asked_for_changes_nothing_else() -> None:
+    """A rig without a part is the same whether rigs with one were drawn before or not."""
+    made.cache_clear()
+    first = [made(seed) for seed in range(5)]
+    made.cache_clear()
+    for seed in range(5):
+        for part in PARTS:
+            made(seed, part)
+    for seed, (rig, options) in enumerate(first):
+        again, recorded = made(seed)
+        assert (again.blocks, again.parameters, again.sensors, recorded) == (
+            rig.blocks,
+            rig.parameters,
+            rig.sensors,
+            options,
+        )
+
+
+def test_stops_are_where_a_position_is_measured_and_warm_friction_in_bearings(drawn: Any) -> None:
+    for rig, _ in drawn:
+        able = drive_sites(rig)
+        angles = [q.at for q in rig.topology.probes if q.kind == "angle"]
+        stops = [{s.place, *s.same} for s in able if s.effect.name == "end_stop"]
+        assert all(any(at in names for names in stops) for at in angles)
+        assert all(names & set(angles) for names in stops)
+        assert {s.place for s in able if s.effect.name == "friction_warm_up"} == rig.topology.bearings.keys()
 
 
 def test_every_kind_of_drive_sensor_and_effect_is_drawn(drawn: Any) -> None:
@@ -162,6 +217,19 @@ def test_a_backlash_that_shows_by_its_faces_alone_is_refused() -> None:
     rig, options = made(0)
     with pytest.raises(Unseen, match="its faces"):
         draw(rig, ["backlash@accelerometer.shaft -> gear1.input"], [5.0], 0, replace(options, **QUIET, rate=500.0))
+
+
+def test_a_belt_that_hangs_all_the_time_is_refused() -> None:
+    """It is a belt of one strand, half as stiff: a wrong stiffness, which is all that recordings could show."""
+    rig, options = made(1001, "belt")
+    with pytest.raises(Unseen, match="half its stiffness"):
+        draw(rig, ["belt_slack"], [30.0], 1001, options)
+
+
+def test_a_stop_that_no_recording_to_train_on_meets_is_refused() -> None:
+    rig, options = made(1001)
+    with pytest.raises(Unseen, match="met by no recording to train on"):
+        draw(rig, ["end_stop"], [2.0], 1001, options)
 
 
 def test_the_quick_refit_finds_the_minimum_of_the_slow_one() -> None:
@@ -345,6 +413,43 @@ def test_every_effect_means_the_same_on_both_sides(name: Any, slides: Any, rigid
     step = 1e-4 if concealed.effect == "hardening_spring" else None
     within = difference(simulated(case, tmp_path / "with", [concealed], step), truth)
     assert within < max(0.05, (3e-2 if concealed.effect == "payload" else 1e-3) * without)
+
+
+@pytest.mark.parametrize("part", PARTS)
+@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in range(1, 8))])
+def test_a_rig_that_is_asked_for_is_that_of_the_written_scenario(part: Any, seed: Any, tmp_path: Any) -> None:
+    rig, options = made(seed, part)
+    case = draw(steady(rig), [], [], seed, replace(options, nuisance=0.0))
+    assert difference(simulated(case, tmp_path), clean(case)) < 1e-2
+
+
+NEEDED = {"belt_slack": "belt", "warm_up": "motor", "transmission_error": "gear"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(DECLARED))
+@pytest.mark.parametrize("first", [0, 20])
+def test_effects_of_drives_mean_the_same_on_both_sides(name: Any, first: Any, tmp_path: Any) -> None:
+    """On the first rig that shows it: a twentieth of a floor, or of a stop a ten-thousandth, as on the belt axis."""
+    assert DRIVES.keys() >= DECLARED
+    for seed in range(first, first + 20):
+        rig, options = made(seed, NEEDED.get(name, ""))
+        options = replace(options, **QUIET, rate=max(options.rate, 500.0))
+        able = [s for s in drive_sites(rig) if s.effect.name == name]
+        if not able:
+            continue
+        try:
+            case = draw(steady(rig), [str(able[0])], [2.0 if name == "end_stop" else 10.0], seed, options)
+            break
+        except Unseen:
+            continue
+    else:
+        raise AssertionError("no rig shows it")
+    truth = clean(case)
+    without = difference(simulated(case, tmp_path / "without"), truth)
+    within = difference(simulated(case, tmp_path / "with", case.truth.concealed), truth)
+    assert without > 0.9
+    assert within < max(0.05, (1e-4 if name == "end_stop" else 0.0) * without)
 
 
 def test_hard_cases_are_named() -> None:

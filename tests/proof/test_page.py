@@ -92,6 +92,22 @@ def test_a_score_goes_on_with_earlier_cases_of_the_same_commit_alone(folder: Any
     assert made.sindy == {both.name: {"right": True}}
 
 
+def test_cases_of_drives_that_are_not_run_again_stay(folder: Any, tmp_path: Path) -> None:
+    """With '--add' the page has what was on record too, with the state of the program that ran it."""
+    files = ["--page", str(tmp_path / "p.md"), "--data", str(tmp_path / "d.json")]
+    proof = data.gather(folder)
+    mine = [replace(r, suite="drives", code="before", outcome="wrong") for r in proof.rows]
+    other = replace(mine[0], name="drives-other")
+    data.save(replace(proof, rows=[*mine, other]), tmp_path / "d.json")
+    assert main(["drives", "--add", "-o", str(folder), *files]) == 0
+    rows = {r.name: r for r in data.load(tmp_path / "d.json").rows}
+    assert rows[other.name].code == "before"
+    assert {r.name: r.outcome for r in proof.rows} == {n: r.outcome for n, r in rows.items() if n != other.name}
+    assert "`before` (1 cases)" in (tmp_path / "p.md").read_text()
+    assert main(["drives", "-o", str(folder), *files]) == 0
+    assert other.name not in {r.name for r in data.load(tmp_path / "d.json").rows}
+
+
 @pytest.mark.parametrize(
     ("line", "told"),
     [
@@ -99,6 +115,7 @@ def test_a_score_goes_on_with_earlier_cases_of_the_same_commit_alone(folder: Any
         ("run none --frozen --count 2 --first -1 -o DIR", "all but the first -1 are none"),
         ("run none --first 1 -o DIR", "give '--frozen' too"),
         ("page --add", "give the folder by '-o'"),
+        ("drives --add", "give the folder by '-o'"),
     ],
 )
 def test_options_that_ask_for_nothing_are_refused(

@@ -15,8 +15,9 @@ from benchmarks.concealed.sites import find
 from benchmarks.proof import data, rigs
 from benchmarks.proof import run as runner
 from benchmarks.proof.__main__ import main
+from benchmarks.proof.drives import DATA as DRIVES
 from benchmarks.proof.score import Score, scores
-from benchmarks.proof.suites import DRAWN, ON_RIGS, SUITES, Spec, drives, from_json
+from benchmarks.proof.suites import DRAWN, FURTHER, ON_RIGS, SUITES, Spec, drives, from_json
 from tests.proof.test_blind import SPY
 
 WITHHOLDING, PLAIN = 0, 5
@@ -90,10 +91,12 @@ def test_effects_of_drives_on_random_rigs_that_have_a_place_for_them() -> None:
     for spec in drives([1]):
         if spec.plant.startswith("rig-"):
             drawn_for.setdefault(spec.effects[0], []).append(spec.plant)
-    assert {effect: len(set(plants)) for effect, plants in drawn_for.items()} == dict.fromkeys(ON_RIGS, 4)
+    assert {effect: len(set(plants)) for effect, plants in drawn_for.items()} == dict.fromkeys(ON_RIGS, 4) | FURTHER
     for effect, plants in drawn_for.items():
         for name in plants:
             assert find(named_plant(name), effect).effect.name == effect
+    # A case is called by all that it is drawn from: those that are on record are still drawn as they were.
+    assert {row.name for row in data.load(DRIVES).rows} <= {spec.name for spec in drives([1])}
 
 
 def test_only_effects_of_three_thresholds_must_be_named() -> None:

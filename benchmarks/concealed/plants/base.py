@@ -121,11 +121,13 @@ class Body:
         mechanism: coordinates, masses, springs.
         ports: flanges by their name in the scenario.
         signals: measured signals by their name in the scenario.
+        meshes: of elastic gears by their name, the input and the twist: angle in / ratio - angle out.
     """
 
     mechanism: Mechanism
     ports: dict[str, Port]
     signals: dict[str, Readout]
+    meshes: dict[str, tuple[Port, Port]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

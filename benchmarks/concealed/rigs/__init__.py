@@ -14,12 +14,24 @@
   a quarter have jitter in the time stamps, of up to 20 % of an interval but no more than half a floor in any signal.
 * The data sheet is off by up to 10 % (damping 30 %); in two rigs of five one badly known parameter by up to 30 %.
 
-`hidden.asked` draws what it conceals.
+`hidden.drawn` draws what it conceals.
+
+A rig can be asked to have what an effect of a drive needs (`topology.PARTS`). It then has a stream of its own, so that
+what a seed draws without it stays what it is:
+
+* ``rig-SEED-belt``: the first body turns, and pulls slides by a pulley (radius 8 to 40 mm) and a toothed belt of which
+  the scenario declares no pretension;
+* ``rig-SEED-motor``: a voltage on a motor whose losses are those of winding and bearing, with one constant for torque
+  and back-emf and no known inductance, so that its heat can be concealed;
+* ``rig-SEED-gear``: an elastic gear without losses (ratio 3 to 160) behind the first body.
+
+Stops are concealed where a position is measured, friction that warms up in any bearing or guide: every rig may have
+these.
 
 Left out, and why:
 
-* *screw, rack, and bodies that turn beside others that slide*: no block couples rotation and translation;
-* *a belt between slides, a flexible link on a slide*: no block;
+* *screw, rack, and bodies that turn beside others that slide*, but for the belt that is asked for; *a flexible link on
+  a slide*: no block;
 * *on slides* hardening, hysteresis, structural damping, ripple, outside vibration, a further mode and gravity: their
   blocks only turn (a scenario could not be written that undoes them);
 * *gravity in the nominal model, closed loops of bodies, two drives*: the chain of bodies has none;

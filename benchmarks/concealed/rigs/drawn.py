@@ -22,19 +22,28 @@ CLOSED = 0.36
 
 
 @functools.lru_cache(maxsize=64)
-def rig(seed: int) -> Rig:
-    """The plant of a seed."""
-    return made(seed)[0]
+def rig(seed: int, part: str = "") -> Rig:
+    """The plant of a seed; one of its own with each of `topology.PARTS`."""
+    return made(seed, part)[0]
 
 
 @functools.lru_cache(maxsize=64)
-def made(seed: int) -> tuple[Rig, Options]:
-    """The plant of a seed, and how it is recorded."""
-    shape, size, doing, seeing = (default_rng(s) for s in SeedSequence([seed, crc32(b"rig")]).spawn(4))
-    t = topology.draw(shape)
+def made(seed: int, part: str = "") -> tuple[Rig, Options]:
+    """The plant of a seed, and how it is recorded.
+
+    Args:
+        seed: all follows from it.
+        part: what the rig is asked to have: one of `topology.PARTS`, or nothing. Each has streams of its own, so that
+            the rigs of a seed stay what they are.
+    """
+    key, name = [seed, crc32(b"rig")], f"{PREFIX}{seed}"
+    if part:
+        key, name = [*key, crc32(part.encode())], f"{name}-{part}"
+    shape, size, doing, seeing = (default_rng(s) for s in SeedSequence(key).spawn(4))
+    t = topology.draw(shape, part)
     n = numbers.draw(t, size)
     spread = numbers.far_off(n, size, {name: TOLERANCES[key_of(name)] for name in n.values})
-    plant = Rig(f"{PREFIX}{seed}", t, n.values, n.units, n.fixed, spread)
+    plant = Rig(name, t, n.values, n.units, n.fixed, spread)
     options = equip.protocol(plant, doing)
     amplitude = equip.drive(plant, options, doing)
     if t.drive in SIZES:
@@ -42,7 +51,7 @@ def made(seed: int) -> tuple[Rig, Options]:
         numbers.electrical(t, n, wanted / amplitude)
         amplitude = wanted
     habits, excitation = plant.habits, plant.excitation
-    plant = Rig(f"{PREFIX}{seed}", t, n.values, n.units, n.fixed, spread)
+    plant = Rig(name, t, n.values, n.units, n.fixed, spread)
     plant.habits = habits
     plant.excitation = replace(excitation, amplitude=amplitude, resolution=equip.resolution(amplitude))
     plant.inductance = 0.0 if t.drive != "V" or t.winding else 7e-5 * n.values["motor.resistance"]

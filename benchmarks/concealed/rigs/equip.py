@@ -105,13 +105,16 @@ def resolution(amplitude: float) -> float:
 
 def bare(rig: Rig) -> list[Sensor]:
     """The sensors before their noise is known."""
-    units = {"angle": "count", "speed": "rad/s", "tacho": "V", "strain": "V", "tip": "m"}
-    if rig.topology.slides:
-        units |= {"angle": "m", "speed": "m/s"}
     return [
-        Sensor(rig.signal(q), f"{q.kind}{k}", units.get(q.kind, "m/s2"), at=q.at)
+        Sensor(rig.signal(q), f"{q.kind}{k}", _unit(q, rig.topology.turns(q.at)), at=q.at)
         for k, q in enumerate(rig.topology.probes, 1)
     ]
+
+
+def _unit(probe: Probe, turns: bool) -> str:
+    units = {"angle": "count", "speed": "rad/s", "tacho": "V", "strain": "V", "tip": "m"}
+    units |= {} if turns else {"angle": "m", "speed": "m/s"}
+    return units.get(probe.kind, "m/s2")
 
 
 def control(rig: Rig, options: Options, rng: Generator) -> Control | None:
@@ -210,7 +213,7 @@ def _noisy(probe: Probe, sensor: Sensor, size: float, rng: Generator) -> Sensor:
 def habits(rig: Rig, options: Options, rng: Generator) -> Habits:
     """Preloaded starts where there is a spring; jitter no worse than the floor; a background below the effect."""
     made = replace(rig.habits, hidden=0.03)
-    springs = [part for part in rig.topology.between if part.kind == "spring"]
+    springs = [part for part in rig.topology.between if part.gives]
     if springs and options.loop == "open" and rng.random() < 0.5:
         motion = "position" if rig.topology.slides else "angle"
         made = replace(made, preload=_twist(rig, options, rng), free=(f"{rig.main}.{motion}",))
@@ -222,8 +225,8 @@ def habits(rig: Rig, options: Options, rng: Generator) -> Habits:
 def _twist(rig: Rig, options: Options, rng: Generator) -> float:
     """How far the last spring is twisted by the motion, the largest."""
     body = rig.assemble(rig.nominal(), {}, LinkOptions(), 0.0)
-    last = [part for part in rig.topology.between if part.kind == "spring"][-1]
-    port = body.ports[last.ends[0]].against(body.ports[last.ends[1]])
+    last = [part for part in rig.topology.between if part.gives][-1]
+    port = body.ports[last.ends[0]].geared(1 / last.ratio).against(body.ports[last.ends[1]])
     made = Simulator(body.mechanism, [Readout(port.sense)], 1 / options.rate, 1)
     twist = max(float(np.abs(made.run(u).clean).max()) for u in _commands(rig, options, rng))
     # The last spring's own end may turn faster than the load, of which the habit speaks.

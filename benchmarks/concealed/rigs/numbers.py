@@ -51,7 +51,7 @@ def draw(t: Topology, rng: Generator) -> Numbers:
     for flange, name in t.bearings.items():
         at = total / speeds[t.node_of(flange)] ** 2
         pace = log_uniform(rng, 0.3, 3.0) * len(t.bearings)
-        n.put(f"{name}.viscous_friction", at / pace, "N.s/m" if t.slides else "N.m.s/rad")
+        n.put(f"{name}.viscous_friction", at / pace, "N.m.s/rad" if t.turns(flange) else "N.s/m")
     if t.drive == "V":
         _motor(t, n, rng, total / speeds[0] ** 2)
     if t.drive == "A":
@@ -61,7 +61,7 @@ def draw(t: Topology, rng: Generator) -> Numbers:
             n.put("tacho.sensitivity", log_uniform(rng, 0.005, 0.2), "V.s/rad")
         elif probe.kind == "strain":
             n.put("gauge.sensitivity", log_uniform(rng, 0.3, 3.0), "V.m")
-        elif probe.kind == "acceleration" and not t.slides:
+        elif probe.kind == "acceleration" and t.turns(probe.at):
             n.fixed["accelerometer.radius"] = round(float(rng.uniform(0.03, 0.3)), 3)
     return n
 
@@ -82,10 +82,11 @@ def _inertias(t: Topology, n: Numbers, rng: Generator, speeds: list[float]) -> l
         index = t.node_of(flange)
         share = log_uniform(rng, 0.15, 1.5)
         felt[index] += base * share
-        key = "motor.rotor_inertia" if body == "motor" else f"{body}.{'mass' if t.slides else 'inertia'}"
-        n.put(key, base * share / speeds[index] ** 2, "kg" if t.slides else "kg.m2")
+        turns = t.turns(flange)
+        key = "motor.rotor_inertia" if body == "motor" else f"{body}.{'inertia' if turns else 'mass'}"
+        n.put(key, base * share / speeds[index] ** 2, "kg.m2" if turns else "kg")
     for index, part in enumerate(t.between, 1):
-        if part.kind == "gear" and part.massive:
+        if part.massive:
             share = log_uniform(rng, 0.02, 0.3)
             felt[index] += base * share
             n.put(f"{part.name}.inertia", base * share / speeds[index] ** 2, "kg.m2")
@@ -105,8 +106,8 @@ def _inertias(t: Topology, n: Numbers, rng: Generator, speeds: list[float]) -> l
 
 
 def _springs(t: Topology, n: Numbers, rng: Generator, felt: list[float]) -> None:
-    """Each spring with the inertia on its two sides rings between 3 and 50 Hz."""
-    springs = [(index, part) for index, part in enumerate(t.between) if part.kind == "spring"]
+    """Each spring with the inertia on its two sides rings between 3 and 50 Hz; that of a gear sits at its output."""
+    springs = [(index, part) for index, part in enumerate(t.between, 1) if part.gives]
     speeds = _speeds(t)
     for k, (index, part) in enumerate(springs):
         before, behind = sum(felt[: k + 1]), sum(felt[k + 1 :])
@@ -119,12 +120,13 @@ def _springs(t: Topology, n: Numbers, rng: Generator, felt: list[float]) -> None
 
 def _motor(t: Topology, n: Numbers, rng: Generator, inertia: float) -> None:
     """A motor that reaches its speed within 0.05 to 0.6 s; ``inertia`` is all that its shaft feels."""
-    constant, efficiency = 0.02, float(rng.uniform(0.6, 0.95))
+    constant, efficiency = 0.02, 1.0 if t.lossless else float(rng.uniform(0.6, 0.95))
     resistance = log_uniform(rng, 0.05, 0.6) * efficiency * constant**2 / inertia
     n.put("motor.resistance", resistance, "ohm")
     n.put("motor.torque_constant", constant, "N.m/A")
-    n.put("motor.back_emf_constant", constant, "V.s/rad")
-    n.put("motor.efficiency", efficiency, "1")
+    if not t.lossless:
+        n.put("motor.back_emf_constant", constant, "V.s/rad")
+        n.put("motor.efficiency", efficiency, "1")
     friction = efficiency * constant**2 / resistance * log_uniform(rng, 0.02, 0.2)
     n.put("motor.viscous_friction", friction, "N.m.s/rad")
     if t.winding:
@@ -137,7 +139,8 @@ def electrical(t: Topology, n: Numbers, factor: float) -> None:
         n.times("amplifier.gain", 1 / factor)
     if t.drive == "V":
         n.times("motor.torque_constant", factor)
-        n.times("motor.back_emf_constant", factor)
+        if not t.lossless:
+            n.times("motor.back_emf_constant", factor)
         n.times("motor.resistance", factor**2)
         if t.winding:
             n.fixed["motor.inductance"] = rounded(n.fixed["motor.inductance"] * factor**2)

@@ -41,7 +41,10 @@ TOLERANCES = {
     "damping_ratio": 0.50,
     "sensitivity": 0.05,
 }
-"""Tolerances as the blocks declare them, by the parameter's key; a strain gauge's sensitivity has 10 %."""
+"""Tolerances as the blocks declare them, by the parameter's key."""
+
+PECULIAR = {"gauge.sensitivity": 0.10, "belt.damping": 0.50, "gear1.stiffness": 0.30, "gear1.damping": 0.50}
+"""Those of a strain gauge, a toothed belt and an elastic gear, which declare others."""
 
 SLIDING = frozenset(
     {
@@ -137,6 +140,7 @@ class Rig(Plant):
         """Coordinates from the load to the drive: one for each body that a spring, or a cut that gives, sets free."""
         t, m = self.topology, Mechanism()
         ports: dict[str, Port] = {}
+        meshes: dict[str, tuple[Port, Port]] = {}
         here, turned, loose = m.coordinate("end"), 1.0, True
         m.released = {0: 1.0} if self.habits.preload else None
         for index in reversed(range(len(t.nodes))):
@@ -148,13 +152,16 @@ class Rig(Plant):
             if not index:
                 break
             part = t.between[index - 1]
-            if part.kind == "gear":
+            if not part.gives:
                 here = here.geared(part.ratio, p[f"{part.name}.efficiency"] if part.lossy else 1.0)
                 turned *= part.ratio
             else:
                 loose = False  # what is twisted at the start is the last spring of the chain
                 values = p[f"{part.name}.stiffness"], p[f"{part.name}.damping"]
-                here = self._parted(m, here, laws.get(part.name, plain_spring), 0.0, *values)
+                behind = here
+                here = self._parted(m, here, laws.get(part.name, plain_spring), 0.0, *values, ratio=part.ratio)
+                if part.kind == "mesh":
+                    meshes[part.name] = here, here.geared(1 / part.ratio).against(behind)
         for flange, body in t.bodies.items():
             m.inertia(ports[flange], p[f"{body}.{self._inertial(body)}"])
         for part in t.between:
@@ -164,7 +171,8 @@ class Rig(Plant):
             m.spring(ports[flange], 0.0, p[f"{bearing}.viscous_friction"])
         self._drive(m, ports[t.nodes[0][0]], p, inductance)
         made, amplitudes = self._link(m, ports.get("link.hub"), p, link)
-        return Body(m, ports, {s.signal: self._reading(s, ports, p, made, amplitudes) for s in self.sensors})
+        signals = {s.signal: self._reading(s, ports, p, made, amplitudes) for s in self.sensors}
+        return Body(m, ports, signals, meshes)
 
     @staticmethod
     def _inertial(body: str) -> str:
@@ -173,13 +181,20 @@ class Rig(Plant):
         return "mass" if body in ("carriage", "table", "stage", "head") else "inertia"
 
     def _parted(
-        self, m: Mechanism, behind: Port, law: JointLaw, turned: float, stiffness: float = 0.0, damping: float = 0.0
+        self,
+        m: Mechanism,
+        behind: Port,
+        law: JointLaw,
+        turned: float,
+        stiffness: float = 0.0,
+        damping: float = 0.0,
+        ratio: float = 1.0,
     ) -> Port:
-        """A new coordinate towards the drive, joined to what lies behind it."""
+        """A new coordinate towards the drive, joined to what lies behind it, ``ratio`` times as fast."""
         new = m.coordinate(f"part{len(m.names)}")
         if m.released is not None:
             m.released[len(m.names) - 1] = turned
-        law(m, new.against(behind), stiffness, damping)
+        law(m, new.geared(1 / ratio).against(behind), stiffness, damping)
         return new
 
     def _drive(self, m: Mechanism, port: Port, p: Mapping[str, float], inductance: float) -> None:
@@ -188,9 +203,9 @@ class Rig(Plant):
             m.torque(Port(port.sense, {i: gain * c for i, c in port.act.items()}))
             return
         m.spring(port, 0.0, p["motor.viscous_friction"])
-        torque = p["motor.efficiency"] * p["motor.torque_constant"]
-        known = self.fixed.get("motor.inductance", 0.0)
-        m.motor(port, p["motor.resistance"], known or inductance, torque, p["motor.back_emf_constant"])
+        constant, known = p["motor.torque_constant"], self.fixed.get("motor.inductance", 0.0)
+        torque, back_emf = p.get("motor.efficiency", 1.0) * constant, p.get("motor.back_emf_constant", constant)
+        m.motor(port, p["motor.resistance"], known or inductance, torque, back_emf)
 
     def _link(
         self, m: Mechanism, hub: Port | None, p: Mapping[str, float], link: LinkOptions
@@ -236,7 +251,7 @@ class Rig(Plant):
             "tip": "link.tip.position",
             "tip_acceleration": "link.tip.acceleration",
         }
-        motion = "position" if self.topology.slides and probe.kind == "angle" else probe.kind
+        motion = "position" if probe.kind == "angle" and not self.topology.turns(probe.read) else probe.kind
         return blocks.get(probe.kind, f"{probe.read}.{motion}")
 
     def ratio(self, place: str) -> float:
@@ -255,7 +270,7 @@ class Rig(Plant):
         t = self.topology
         groups = [tuple(_first_mass(t, group, [f for i in group for f in t.nodes[i]])) for group in t.groups()]
         joints = [t.cut(i) for i in range(len(t.nodes)) if t.cuts[i]]
-        springs = tuple(part.name for part in t.between if part.kind == "spring")
+        springs = tuple(part.name for part in t.between if part.gives and part.kind != "mesh")
         return Sites(
             input=f"source.out -> {self.drive}",
             shafts=tuple(groups),
@@ -263,8 +278,8 @@ class Rig(Plant):
             springs=springs,
             links=("link",) if t.link else (),
             sensors=self._on_sensors(),
-            extra=self._extra([group[0] for group in groups], tuple(joints), springs),
-            same={place: self._names(place) for place in joints} | self._input_names(),
+            extra=self._extra([group[0] for group in groups], tuple(joints), springs) | self._of_drives(groups),
+            same={place: self._names(place) for place in joints} | self._input_names() | self._block_names(),
         )
 
     def _on_sensors(self) -> dict[str, tuple[str, ...]]:
@@ -299,6 +314,24 @@ class Rig(Plant):
             found |= dict.fromkeys(TURNING_ONLY, ())
         return found
 
+    def _of_drives(self, groups: list[tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+        """Where effects of drives are that need a part: shafts whose position is measured have stops."""
+        t = self.topology
+        measured = {q.at for q in t.probes if q.kind == "angle"}
+        return {
+            "belt_slack": tuple(part.name for part in t.between if part.kind == "belt"),
+            "transmission_error": tuple(part.name for part in t.between if part.kind == "mesh"),
+            "warm_up": ("motor",) if t.lossless else (),
+            "friction_warm_up": tuple(t.bearings),
+            "end_stop": tuple(group[0] for group in groups if measured & set(group)),
+        }
+
+    def _block_names(self) -> dict[str, tuple[str, ...]]:
+        """Blocks that are a place, and their flanges or inputs."""
+        meshes = {part.name: part.ends for part in self.topology.between if part.kind == "mesh"}
+        bearings = {flange: (name,) for flange, name in self.topology.bearings.items()}
+        return {"motor": ("motor.voltage", f"source.out -> {self.drive}"), **meshes, **bearings}
+
     def _damped(self, group: list[int]) -> bool:
         flanges = {f for i in group for f in self.topology.nodes[i]}
         return bool(flanges & self.topology.bearings.keys()) or "motor.shaft" in flanges
@@ -327,7 +360,7 @@ class Rig(Plant):
 
 
 def _tolerance(key: str) -> float:
-    return 0.10 if key == "gauge.sensitivity" else TOLERANCES[key_of(key)]
+    return PECULIAR.get(key, TOLERANCES[key_of(key)])
 
 
 def _main(t: Topology) -> str:

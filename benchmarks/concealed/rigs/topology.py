@@ -1,8 +1,8 @@
 """The topology of a random rig: a chain of nodes, what lies between them, what hangs on them, and what is measured.
 
 A node is a rigid connection of flanges in the order in which they follow one another along the shaft, so that a cut
-between two of them says on which side each body and each sensor stays. A gear makes the nodes at its ends one rigid
-body; a spring parts them.
+between two of them says on which side each body and each sensor stays. A gear or a pulley makes the nodes at its ends
+one rigid body; a spring, a toothed belt or an elastic gear parts them.
 """
 
 from __future__ import annotations
@@ -19,15 +19,22 @@ TURNING = ("rotor", "hub", "load", "disc")
 SLIDING = ("carriage", "table", "stage", "head")
 """Names of the bodies, from the drive on."""
 
+PARTS = ("belt", "motor", "gear")
+"""What a rig can be asked to have, for effects of drives that need it: a motor that pulls a slide by pulley and toothed
+belt, a motor of which all losses are counted, an elastic gear behind the first body."""
+
+FLANGES = {"gear": ("input", "output"), "mesh": ("input", "output"), "pulley": ("shaft", "slide")}
+"""Flanges towards the drive and towards the load, by kind; else a and b."""
+
 
 @dataclass(frozen=True)
 class Transmission:
     """What lies between two nodes.
 
     Attributes:
-        kind: ``gear`` or ``spring``.
+        kind: ``gear``, ``spring``, ``mesh`` (an elastic gear), ``pulley`` or ``belt`` (a toothed one, that moves).
         name: of its block.
-        ratio: reduction of a gear.
+        ratio: reduction of a gear; of a pulley 1 / radius (1/m).
         lossy: whether a gear loses power.
         massive: whether a gear has an inertia of its own, on its output.
     """
@@ -41,8 +48,13 @@ class Transmission:
     @property
     def ends(self) -> tuple[str, str]:
         """Flanges towards the drive and towards the load."""
-        pair = ("input", "output") if self.kind == "gear" else ("a", "b")
+        pair = FLANGES.get(self.kind, ("a", "b"))
         return (f"{self.name}.{pair[0]}", f"{self.name}.{pair[1]}")
+
+    @property
+    def gives(self) -> bool:
+        """Whether it is elastic."""
+        return self.kind in ("spring", "mesh", "belt")
 
 
 @dataclass(frozen=True)
@@ -66,6 +78,9 @@ class Topology:
 
     Attributes:
         slides: whether its bodies slide; else they turn.
+        pulled: whether the first of bodies that slide turns, and pulls the others by pulley and belt.
+        lossless: whether a motor has no losses but those of its winding and its bearing, one constant, and no known
+            inductance: the truth has heat in a winding whose current follows at once.
         drive: unit of the input: V, A, N.m or N.
         nodes: flanges of each, in their order along the shaft.
         between: what lies between a node and the next.
@@ -87,11 +102,18 @@ class Topology:
     winding: bool = False
     cuts: list[int] = field(default_factory=list)
     probes: list[Probe] = field(default_factory=list)
+    pulled: bool = False
+    lossless: bool = False
 
-    @property
-    def flange(self) -> str:
-        """What the flange of a body is called."""
-        return "flange" if self.slides else "shaft"
+    def turns(self, flange: str) -> bool:
+        """Whether a flange turns."""
+        return not self.slides or (self.pulled and self.node_of(flange) == 0)
+
+    def body(self, index: int) -> str:
+        """The flange of a body, counted from the drive."""
+        if not self.slides or (self.pulled and index == 0):
+            return f"{TURNING[index]}.shaft"
+        return f"{SLIDING[index]}.flange"
 
     def node_of(self, flange: str) -> int:
         """The node a flange belongs to."""
@@ -101,7 +123,7 @@ class Topology:
         """Nodes that are one rigid body: joined by gears."""
         found = [[0]]
         for i, part in enumerate(self.between):
-            if part.kind == "spring":
+            if part.gives:
                 found.append([])
             found[-1].append(i + 1)
         return found
@@ -128,30 +150,50 @@ class Topology:
         return f"{node[after - 1]} -> {node[after]}"
 
 
-def draw(rng: Generator) -> Topology:
-    """Draw a topology: see the module `benchmarks.concealed.rigs` for the shares."""
-    slides = rng.random() < 0.25
+def draw(rng: Generator, part: str = "") -> Topology:
+    """Draw a topology: see the module `benchmarks.concealed.rigs` for the shares.
+
+    Args:
+        rng: of the rig; one that is asked to have something has a stream of its own.
+        part: one of `PARTS`, or nothing.
+    """
+    slides = rng.random() < 0.25 and not part
     drive = "N" if slides else str(rng.choice(["V", "A", "N.m"], p=[0.5, 0.2, 0.3]))
-    t = Topology(slides, drive, winding=drive == "V" and rng.random() < 0.4)
+    drive = "V" if part == "motor" else drive
+    pulled = part == "belt"
+    t = Topology(slides or pulled, drive, winding=drive == "V" and rng.random() < 0.4 and part != "motor")
+    t.pulled, t.lossless = pulled, part == "motor"
     count = int(rng.choice([1, 2, 3, 4], p=[0.1, 0.4, 0.3, 0.2]))
-    t.link = not slides and count > 1 and rng.random() < 0.75
-    _chain(t, count, rng)
+    count = max(count, 2) if part in ("belt", "gear") else count
+    t.link = not t.slides and count > 1 and rng.random() < 0.75
+    _chain(t, count, rng, elastic=part == "gear")
     _bearings(t, rng)
     _probes(t, rng)
     t.cuts = [_cut(t, index, rng) for index in range(len(t.nodes))]
     return t
 
 
-def _chain(t: Topology, count: int, rng: Generator) -> None:
-    """Drive, bodies, and what joins each to the next: rigid, a gear, a spring, or a belt (a spring and a gear)."""
-    names, gears, springs = (SLIDING if t.slides else TURNING), 0, 0
-    t.nodes.append(["motor.shaft"] if t.drive == "V" else [f"drive.{t.flange}"])
+def _chain(t: Topology, count: int, rng: Generator, elastic: bool) -> None:
+    """Drive, bodies, and what joins each to the next: rigid, a gear, a spring, or a belt (a spring and a gear).
+
+    The first joint is a pulley with a toothed belt, or an elastic gear, where that is asked for.
+    """
+    gears, springs = 0, 0
+    t.nodes.append(["motor.shaft"] if t.drive == "V" else ["drive.flange" if t.drive == "N" else "drive.shaft"])
     for k in range(count):
-        flange = "link.hub" if t.link and k == count - 1 else f"{names[k]}.{t.flange}"
+        flange = "link.hub" if t.link and k == count - 1 else t.body(k)
         if k == 0 and t.drive == "V":
             t.bodies["motor.shaft"] = "motor"
             continue
-        if k:
+        if k == 1 and t.pulled:
+            springs += 1
+            _join(t, Transmission("pulley", "pulley", 1 / round(float(np.exp(rng.uniform(*np.log(RADII)))), 4)))
+            _join(t, Transmission("belt", "belt"))
+        elif k == 1 and elastic:
+            gears, springs = 1, 1
+            ratio = round(float(np.exp(rng.uniform(*np.log(ELASTIC)))), 2)
+            _join(t, Transmission("mesh", "gear1", ratio, massive=bool(rng.random() < 0.5)))
+        elif k:
             ways = ["rigid", "spring"] if t.slides else ["rigid", "gear", "spring", "belt"]
             shares = np.array([0.4, 0.6] if t.slides else [0.2, 0.45 if gears == 0 else 0.1, 0.2, 0.15])
             if springs == 2:
@@ -173,6 +215,10 @@ def _chain(t: Topology, count: int, rng: Generator) -> None:
             t.bodies[flange] = flange.partition(".")[0]
 
 
+RADII, ELASTIC = (0.008, 0.04), (3.0, 160.0)
+"""Radius of a pulley (m), and ratio of an elastic gear: from a planetary stage to a strain-wave gear."""
+
+
 def _join(t: Topology, part: Transmission) -> None:
     t.nodes[-1].append(part.ends[0])
     t.nodes.append([part.ends[1]])
@@ -186,7 +232,7 @@ def _bearings(t: Topology, rng: Generator) -> None:
     if not chosen and t.drive != "V" and rng.random() < 0.85:
         chosen = [carried[int(rng.integers(len(carried)))]]
     for k, beside in enumerate(chosen, 1):
-        name = f"guide{k}.slide" if t.slides else f"bearing{k}.shaft"
+        name = f"bearing{k}.shaft" if t.turns(beside) else f"guide{k}.slide"
         _insert(t, name, beside, rng)
         t.bearings[name] = name.partition(".")[0]
 
@@ -217,7 +263,7 @@ def _probes(t: Topology, rng: Generator) -> None:
         if kind in ("strain", "tip", "tip_acceleration"):
             t.probes.append(Probe(kind, "link.hub", "link.hub"))
         elif kind in ("tacho", "acceleration"):
-            flange = "tacho.shaft" if kind == "tacho" else f"accelerometer.{t.flange}"
+            flange = "tacho.shaft" if kind == "tacho" else f"accelerometer.{'shaft' if t.turns(beside) else 'flange'}"
             _insert(t, flange, beside, rng)
             t.probes.append(Probe(kind, flange, flange))
         else:

@@ -225,7 +225,7 @@ def joint(folder: Path, error: float) -> Path:
     def rates(t: float, y: Any, torque: Any) -> list[float]:
         a, v, b, w = y
         wave, slope = ERROR_ORDER * a + ERROR_PHASE, 1 / RATIO
-        twist = a / RATIO + error * np.sin(wave) - b
+        twist = a / RATIO + error * (np.sin(wave) - np.sin(ERROR_PHASE)) - b
         slope += error * ERROR_ORDER * np.cos(wave)
         spring = STIFF * twist + LOSS * (slope * v - w)
         return [v, (torque(t) - spring * slope) / ROTOR, w, spring / LOAD]

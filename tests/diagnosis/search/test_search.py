@@ -13,10 +13,12 @@ import pytest
 
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.leftover import Leftover
+from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.search import search as searching
 from diagnosis.search import tried_models
 from diagnosis.search.partial_fit import PartialFit, StartingPoint
 from diagnosis.search.posterior import probabilities, told_as
+from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
 
@@ -77,6 +79,7 @@ class World:
             strain=0.0,
             room=left.unexplained,
             bent=False,
+            vanished=False,
             own=0,
             fit=fit,
         )
@@ -154,6 +157,19 @@ def test_laws_that_are_alike_leave_their_turn_to_another_place() -> None:
     world.excess_at_end = by({law.key: 100.0 + 300 * k for k, law in enumerate(laws)} | {LAG.key: 0.0})
     found = run(world, [*laws, LAG, *OTHERS])
     assert found.known.best.keys == {LAG.key}
+
+
+@pytest.mark.parametrize(("fitted", "begun"), [(-1.0, [0.7]), (-4.0, [0.0, None])])
+def test_where_a_friction_was_fitted_to_nothing_effects_begin_from_the_given_value_too(
+    fitted: float, begun: list[float | None]
+) -> None:
+    """Four tolerances of 30 % below its value a friction is nothing: what makes it fall shows from its value alone."""
+    friction = FreeParameter("bearing.viscous_friction", 1.0, 0.3, True, 0.0, math.inf, may_vanish=True)
+    world = World(by({"": 1e5}))
+    world.refit.fit.problem, world.refit.fit.x = SimpleNamespace(free=(friction,)), (fitted,)
+    world.refit.vanished = ScoredModel.vanished.fget(world.refit)  # type: ignore[attr-defined]
+    made = searching._Search(world, world.refit, [], None)  # type: ignore[arg-type]
+    assert [values.get(friction.name) for values in made._alone_from()] == [pytest.approx(b) for b in begun]
 
 
 def test_two_effects_are_found_one_beside_the_other() -> None:
