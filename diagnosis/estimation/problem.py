@@ -127,7 +127,7 @@ class Problem:
         try:
             found = experiment.residual(self.simulate(x, experiment))
         except (ParameterError, SimulationError):
-            return np.full(experiment.measured.shape, FITTING.huge)
+            return _failed(experiment.measured.shape)
         return np.clip(found, -FITTING.huge, FITTING.huge)
 
     def linearised(self, x: Array, experiment: Experiment) -> tuple[Array, Array]:
@@ -186,6 +186,14 @@ class Problem:
                 nrmse = 100 * (1 - math.sqrt(error / spread)) if spread > 0 else -math.inf
                 rows[variable.name] = SignalFit(nrmse, squares / count)
         return rows
+
+
+def _failed(shape: tuple[int, ...]) -> Array:
+    """The residual of a simulation that fails, huge at every frequency.
+
+    A constant is nothing but the lowest, and with coloured noise likelier than any model that leaves noise.
+    """
+    return np.asarray(FITTING.huge * np.random.default_rng(0).choice([-1.0, 1.0], shape))
 
 
 def counted(experiments: Sequence[Experiment]) -> int:

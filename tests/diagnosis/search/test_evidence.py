@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal, norm
 
-from diagnosis.estimation.leftover import Bands, Leftover, left_by
+from diagnosis.estimation.leftover import Bands, Leftover, Noise, left_by
+from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search.evidence import ChosenSize, evidence
 from diagnosis.thresholds import EVIDENCE
+from engine.errors import SimulationError
 
 Array = NDArray[np.float64]
 STEP = 2e-3
@@ -259,3 +261,19 @@ def test_held_out_recordings_count_in_the_likelihood() -> None:
         problem: Any = Linear([train, judged], [table, table], np.ones(1))
         scores.append(found(problem, problem.best())[0])
     assert scores[0] > scores[1] + 50
+
+
+def test_a_model_whose_simulation_fails_is_the_least_likely_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coloured noise takes a large error at one frequency for a single value; one run that failed was a constant."""
+    measured = 1e3 * np.sin(2 * np.pi * 3.0 * STEP * np.arange(500))[:, None]
+    problem = Problem(SimpleNamespace(), SimpleNamespace(), (recorded(measured),), ())  # type: ignore[arg-type]
+
+    def answers(_: Problem, x: Array, e: TimeExperiment) -> Array:
+        if len(x):
+            raise SimulationError("it diverged")
+        return np.zeros_like(e.measured)
+
+    monkeypatch.setattr(Problem, "simulate", answers)
+    for noise in get_args(Noise):
+        standing, failed = (problem.misfit(x, problem.training, noise=noise) for x in (np.zeros(0), np.zeros(1)))
+        assert failed > standing
