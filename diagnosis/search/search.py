@@ -289,7 +289,7 @@ class _Search:
                 return
             kept = tuple(ended(parent, c) for c in parent.effects)
             # What promised little beside the user's model may promise most beside the best one.
-            among = self.listed if count == 2 and number == 0 else self._order[: SEARCH.beside]
+            among = self.listed if number == 0 else self._order[: SEARCH.beside]
             self._beside(kept, parent, SEARCH.fitted_beside, among)
 
     def _parents(self, count: int) -> list[ScoredModel]:

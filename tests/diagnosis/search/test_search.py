@@ -342,6 +342,22 @@ def test_a_richer_law_that_leaves_more_than_the_simpler_one_is_tried_from_where_
     assert found.known.best.left.energy[0] == COUNT
 
 
+def test_beside_the_best_pair_what_promised_least_alone_is_looked_at_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An offset promises nothing while a delay and a payload are missing, and leaves the noise beside both."""
+    others = [effect(f"other_{k}", f"place {k}") for k in range(SEARCH.beside)]
+    payload, offset = effect("payload", "link"), effect("offset", "w")
+    left = {LAG.key: 5e5, payload.key: 9e5, f"{LAG.key} + {payload.key}": 1e5}
+    world = World(by(left | {f"{LAG.key} + {payload.key} + {offset.key}": 0.0}))
+
+    def courses(fitter: Any, origin: Any, c: Candidate) -> list[Any]:
+        alone = -1.0 if c is offset else 60.0 if c in others else 70.0
+        return [SimpleNamespace(likelihood=80.0 if c is offset and len(origin.effects) == 2 else alone)]
+
+    monkeypatch.setattr(searching, "courses", courses)
+    found = run(world, [LAG, payload, *others, offset])
+    assert found.known.best.keys == {LAG.key, payload.key, offset.key}
+
+
 def test_what_does_as_well_alone_is_tried_beside_the_second_effect_too() -> None:
     """A lag of the sensor and one of the input tie alone; seven others promise more, so that neither is tried again."""
     sensor, gain = effect("sensor_lag", "sensor"), effect("uneven_gain", "v")
