@@ -211,7 +211,9 @@ ENOUGH, ENOUGH_FOR_EACH = 0.12, 2e-4
 
 
 def steps_of(job: Job) -> int:
-    """About how many steps a run takes."""
+    """About how many steps a run takes; one that ends before its first row may have steps of any shortness."""
+    if not job.outputs:
+        return len(job.timetable.knot)
     return job.outputs * math.ceil(job.output_ticks * job.resolution / job.hmax) + len(job.timetable.knot)
 
 

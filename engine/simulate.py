@@ -35,6 +35,9 @@ MOST_VALUES = 500_000_000
 SHORTEST = 1e-9
 """Steps and sample periods (s): time is counted in whole fractions of at most a thousand million a second."""
 
+NEVER = 2**62
+"""Ticks beyond which no run goes."""
+
 _warned: set[str] = set()
 
 
@@ -392,7 +395,7 @@ def _new_timetable(model: Model, stop: float, step: float, drive: Drive | None, 
         raise ParameterError(f"stop is {stop:g} s", remedy="give an earlier stop")
     outputs = int(Fraction(stop + 1e-9 * step) / rational(step))
     farthest = max(stop, float(np.abs(knots).max())) / float(tick)
-    if farthest > 2**62:
+    if farthest > NEVER:
         raise ParameterError(
             f"times up to {farthest * float(tick):g} s do not go with a tick of {float(tick):g} s",
             remedy="give an earlier stop or drive, or sample periods that are multiples of a longer time",
@@ -401,12 +404,17 @@ def _new_timetable(model: Model, stop: float, step: float, drive: Drive | None, 
         resolution=float(tick),
         outputs=outputs,
         output_ticks=int(rational(step) / tick),
-        period=np.array([int(rational(c.period) / tick) for c in model.clocks], dtype=np.int64),
-        offset=np.array([int(rational(c.offset) / tick) for c in model.clocks], dtype=np.int64),
+        period=np.array([_ticks(c.period, tick) for c in model.clocks], dtype=np.int64),
+        offset=np.array([_ticks(c.offset, tick) for c in model.clocks], dtype=np.int64),
         knot=np.round(knots / float(tick)).astype(np.int64),
         value=np.ascontiguousarray(values, dtype=np.float64),
         linear=np.array(linear, dtype=np.int32),
     )
+
+
+def _ticks(time: float, tick: Fraction) -> int:
+    """A time of a clock in ticks; one that no run reaches stays within the integers of C."""
+    return min(int(rational(time) / tick), NEVER)
 
 
 def _begin(model: Model, p: Vector, initial: dict[str, float] | None) -> tuple[Vector, Vector]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from engine.simulate import Drive, prepare, simulate
 from scenarios.load import load
@@ -40,3 +42,20 @@ def test_parameters_that_were_set_before_are_checked_all_the_same() -> None:
     found[:] = 0.0
     assert model.parameter_vector({name: 1.5})[0] == 1.5
     assert model.parameter_vector()[0] == model.parameters[0].value
+
+
+@pytest.mark.parametrize("backend", ["c", "interpreter"])
+def test_a_clock_that_no_run_reaches_ticks_once(tmp_path: Path, backend: str) -> None:
+    path = tmp_path / "held.yaml"
+    path.write_text(
+        "schema: 1\nname: held\nblocks:\n  source: {type: Sine, amplitude: 1, frequency: 1 Hz, phase: 90 deg}\n"
+        "  hold: {type: SampleHold, period: 1e30 s}\nconnect: [[source.out, hold.in]]\n"
+        "simulate: {stop: 1 s, step: 10 ms, record: [hold.out]}\n"
+    )
+    values = simulate(load(path).build(), 1.0, 0.01, backend=backend)["hold.out"]
+    np.testing.assert_allclose(values, 1.0, rtol=1e-12)
+
+
+def test_a_run_that_ends_before_its_first_row_takes_any_internal_step() -> None:
+    found = simulate(load("reference-a").build(), 1e-300, 1e10, internal_step=1e-300)
+    assert len(found.time) == 1
