@@ -139,8 +139,9 @@ class _Search:
                 self.known.fit([(kept, [standing(model.fit)])], 1, whole=True)
             laws = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
             simpler = _able_beside(kept, laws)
+            # From a stiffness that was fitted to nothing no other can grow: that one keeps its own start.
             begun = [
-                replace(c, starts=({k: values.get(f"{effect.name}.{k}", v) for k, v in c.starts[0].items()},))
+                replace(c, starts=({k: values.get(f"{effect.name}.{k}") or v for k, v in c.starts[0].items()},))
                 for c in simpler
             ]
             tasks = [((*kept, c), [standing(model.fit)]) for c in begun]

@@ -380,6 +380,24 @@ def test_at_last_each_effect_is_taken_away_once_more() -> None:
     assert made.known.best.keys == {zone.key}
 
 
+def test_a_simpler_law_keeps_its_own_start_where_the_richer_one_ended_at_nothing() -> None:
+    """Of a cubic spring the linear part, a parameter of the user's, may be fitted to nothing; a size has a logarithm."""
+    world = World(by({FRICTION.key: 3e5, STRIBECK.key: 0.0}))
+    begun: list[dict[str, float]] = []
+    put_in = world.partial_fit
+
+    def partial_fit(effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
+        begun.extend(c.starts[0] for c in effects if c.effect == FRICTION.effect)
+        return put_in(effects, parents)
+
+    world.partial_fit = partial_fit  # type: ignore[method-assign]
+    made = searching._Search(world, world.refit, [FRICTION, STRIBECK], None)  # type: ignore[arg-type]
+    rich = world.made((STRIBECK,))
+    rich.fit.parameters = lambda: {f"{STRIBECK.name}.p0": 0.0}
+    made._simplified(rich)
+    assert begun == [{"p0": 0.1}]
+
+
 def test_rivals_get_the_nuisances_that_fit_beside_the_best() -> None:
     """A lag gains a little beside either effect: without it beside the rival, that would lose by the lag alone."""
     offset = effect("offset", "u")
