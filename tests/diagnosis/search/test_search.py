@@ -381,7 +381,7 @@ def test_at_last_each_effect_is_taken_away_once_more() -> None:
 
 
 def test_a_simpler_law_keeps_its_own_start_where_the_richer_one_ended_at_nothing() -> None:
-    """Of a cubic spring the linear part, a parameter of the user's, may be fitted to nothing; a size has a logarithm."""
+    """A cubic spring's linear part, which is the user's, may be fitted to nothing; a size has a logarithm."""
     world = World(by({FRICTION.key: 3e5, STRIBECK.key: 0.0}))
     begun: list[dict[str, float]] = []
     put_in = world.partial_fit
