@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from benchmarks.concealed.drawing import Options
@@ -15,7 +16,7 @@ from benchmarks.proof import data, drives, frozen, page, rigs, settle
 from benchmarks.proof.run import one, plan, run
 from benchmarks.proof.score import Score, scores
 from benchmarks.proof.suites import SUITES, Spec, from_json
-from engine.errors import FlexarmError
+from engine.errors import FlexarmError, nearest
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -96,6 +97,17 @@ def _say(line: str) -> None:
     print(line, flush=True)
 
 
+def _known(what: str, name: str, able: Iterable[str]) -> None:
+    """Refuse a plant or an effect that no case has.
+
+    Raises:
+        FlexarmError: it is none of them.
+    """
+    names = sorted(able)
+    if name not in names:
+        raise FlexarmError(f"none of these cases has the {what} '{name}'", remedy=nearest(name, names))
+
+
 def _run(given: argparse.Namespace) -> int:
     if given.first and not given.frozen:
         raise FlexarmError("'--first' counts the seeds of the frozen commit", remedy="give '--frozen' too")
@@ -114,7 +126,10 @@ def _run(given: argparse.Namespace) -> int:
     for name in names:
         specs += SUITES[name](frozen.seeds(commit, name, given.count)[given.first :] if commit else given.seeds)
     if given.plant:
+        _known("plant", given.plant, {s.plant for s in specs})
         specs = [s for s in specs if s.plant == given.plant]
+    for effect in given.effect or ():
+        _known("effect", effect, {one for s in specs for one in s.effects})
     if given.effect:
         specs = [s for s in specs if set(s.effects) & set(given.effect)]
     run(specs, given.output, given.workers, _say, given.scheduler, commit, given.longest)

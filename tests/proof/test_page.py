@@ -72,6 +72,17 @@ def test_the_command_shows_and_writes(folder: Any, tmp_path: Path, capsys: pytes
     assert main(["page", "-o", str(tmp_path / "nowhere"), *files]) == 1
 
 
+@pytest.mark.parametrize(
+    ("option", "name", "meant"), [("--effect", "dead_zon", "dead_zone"), ("--plant", "pendulm", "pendulum")]
+)
+def test_cases_that_are_none_are_refused_by_name(
+    option: str, name: str, meant: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", "core", option, name, "-o", str(tmp_path / "out")]) == 1
+    assert f"'{meant}'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_score_goes_on_with_earlier_cases_of_the_same_commit_alone(folder: Any, tmp_path: Path) -> None:
     """Of two scores with one case in common, the later result counts; other commits' cases do not."""
     found = frozen.frozen()
