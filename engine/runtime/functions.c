@@ -4,7 +4,7 @@ static inline double fa_min(double a, double b) { return a < b ? a : b; }
 static inline double fa_max(double a, double b) { return a > b ? a : b; }
 static inline double fa_sign(double a) { return (double)((a > 0) - (a < 0)); }
 
-/* The exponential function to 0.51 of the last digit's unit, without a call, for which registers would be emptied. With n the
+/* The exponential function by a table [Tang 1989] to 0.51 of the last digit's unit, without a call, which empties registers. With n the
  * whole number nearest to 128 x / ln 2 and r what is left of x, exp x = 2^(n / 128) exp r, where r is so small that five
  * terms are enough. Of 2^(i / 128) the table has what rounding has taken, as a share, and the bits, less i << 45: to add
  * n << 45 is to multiply by 2^(n / 128 - i / 128). The constants are rounded from 60 digits. Where a term may not be a
