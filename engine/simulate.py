@@ -56,8 +56,8 @@ class Drive:
     hold: str | tuple[str, ...] = "zero_order"
 
     @functools.cached_property
-    def timetables(self) -> dict[Hashable, Timetable]:
-        """Those of runs with this drive: see `prepare`."""
+    def timetables(self) -> dict[Hashable, tuple[Vector, Vector, Timetable]]:
+        """Those of runs with this drive, and the instants and values that they were made of: see `prepare`."""
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
@@ -361,19 +361,21 @@ def _whole_state(model: Model) -> int:
 
 
 def _timetable(model: Model, stop: float, step: float, drive: Drive | None, columns: int) -> Timetable:
-    """The instants of a run, worked out once for all runs with the same drive.
+    """The instants of a run, worked out once for all runs with the same drive, as long as its lists stay what they are.
 
     Arguments are as of `prepare`, and the numbers that are recorded in a row.
     """
     if drive is None:
         return _new_timetable(model, stop, step, drive, columns)
     same = (stop, step, len(model.inputs), model.clocks, columns)
-    found = drive.timetables.get(same)
-    if found is None:
-        found = _new_timetable(model, stop, step, drive, columns)
-        if len(drive.timetables) >= MOST_BEGUN:
-            drive.timetables.clear()
-        drive.timetables[same] = found
+    time, values = np.asarray(drive.time), np.asarray(drive.values)
+    before = drive.timetables.get(same)
+    if before is not None and np.array_equal(before[0], time) and np.array_equal(before[1], values):
+        return before[2]
+    found = _new_timetable(model, stop, step, drive, columns)
+    if len(drive.timetables) >= MOST_BEGUN:
+        drive.timetables.clear()
+    drive.timetables[same] = time.copy(), values.copy(), found
     return found
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from engine.simulate import Drive, prepare, simulate
 from scenarios.load import load
@@ -59,3 +61,21 @@ def test_a_clock_that_no_run_reaches_ticks_once(tmp_path: Path, backend: str) ->
 def test_a_run_that_ends_before_its_first_row_takes_any_internal_step() -> None:
     found = simulate(load("reference-a").build(), 1e-300, 1e10, internal_step=1e-300)
     assert len(found.time) == 1
+
+
+@pytest.mark.parametrize("kind", [float, int])
+@pytest.mark.parametrize("changed", ["time", "values"])
+def test_a_drive_whose_numbers_were_changed_in_place_drives_by_the_new_ones(kind: type, changed: str) -> None:
+    model = load("reference-a").build(inputs=["motor.voltage"])
+    time = np.array([0.0, 0.1, 0.2])
+    values: NDArray[Any] = np.array([[1], [3], [2]], dtype=kind)
+    drive = Drive(time, values)
+    before = simulate(model, 0.4, drive=drive).values.copy()
+    if changed == "time":
+        time[1] = 0.15
+    else:
+        values[1] = 5
+    after = simulate(model, 0.4, drive=drive).values
+    alone = simulate(model, 0.4, drive=Drive(time.copy(), values.copy())).values
+    np.testing.assert_array_equal(after, alone)
+    assert not np.array_equal(after, before)
