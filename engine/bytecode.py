@@ -32,8 +32,11 @@ from engine.sharing import Jacobian
 MOST, MOST_LINE, MOST_PLACES = 128, 2048, 1 << 16
 """Values of a kind, values in delay lines, and places in the file of a model that byte code can serve."""
 
-ROOMS = (3, 7, 15, 23, 31)
+ROOMS = tuple(range(4, 33, 4))
 """Directions for which a runtime with tangents has room: one compiled library for each."""
+
+STAGES = 4
+"""Stages of a step, at which the Jacobian of the derivative is worked out together."""
 
 _OPERATIONS = {operation: k for k, operation in enumerate([*UNARY, *BINARY])}
 _WRITTEN = {
@@ -90,6 +93,7 @@ class _Program(ctypes.Structure):
         ("results", ctypes.c_void_p),
         ("count", c_int64),
         ("machine", ctypes.c_void_p),
+        ("lanes", ctypes.c_void_p),
     )
 
 
@@ -276,7 +280,7 @@ def _code(model: Model, emitter: Emitter, jacobians: dict[str, Jacobian], direct
         if name in ("guards", "following"):
             setattr(s, f"{name}_row", code.array(jacobian.rows, np.int32))
             setattr(s, f"{name}_col", code.array(jacobian.columns, np.int32))
-        _pattern(code, getattr(s, name), jacobian, s)
+        _pattern(code, getattr(s, name), jacobian, s, STAGES if name == "derivative" else 1)
     return code
 
 
@@ -344,8 +348,16 @@ def _programs(code: Code, emitter: Emitter) -> bool:
     return True
 
 
-def _pattern(code: Code, pattern: _Pattern, jacobian: Jacobian, s: _Code) -> None:
-    """Fill in the nonzeros of a Jacobian by rows, in the order in which generated code adds them up."""
+def _pattern(code: Code, pattern: _Pattern, jacobian: Jacobian, s: _Code, apart: int) -> None:
+    """Fill in the nonzeros of a Jacobian by rows, in the order in which generated code adds them up.
+
+    Args:
+        code: keeps them.
+        pattern: is filled.
+        jacobian: which.
+        s: the model's sizes.
+        apart: values from one to the next where its values lie.
+    """
     at_t = s.nx
     at_d = at_t + 1 + s.nu + s.nw
     at_q = at_d + s.nd
@@ -368,5 +380,6 @@ def _pattern(code: Code, pattern: _Pattern, jacobian: Jacobian, s: _Code) -> Non
     pattern.first = code.array(np.cumsum([0, *(len(rows[row]) for row in jacobian.order)]), np.int32)
     pattern.row = code.array(jacobian.order, np.int32)
     for k, name in enumerate(("kind", "at", "value")):
-        setattr(pattern, name, code.array([entry[k] for entry in entries], np.int32))
+        scale = apart if name == "value" else 1
+        setattr(pattern, name, code.array([entry[k] * scale for entry in entries], np.int32))
     pattern.rows = len(rows)

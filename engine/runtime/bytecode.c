@@ -12,13 +12,14 @@ typedef struct {
   const uint16_t *results;            /* their places in the file */
   int64_t count;
   void (*machine)(double *file, const double *x, const double *u, const double *d, const double *fire, double *r);
-} fa_program;                         /* machine: the same by machine_code.c, or 0 */
+  void (*lanes)(void *wide, const double *file, const double *d, void *r, const double *bits);
+} fa_program;                         /* machine: the same by machine_code.c, or 0; lanes: four at once, or 0 */
 
 typedef struct {                      /* nonzeros of a Jacobian by rows, in the order in which these are worked out */
   const int32_t *first, *row;         /* of each, one more than there are rows; which row it is */
   const int32_t *kind, *at, *value;   /* FA_OF_..., which one, which result of the program */
   int64_t rows;
-  void (*machine)(const double *j, const void *S, const void *D, void *out); /* without dt, by machine_code.c, or 0 */
+  void (*machine)(const double *j, const void *S, const void *D, void *out); /* for directions alone, by machine_code.c, or 0 */
 } fa_pattern;
 
 enum {
@@ -38,6 +39,8 @@ typedef struct {
   fa_pattern derivative, guards, update, outputs, following, entering;
   const int32_t *guards_row, *guards_col, *following_row, *following_col;
 } fa_code;
+
+static const double fa_bits[] = {1.0, -0.0}; /* what programs for lanes read: one, and the sign alone */
 
 #define FA_CODE ((const fa_code *)s->code)
 #define FA_NQ ((int)FA_CODE->nq)

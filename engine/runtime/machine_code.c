@@ -346,18 +346,22 @@ static int64_t fa_most_bytes(const fa_program *program) {
 
 #if defined(FA_MOST_DIRS) && defined(__AVX__)
 #define FA_BLOCKS_OF_TANGENTS
-enum { FA_BLOCK = 32, FA_BLOCKS = sizeof(fa_columns) / FA_BLOCK }; /* of what a register takes of a row of tangents */
+enum { FA_BLOCK = 32, FA_BLOCKS = FA_OWN_LANES * (int)sizeof(fa_lane) / FA_BLOCK }; /* of a row of tangents: registers */
 enum { FA_BROADCAST = 0x19, FA_OF_FOUR = 1 << 2 | 1, FA_OF_ONE = 3 }; /* vector length and prefix */
 
-/* An instruction on three registers, or on two and memory, whose base is one of the first eight. */
+/* An instruction on three registers, or on two and memory, whose base is neither RSP nor R12. */
 static void fa_three(fa_maker *m, int map, int kind, int opcode, int reg, int first, int last, int64_t offset) {
   const int32_t there = (int32_t)offset;
   fa_byte(m, 0xC4);
-  fa_byte(m, (reg >= 8 ? 0 : 0x80) | 0x40 | (offset < 0 && last >= 8 ? 0 : 0x20) | map);
+  fa_byte(m, (reg >= 8 ? 0 : 0x80) | 0x40 | (last >= 8 ? 0 : 0x20) | map);
   fa_byte(m, (~first & 15) << 3 | kind);
   fa_byte(m, opcode);
   fa_byte(m, (offset < 0 ? 0xC0 : 0x80) | (reg & 7) << 3 | (last & 7));
   if (offset >= 0) fa_bytes(m, &there, 4);
+}
+
+static void fa_single(fa_maker *m) { /* vzeroupper */
+  fa_byte(m, 0xC5), fa_byte(m, 0xF8), fa_byte(m, 0x77);
 }
 
 static int64_t fa_bytes_of_pattern(const fa_pattern *p) {
@@ -365,7 +369,7 @@ static int64_t fa_bytes_of_pattern(const fa_pattern *p) {
   return entries * (FA_BLOCKS * 18 + 36) + p->rows * FA_BLOCKS * 18 + 16;
 }
 
-/* What fa_apply does without dt: each row is kept in registers while what it depends on is added. */
+/* What fa_apply does without dt and the step's length: each row is kept in registers while what it depends on is added. */
 static void fa_write_pattern(fa_maker *m, const fa_pattern *p) {
   enum { J = FA_RDI, S = FA_RSI, D = FA_RDX, OUT = FA_RCX, ROW = 2 };
   static const int of[] = {S, D, OUT}; /* by kind */
@@ -392,8 +396,238 @@ static void fa_write_pattern(fa_maker *m, const fa_pattern *p) {
       fa_three(m, 1, FA_OF_ONE, FA_STORE, 1, 0, OUT, out + p->at[k] * 8);
     }
   }
-  fa_byte(m, 0xC5), fa_byte(m, 0xF8), fa_byte(m, 0x77); /* vzeroupper */
+  fa_single(m);
   fa_byte(m, 0xC3);
+}
+
+/* -- a program for four at once ---------------------------------------------------------------------------------- */
+
+/* What differs between the four, t, x, u and what a program works out of them, lies in a file of vectors, `wide`. All else is
+ * the same for them, and is read from where one run has it. Operations are those of one run, lane by lane. */
+enum { FA_IN_WIDE, FA_IN_ONE, FA_IN_MEMORIES, FA_IN_WIDE_RESULT, FA_IN_BITS };
+enum { FA_PLUS_ONE = 0, FA_SIGN_BIT = 1 };                       /* in FA_IN_BITS */
+enum { FA_MOST_LANE_BYTES = 320, FA_MOST_WIDE = 4096 };          /* of an instruction; places of a model */
+
+typedef struct {
+  fa_maker *m;
+  const uint8_t *wide;      /* whether a place lies in the file of vectors */
+} fa_wide;
+
+static void fa_four(const fa_wide *w, int opcode, int reg, int first, int last) {
+  fa_three(w->m, 1, FA_OF_FOUR, opcode, reg, first, last, -1);
+}
+
+static void fa_bits_in(const fa_wide *w, int reg, int which) {
+  fa_three(w->m, 2, FA_OF_FOUR, FA_BROADCAST, reg, 0, w->m->base[FA_IN_BITS], which * 8);
+}
+
+/* Where one value lies that is the same for all, or the first of four. */
+static void fa_find_wide(const fa_wide *w, int64_t place, int *base, int64_t *offset) {
+  const fa_code *code = w->m->code;
+  const int memory = place >= FA_D && place < FA_M;
+  *base = w->m->base[w->wide[place] ? FA_IN_WIDE : memory ? FA_IN_MEMORIES : FA_IN_ONE];
+  *offset = w->wide[place] ? place * (int64_t)sizeof(fa_lane) : (memory ? place - FA_D : place) * 8;
+}
+
+/* The register that has a value: one that holds it, or a given one. */
+static int fa_four_of(const fa_wide *w, int64_t place, int given) {
+  int base;
+  int64_t offset;
+  for (int k = FA_SCRATCH; k < FA_REGISTERS; k++)
+    if (w->m->holds[k] == place) return k;
+  fa_find_wide(w, place, &base, &offset);
+  if (w->wide[place]) fa_three(w->m, 1, FA_OF_FOUR, FA_LOAD, given, 0, base, offset);
+  else fa_three(w->m, 2, FA_OF_FOUR, FA_BROADCAST, given, 0, base, offset);
+  return given;
+}
+
+static void fa_four_compare(const fa_wide *w, int question, int reg, int first, int last) {
+  fa_four(w, FA_COMPARE, reg, first, last);
+  fa_byte(w->m, question);
+}
+
+/* Where all bits are set, 1.0; else 0.0. */
+static void fa_four_as_number(const fa_wide *w, int reg) {
+  fa_bits_in(w, 0, FA_PLUS_ONE);
+  fa_four(w, FA_AND, reg, reg, 0);
+}
+
+/* Whether values are not zero, as all bits or none. */
+static void fa_four_not_zero(const fa_wide *w, int reg, int64_t place) {
+  const int value = fa_four_of(w, place, 0);
+  fa_four(w, FA_XOR, reg, reg, reg);
+  fa_four_compare(w, FA_NOT_EQUAL, reg, reg, value);
+}
+
+static void fa_call_for_each(const fa_wide *w, const fa_instruction *c) {
+  fa_maker *m = w->m;
+  const int64_t places[] = {c->a, c->b};
+  fa_single(m); /* the functions may use instructions that wait for what registers have beyond two doubles */
+  for (int l = 0; l < FA_WIDTH; l++) {
+    for (int k = 0; k < 2; k++) {
+      int base;
+      int64_t offset;
+      fa_find_wide(w, places[k], &base, &offset);
+      fa_three(m, 1, FA_OF_ONE, FA_LOAD, k, 0, base, offset + (w->wide[places[k]] ? l * 8 : 0));
+    }
+    fa_address(m, FA_RAX, fa_called[c->operation]);
+    fa_byte(m, 0xFF), fa_byte(m, 0xD0);
+    fa_three(m, 1, FA_OF_ONE, FA_STORE, 0, 0, m->base[FA_IN_WIDE], c->to * (int64_t)sizeof(fa_lane) + l * 8);
+  }
+  fa_forget(m);
+}
+
+static int fa_four_computed(const fa_wide *w, const fa_instruction *c) {
+  const int reg = fa_fresh(w->m);
+  int first, last;
+  switch (c->operation) {
+#define FA_FOUR_SIMPLE(name, opcode)              \
+  case FA_DO_##name:                              \
+    first = fa_four_of(w, c->a, 0);               \
+    last = fa_four_of(w, c->b, 1);                \
+    fa_four(w, opcode, reg, first, last);         \
+    break;
+    FA_FOUR_SIMPLE(ADD, FA_ADD)
+    FA_FOUR_SIMPLE(SUB, FA_SUB)
+    FA_FOUR_SIMPLE(MUL, FA_MUL)
+    FA_FOUR_SIMPLE(DIV, FA_DIV)
+    FA_FOUR_SIMPLE(FMIN, FA_MIN)
+    FA_FOUR_SIMPLE(FMAX, FA_MAX)
+#define FA_FOUR_WITH_ITSELF(name, opcode)         \
+  case FA_DO_##name:                              \
+    first = fa_four_of(w, c->a, 0);               \
+    fa_four(w, opcode, reg, first, first);        \
+    break;
+    FA_FOUR_WITH_ITSELF(SQ, FA_MUL)
+    FA_FOUR_WITH_ITSELF(TWICE, FA_ADD)
+#define FA_FOUR_QUESTION(name, question)          \
+  case FA_DO_##name:                              \
+    first = fa_four_of(w, c->a, 0);               \
+    last = fa_four_of(w, c->b, 1);                \
+    fa_four_compare(w, question, reg, first, last); \
+    fa_four_as_number(w, reg);                    \
+    break;
+    FA_FOUR_QUESTION(LT, FA_LESS)
+    FA_FOUR_QUESTION(LE, FA_LESS_OR_EQUAL)
+    FA_FOUR_QUESTION(EQ, FA_EQUAL)
+    FA_FOUR_QUESTION(NE, FA_NOT_EQUAL)
+#define FA_FOUR_LOGICAL(name, opcode)             \
+  case FA_DO_##name:                              \
+    fa_four_not_zero(w, reg, c->a);               \
+    fa_four_not_zero(w, 1, c->b);                 \
+    fa_four(w, opcode, reg, reg, 1);              \
+    fa_four_as_number(w, reg);                    \
+    break;
+    FA_FOUR_LOGICAL(AND, FA_AND)
+    FA_FOUR_LOGICAL(OR, FA_OR)
+    case FA_DO_SQRT: /* of one register */
+      fa_four(w, FA_ROOT, reg, 0, fa_four_of(w, c->a, 0));
+      break;
+    case FA_DO_ASSIGN:
+      first = fa_four_of(w, c->a, reg);
+      if (first != reg) fa_four(w, FA_OR, reg, first, first);
+      break;
+    case FA_DO_INV:
+      last = fa_four_of(w, c->a, 0);
+      fa_bits_in(w, 1, FA_PLUS_ONE);
+      fa_four(w, FA_DIV, reg, 1, last);
+      break;
+    case FA_DO_NEG:
+      first = fa_four_of(w, c->a, 0);
+      fa_bits_in(w, 1, FA_SIGN_BIT);
+      fa_four(w, FA_XOR, reg, first, 1);
+      break;
+    case FA_DO_FABS:
+      last = fa_four_of(w, c->a, 0);
+      fa_bits_in(w, 1, FA_SIGN_BIT);
+      fa_four(w, FA_ANDN, reg, 1, last);
+      break;
+    case FA_DO_NOT:
+      last = fa_four_of(w, c->a, 0);
+      fa_four(w, FA_XOR, reg, reg, reg);
+      fa_four_compare(w, FA_EQUAL, reg, reg, last);
+      fa_four_as_number(w, reg);
+      break;
+    case FA_DO_IF_ELSE_ZERO:
+      fa_four_not_zero(w, reg, c->a);
+      fa_four(w, FA_AND, reg, reg, fa_four_of(w, c->b, 1));
+      break;
+    case FA_DO_SIGN: /* (0 < a) - (a < 0) */
+      last = fa_four_of(w, c->a, 1);
+      fa_four(w, FA_XOR, 0, 0, 0);
+      fa_four_compare(w, FA_LESS, reg, 0, last);
+      fa_four_compare(w, FA_LESS, 1, last, 0);
+      fa_four_as_number(w, reg);
+      fa_four(w, FA_AND, 1, 1, 0);
+      fa_four(w, FA_SUB, reg, reg, 1);
+      break;
+    default:
+      fa_call_for_each(w, c);
+      fa_three(w->m, 1, FA_OF_FOUR, FA_LOAD, reg, 0, w->m->base[FA_IN_WIDE], c->to * (int64_t)sizeof(fa_lane));
+  }
+  return reg;
+}
+
+static void fa_keep_wide(const fa_wide *w, int reg, int64_t place) {
+  fa_three(w->m, 1, FA_OF_FOUR, FA_STORE, reg, 0, w->m->base[FA_IN_WIDE], place * (int64_t)sizeof(fa_lane));
+}
+
+/* One program for four lanes; 0 where it is too large. What is passed over where a condition fails, and is asked for where it
+ * holds alone, is passed over where it fails in all four. */
+static int fa_write_wide(fa_maker *m, const fa_program *program) {
+  uint8_t wide[FA_MOST_WIDE];
+  const fa_code *code = m->code;
+  const int calls = fa_calls(program);
+  const fa_instruction *end[FA_MOST_TESTS];
+  uint8_t *past[FA_MOST_TESTS];
+  const fa_wide w = {m, wide};
+  int open = 0;
+  if (code->registers > FA_MOST_WIDE) return 0;
+  memset(wide, 0, sizeof wide);
+  memset(wide, 1, (size_t)FA_D); /* t, x, u */
+  for (const fa_instruction *c = program->instructions; c->operation != FA_AT_END; c++)
+    if (c->operation != FA_AT_SKIP) wide[c->to] = 1;
+  memcpy(m->base, calls ? fa_lasting : fa_given, sizeof m->base);
+  fa_forget(m);
+  if (calls) fa_enter(m);
+  for (const fa_instruction *c = program->instructions;; c++) {
+    while (open && c == end[open - 1]) {
+      fa_land(m, past[--open]);
+      fa_forget(m);
+    }
+    if (c->operation == FA_AT_END) break;
+    if (c->operation == FA_AT_SKIP) {
+      if (open == FA_MOST_TESTS) return 0;
+      fa_four_not_zero(&w, 1, c->a);
+      fa_four(&w, 0x50, FA_RAX, 0, 1);           /* movmskpd eax, ymm1 */
+      fa_byte(m, 0x85), fa_byte(m, 0xC0);        /* test eax, eax */
+      uint8_t *some = fa_jump(m, 0x85);          /* jne */
+      fa_four(&w, FA_XOR, 0, 0, 0);
+      for (int k = 1; k <= c->b; k++)
+        if (c[k].operation != FA_AT_SKIP) fa_keep_wide(&w, 0, c[k].to);
+      past[open] = fa_jump(m, 0);
+      end[open++] = c + c->b + 1;
+      fa_land(m, some);
+      continue;
+    }
+    const int reg = fa_four_computed(&w, c);
+    fa_keep_wide(&w, reg, c->to);
+    m->holds[reg] = c->to;
+  }
+  for (int64_t k = 0; k < program->count; k++)
+    fa_three(m, 1, FA_OF_FOUR, FA_STORE, fa_four_of(&w, program->results[k], 0), 0, m->base[FA_IN_WIDE_RESULT],
+             k * (int64_t)sizeof(fa_lane));
+  fa_single(m);
+  if (calls) fa_leave(m);
+  fa_byte(m, 0xC3);
+  return 1;
+}
+
+static int64_t fa_most_wide_bytes(const fa_program *program) {
+  int64_t bytes = (program->count + 2) * FA_MOST_LANE_BYTES;
+  for (const fa_instruction *c = program->instructions; c->operation != FA_AT_END; c++)
+    bytes += FA_MOST_LANE_BYTES + (c->operation == FA_AT_SKIP ? c->b * 18 : 0);
+  return bytes;
 }
 #endif
 
@@ -405,6 +639,7 @@ FA_EXPORT void *fa_translate(fa_code *code, int64_t *size) {
   fa_pattern *const patterns[] = {&code->derivative, &code->guards, &code->update, &code->outputs, &code->entering};
   const int tangents = sizeof patterns / sizeof *patterns;
   for (int k = 0; k < tangents; k++) *size += fa_bytes_of_pattern(patterns[k]);
+  *size += fa_most_wide_bytes(&code->program[FA_DERIVATIVE_VALUES]);
 #endif
   uint8_t *const room = mmap(0, (size_t)*size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (room == MAP_FAILED) return 0;
@@ -421,6 +656,8 @@ FA_EXPORT void *fa_translate(fa_code *code, int64_t *size) {
     applied[k] = m.to;
     fa_write_pattern(&m, patterns[k]);
   }
+  uint8_t *stages = m.to;
+  if (!fa_write_wide(&m, &code->program[FA_DERIVATIVE_VALUES])) stages = 0;
 #endif
   if (m.full || mprotect(room, (size_t)*size, PROT_READ | PROT_EXEC)) {
     munmap(room, (size_t)*size);
@@ -429,6 +666,7 @@ FA_EXPORT void *fa_translate(fa_code *code, int64_t *size) {
   for (int k = FA_DERIVATIVE; k < FA_PROGRAMS; k++) memcpy(&code->program[k].machine, &entry[k], sizeof entry[k]);
 #ifdef FA_BLOCKS_OF_TANGENTS
   for (int k = 0; k < tangents; k++) memcpy(&patterns[k]->machine, &applied[k], sizeof applied[k]);
+  memcpy(&code->program[FA_DERIVATIVE_VALUES].lanes, &stages, sizeof stages);
 #endif
   return room;
 }

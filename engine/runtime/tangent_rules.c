@@ -5,29 +5,17 @@
 typedef struct {
   fa_columns S[FA_ROOM(FA_NX)];             /* states */
   fa_columns D[FA_ROOM(FA_ND)];             /* memories */
-  fa_columns line[FA_ROOM_LINE];            /* values in the delay lines */
   fa_columns dt, aim;                       /* of the present time, of the step's end */
   fa_columns begin, goal;                   /* of the segment's start and end, which several steps may divide */
   int moving;                               /* whether any of these is not zero */
   double *rows;                             /* output tangents, (direction, row, output) */
   int64_t height;                           /* how many rows */
   double least;                             /* smallest |g_x Phi_h + g_t| met, relative; small means grazing */
+  fa_columns line[FA_ROOM_LINE];            /* values in the delay lines; last, for it is large and seldom used */
 } fa_tangents;
 
 /* The Jacobian of the derivative at the four stages of a step, whose rates are k. The stages are known once the step has been
  * tried, so they are worked out together, in lanes; FA_AT_STAGE is that of one of them. */
-#ifdef FA_BYTECODE
-#define FA_JACOBIANS(j) double j[4 * FA_SIZE(FA_DERIVATIVE_NNZ)]
-#define FA_AT_STAGE(j, a) ((j) + (a) * FA_DERIVATIVE_NNZ)
-static void fa_jacobians(const fa_sim *s, const double *t, const double (*x)[FA_ROOM(FA_NX)], double *j) {
-  double u[FA_SIZE(FA_NI)];
-  for (int a = 0; a < 4; a++) {
-    fa_inputs(s, t[a], u);
-    fa_derivative_values(t[a], x[a], u, s->d, s->m, s->p, s->cp, s->cm, 0, FA_AT_STAGE(j, a));
-  }
-}
-#else
-#define FA_JACOBIANS(j) fa_lane j[FA_SIZE(FA_DERIVATIVE_NNZ)]
 #define FA_AT_STAGE(j, a) ((const double *)(j) + (a))
 static void fa_jacobians(const fa_sim *s, const double *t, const double (*x)[FA_ROOM(FA_NX)], fa_lane *j) {
   fa_lane time, state[FA_SIZE(FA_NX)], input[FA_SIZE(FA_NI)];
@@ -37,7 +25,6 @@ static void fa_jacobians(const fa_sim *s, const double *t, const double (*x)[FA_
   for (int i = 0; i < FA_NI; i++) input[i] = s->base[i] + s->slope[i] * (time - s->from[i]);
   fa_derivative_values_lanes(time, state, input, s->d, s->m, s->p, s->cp, s->cm, 0, j);
 }
-#endif
 
 /* Tangent of one RK4 step as it was tried from the present state, into T->S. dh may be NULL. With with_length, column FA_DIRS
  * of T->S becomes Phi_h: its only seed is a unit change of the length; and end receives the state at the end. */
@@ -49,9 +36,9 @@ FA_INLINE void fa_tangent_rk4(fa_sim *s, const fa_trial *trial, const fa_lane *d
   const double h = trial->h, *k[4] = {s->full, trial->k[0], trial->k[1], trial->k[2]};
   double t[4], x[4][FA_ROOM(FA_NX)];
   fa_columns dk[4][FA_SIZE(FA_NX + FA_SHARED)], y[FA_SIZE(FA_NX)], dt, length;
-  FA_JACOBIANS(j);
+  fa_lane j[FA_SIZE(FA_DERIVATIVE_NNZ)];
   t[0] = s->t;
-  memcpy(x[0], s->x, sizeof x[0]);
+  for (int i = 0; i < FA_NX; i++) x[0][i] = s->x[i];
   for (int a = 1; a < 4; a++) {
     t[a] = s->t + part[a] * h;
     for (int i = 0; i < FA_NX; i++) x[a][i] = s->x[i] + part[a] * h * k[a - 1][i];
@@ -157,12 +144,13 @@ static void fa_tangent_tick(void *sim, const double *fire) {
   fa_inputs(s, s->t, u);
   fa_update_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, j);
   memset(next, 0, sizeof next);
-  fa_update_tangent(s, j, T->S, T->D, 0, FA_LANES, next);
+  fa_update_tangent(s, j, T->S, T->D, 0, FA_OWN_LANES, next);
 #ifdef FA_LINES
   double v[FA_SIZE(FA_ENTERING_NNZ)];
   fa_columns entering[FA_SIZE(FA_NL)];
+  memset(entering, 0, sizeof entering);
   fa_entering_values(s->t, s->x, u, s->d, s->m, s->p, s->cp, s->cm, fire, v);
-  fa_entering_tangent(s, v, T->S, T->D, 0, FA_LANES, entering);
+  fa_entering_tangent(s, v, T->S, T->D, 0, FA_OWN_LANES, entering);
   for (int i = 0; i < FA_NLR; i++)
     if (fire[fa_line_clock[fa_read_line[i]]] != 0)
       memcpy(next[fa_read_memory[i]], T->line[fa_line_place(s, fa_read_line[i], FA_STAGE(s, i))], sizeof next[0]);
@@ -191,7 +179,7 @@ FA_EXPORT int fa_simulate_tangents(fa_job *job, const double *S0, const double *
   const fa_job *s = job; /* whose code says the sizes */
 #endif
   static _Thread_local fa_tangents T;
-  memset(&T, 0, sizeof T);
+  memset(&T, 0, (size_t)((char *)T.line - (char *)&T));
   for (int i = 0; i < FA_NX; i++) memcpy(T.S[i], S0 + i * FA_DIRS, sizeof(double) * FA_DIRS);
   for (int i = 0; i < FA_ND; i++) memcpy(T.D[i], D0 + i * FA_DIRS, sizeof(double) * FA_DIRS);
 #ifdef FA_LINES

@@ -252,4 +252,4 @@ def test_a_large_model_or_one_with_many_directions_gets_it_at_once() -> None:
     assert bytecode.simulation_code(model) is None
     small = load("reference-a").build()
     assert bytecode.tangent_code(small, (0,), bytecode.ROOMS[-1] + 1) is None
-    assert bytecode.room_for(4) == 7
+    assert bytecode.room_for(5) == 8
