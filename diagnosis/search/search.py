@@ -282,16 +282,23 @@ class _Search:
 
     def _deepen(self, count: int) -> None:
         """Add an effect to each of the best models that have one less, and try two at once."""
-        if count == 2:
-            self._pairs()
-        for number, parent in enumerate(self._parents(count - 1)):
-            # Two effects are likelier than three: where no pair explains all, those that lead less are extended too.
-            if (number >= SEARCH.beam and count > 2) or (number > 0 and self._enough(count + 1)):
-                return
-            kept = tuple(ended(parent, c) for c in parent.effects)
+        parents = self._parents(count - 1)
+        for best in parents[:1]:
             # What promised little beside the user's model may promise most beside the best one.
-            among = self.listed if number == 0 else self._order[: SEARCH.beside]
-            self._beside(kept, parent, SEARCH.fitted_beside, among)
+            self._extend(best, self.listed)
+        if count == 2 and not self._enough(count + 1):
+            # Two that hide each other promise little one by one; they are sought once no other pair explains all.
+            self._pairs()
+        # Two effects are likelier than three: where no pair explains all, those that lead less are extended too.
+        for parent in parents[1:] if count == 2 else parents[1 : SEARCH.beam]:
+            if self._enough(count + 1):
+                return
+            self._extend(parent, self._order[: SEARCH.beside])
+
+    def _extend(self, parent: ScoredModel, among: Sequence[Candidate]) -> None:
+        """Add one of some effects to a model."""
+        kept = tuple(ended(parent, c) for c in parent.effects)
+        self._beside(kept, parent, SEARCH.fitted_beside, among)
 
     def _parents(self, count: int) -> list[ScoredModel]:
         """The models of a number of effects that are worth most and those that leave least, each with its own effects.
