@@ -15,18 +15,18 @@ from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.initial_states import Statics, free_starts
 from diagnosis.estimation.parameters import Array, FreeParameter, free_parameters
 from diagnosis.estimation.problem import Problem
-from diagnosis.estimation.time_experiment import TimeExperiment
+from diagnosis.estimation.time_experiment import TimeExperiment, over_time
 from diagnosis.frequency_response.table_experiment import prepared
 from diagnosis.recordings.columns import RecordingError
 from diagnosis.recordings.noise import noise, spikes
 from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
 from diagnosis.thresholds import FITTING
-from engine.errors import FlexarmError, ParameterError, nearest
+from engine.errors import FlexarmError, ParameterError, SimulationError, nearest
 from engine.model import Model
 from engine.ports import MOTION
 from engine.quantity import convert
 from engine.start import start_values
-from engine.step import FOLLOWED, StepRule, fastest, internal_step
+from engine.step import FOLLOWED, StepRule, fastest, internal_step, stiffest
 from scenarios.amend import Edit
 from scenarios.load import Scenario
 from scenarios.variant import edited, renamed
@@ -143,7 +143,8 @@ def problem(scenario: Scenario, recordings: Sequence[Recorded]) -> Problem:
         )
     else:
         model, experiments = _over_time(scenario, [r for r in recordings if isinstance(r, Recording)])
-    return _pose(scenario, model, experiments, _tolerances(scenario, model))
+    posed = _pose(scenario, model, experiments, _tolerances(scenario, model))
+    return followed(posed, np.zeros(len(posed.free)))
 
 
 def variant(
@@ -243,6 +244,27 @@ def resolved(made: Problem, x: Array) -> Problem | None:
             return None
         finest = min(finest, internal_step(model, p, start, step, rule=made.steps))
     return replace(made, internal_step=max(finest, least))
+
+
+def followed(made: Problem, x: Array) -> Problem:
+    """The problem with an integration step that suits its parameters at ``x`` wherever they take it.
+
+    A spring that hardens is soft where a run begins, and many times as stiff where it is twisted most: the step of its
+    soft beginning would leave an error that looks like physics.
+    """
+    model = made.model
+    asked = made.scenario.simulation.internal_step if made.scenario.simulation else None
+    if asked is not None or made.internal_step is None or not model.stiffens:
+        return made
+    step, values = made.internal_step, made.values(x)[0]
+    for e in over_time(made.training):
+        p = model.parameter_vector({**values, **e.settings})
+        try:
+            states = e.visited(model, *made.values(x, e), made.internal_step)
+        except (ParameterError, SimulationError):
+            continue
+        step = min(step, max(internal_step(model, p, stiffest(model, p, states), step, rule=made.steps), e.finest_step))
+    return replace(made, internal_step=step)
 
 
 def _within(bounds: tuple[float, float]) -> tuple[float, float]:

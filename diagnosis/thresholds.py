@@ -140,6 +140,12 @@ class Fitting:
         "What moves faster than this many integration steps can follow, the data cannot show.",
         "the rules drawn together on 100 cases (ea5630f)",
     )
+    visited: int = number(
+        500,
+        "rows",
+        "States of a run among which the stiffest is looked for: a swing that is resolved lasts longer than a row.",
+        "random rig 581250",
+    )
     stable: float = number(
         2.0,
         "1",

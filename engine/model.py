@@ -365,6 +365,12 @@ class Model:
         return self.derived("jacobian", lambda e: [ca.jacobian(e.derivative, e.x)])
 
     @functools.cached_property
+    def stiffens(self) -> bool:
+        """Whether the rates of its modes depend on where its states are, as with a spring that hardens."""
+        e = self.equations
+        return any(ca.which_depends(ca.jacobian(e.derivative, e.x).nz[:], e.x, 1, False)) if self.states else False
+
+    @functools.cached_property
     def _evaluations(self) -> dict[str, Evaluation]:
         return {}
 

@@ -80,9 +80,8 @@ def _spectra(
 ) -> Iterator[tuple[NDArray[np.complex128], NDArray[np.float64]]]:
     """Eigenvalues with switches open, then closed to either side; and the states' shares in each, one column each."""
     e = model.equations
-    for level in (0.0, 1.0, -1.0) if model.count(SWITCH) else (0.0,):
-        m = [{FRICTION: 1.0, SWITCH: level}.get(mode.kind, 0.0) for mode in model.modes]
-        inputs = np.zeros(e.u.numel()) if u is None else u
+    inputs = np.zeros(e.u.numel()) if u is None else u
+    for m in _modes(model):
         matrix = model.at("jacobian")(0.0, x, inputs, np.zeros(e.d.numel()), m, p)
         if not matrix.size or not np.isfinite(matrix).all():
             continue
@@ -92,6 +91,25 @@ def _spectra(
             continue
         size = np.linalg.norm(matrix, axis=0)
         yield values, np.abs(vectors) * size[:, None]
+
+
+def _modes(model: Model) -> list[list[float]]:
+    """Modes with joints sliding: switches open, then closed to either side."""
+    levels = (0.0, 1.0, -1.0) if model.count(SWITCH) else (0.0,)
+    return [[{FRICTION: 1.0, SWITCH: level}.get(mode.kind, 0.0) for mode in model.modes] for level in levels]
+
+
+def stiffest(model: Model, p: Vector, states: NDArray[np.float64]) -> Vector:
+    """Of states that a run visits, shape (rows, states), the one where its rates are largest.
+
+    That is told by the size of the Jacobian, since a spring that hardens or a contact that gives way adds to it.
+    """
+    e = model.equations
+    inputs, memories, jacobian = np.zeros(e.u.numel()), np.zeros(e.d.numel()), model.at("jacobian")
+    sizes = [
+        max(float(np.linalg.norm(jacobian(0.0, x, inputs, memories, m, p))) for m in _modes(model)) for x in states
+    ]
+    return np.asarray(states[int(np.nanargmax(sizes))])
 
 
 def lasting_step(values: NDArray[np.complex128], stop: float) -> float:

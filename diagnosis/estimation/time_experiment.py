@@ -19,6 +19,7 @@ from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.thresholds import FITTING, NOISE
 from engine.errors import FlexarmError, ParameterError, SimulationError
 from engine.model import Model
+from engine.native import Outcome
 from engine.simulate import Drive, carried_out, prepare, simulate
 from engine.start import starting_names
 from engine.tangent import tangents
@@ -196,6 +197,29 @@ class TimeExperiment(Experiment):
         Raises:
             SimulationError: the run diverged.
         """
+        return self._run(model, parameters, starts, longest).y
+
+    def visited(
+        self, model: Model, parameters: dict[str, float], starts: dict[str, float], longest: float | None
+    ) -> Array:
+        """States that a run passes through, at most `FITTING.visited` rows of them; arguments as of `outputs`.
+
+        Raises:
+            SimulationError: the run diverged.
+        """
+        states = self._run(model, parameters, starts, longest, record_states=True).states
+        assert states is not None
+        return states[:: math.ceil(len(states) / FITTING.visited)]
+
+    def _run(
+        self,
+        model: Model,
+        parameters: dict[str, float],
+        starts: dict[str, float],
+        longest: float | None,
+        *,
+        record_states: bool = False,
+    ) -> Outcome:
         job = prepare(
             model,
             self.stop,
@@ -204,9 +228,10 @@ class TimeExperiment(Experiment):
             drive=self.drive,
             initial=self.begin.complete(starts),
             internal_step=longest,
+            record_states=record_states,
             log_capacity=0,
         )
-        return carried_out(model, job)[1].y
+        return carried_out(model, job)[1]
 
     def linearised(
         self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None

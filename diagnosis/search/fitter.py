@@ -19,7 +19,7 @@ from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
-from diagnosis.problems import problem, resolved, variant
+from diagnosis.problems import followed, problem, resolved, variant
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.coarse import coarse
 from diagnosis.search.evidence import ChosenSize
@@ -451,20 +451,25 @@ class CandidateFitter:
         """The partial fit fitted until it converges or hardly gains: to coarse recordings, or to all."""
         point = partial.point
         made = self.build(partial.effects, point.built, whole=True) if whole else point.problem
-        made = resolved(made, point.x) or made
-        with Threads(1) as pool:
-            x, cost, converged = descend(
-                made,
-                point.x,
-                made.training,
-                pool,
-                iterations=SEARCH.most_steps,
-                least_gain=SEARCH.slow,
-                noise=noise,
-                reach=reach,
-            )
-        if not math.isfinite(cost):  # it stands where the model cannot be differentiated
-            return partial
+        made, x = followed(resolved(made, point.x) or made, point.x), point.x
+        for _ in range(2):
+            with Threads(1) as pool:
+                x, cost, converged = descend(
+                    made,
+                    x,
+                    made.training,
+                    pool,
+                    iterations=SEARCH.most_steps,
+                    least_gain=SEARCH.slow,
+                    noise=noise,
+                    reach=reach,
+                )
+            if not math.isfinite(cost):  # it stands where the model cannot be differentiated
+                return partial
+            there = followed(made, x)
+            if there.internal_step == made.internal_step:
+                break
+            made = there  # the fit has gone where the model is stiffer
         return PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
 
     def _refined(self, partial: PartialFit, *, noise: Noise = "white") -> PartialFit:
