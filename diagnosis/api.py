@@ -245,10 +245,11 @@ def diagnose(
             other = study(again, without=how.without, progress=how.progress)
             if likelier(other, found):
                 fitter, found = again, other
-        if (anew := taken_otherwise(fitter, found)) is not None:
+        fitter = fitter.again(found.recordings)  # the search may have read them anew, or fitted a held-out one
+        if (anew := taken_otherwise(fitter, found.chosen)) is not None:
             fitter = fitter.again(anew)
             found = study(fitter, without=how.without, progress=how.progress, told=found.notes)
-        fitter = fitter.again(found.recordings)  # the search may have fitted a held-out one
+        fitter = fitter.again(found.recordings)
         return judge(as_reported(fitter, settled_by_spare_channels(fitter, found)), how.seed)
 
 

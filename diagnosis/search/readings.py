@@ -27,6 +27,7 @@ from diagnosis.search.evidence import evidence
 from diagnosis.search.fitter import CandidateFitter, end_of
 from diagnosis.search.partial_fit import place_of, standing
 from diagnosis.search.posterior import value
+from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
 from diagnosis.thresholds import SEARCH
 from engine.threads import Threads
@@ -118,21 +119,20 @@ def as_they_were_taken(scenario: Scenario, recordings: Sequence[Recorded], worke
     return kept
 
 
-def taken_otherwise(fitter: CandidateFitter, found: Study) -> list[Recorded] | None:
-    """A study's recordings as its best model follows them better than the user's own did; None if it does not.
+def taken_otherwise(fitter: CandidateFitter, model: ScoredModel) -> list[Recorded] | None:
+    """Recordings as a model with effects follows them better than the user's own did; None if it does not.
 
     Args:
-        fitter: where its models were fitted.
-        found: the study.
+        fitter: where it was fitted.
+        model: which.
     """
-    chosen = found.chosen
     for reading in READINGS:
-        other = [reading(fitter.base, r) for r in found.recordings]
-        if not chosen.effects or not _differ(other, found.recordings):
+        other = [reading(fitter.base, r) for r in fitter.recordings]
+        if not model.effects or not _differ(other, fitter.recordings):
             continue
-        began = end_of(chosen).built
-        made = _with_noise_of(chosen.fit.problem, fitter.again(other).build(chosen.effects, began, whole=True))
-        if _likelier(_fitted(made, chosen.fit, fitter.workers), chosen.fit):
+        began = end_of(model).built
+        made = _with_noise_of(model.fit.problem, fitter.again(other).build(model.effects, began, whole=True))
+        if _likelier(_fitted(made, model.fit, fitter.workers), model.fit):
             return other
     return None
 

@@ -18,6 +18,7 @@ from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import drawn_back, ended, standing
 from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, probabilities, strained
 from diagnosis.search.ranking import best_ways, cut, ranked, related, spoken_for
+from diagnosis.search.readings import taken_otherwise
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, together
 from diagnosis.search.study import Study
@@ -55,6 +56,10 @@ def study(
     scales.lines, scales.refitted = lines(refit), refit.fit.x
     search = _Search(fitter, refit, candidates(scales, without), progress)
     search.fit_known(known)
+    search.begin()
+    if anew := taken_otherwise(fitter, search.known.best):
+        # How a file is to be read was told by a model without the effect, and all that follows hangs on it.
+        return study(fitter.again(anew), most=most, without=without, progress=progress, told=told, known=known)
     search.run(most)
     found = search.known
     # What is missing in held-out recordings alone may hide there what training recordings have shown.
@@ -99,10 +104,22 @@ class _Search:
         self._order: list[Candidate] = []
         self._seen: list[Candidate] = []
         """Effects that were looked at beside the user's model alone."""
+        self._begun: bool | None = None
+        """Whether the first effect was sought, once that is known."""
+
+    def begin(self) -> None:
+        """Add one effect, if even a perfect one would pay; once."""
+        if self._begun is None:
+            self._begun = not self._enough(1)
+            if self._begun:
+                self._first()
+                self._vary(self.known.best)
 
     def run(self, most: int) -> None:
         """Add effects one by one, from the best few models, while even a perfect further effect would pay."""
-        self._grow(most)
+        self.begin()
+        if self._begun:
+            self._grow(most)
         for model in self._near():
             self._put_in_place_of_equals(model)
         for model in self._near():
@@ -184,7 +201,7 @@ class _Search:
         return keys in self.known and 0.5 * (self.known[keys].fit.cost - model.fit.cost) < SEARCH.effort
 
     def _grow(self, most: int) -> None:
-        for count in range(1, most + 1):
+        for count in range(2, most + 1):
             if count == 2 and not self._enough(count):
                 # What is better than the best may have looked worse after a few steps on coarse recordings.
                 self._finish_waiting()
@@ -196,7 +213,7 @@ class _Search:
             leading = [m.keys for m in self.known.leading]
             done = complete(before, self.known.refit)
             steady = before.left.varying < self.known.price + SEARCH.effort and not misses(before.left)
-            if count > 1 and before.effects and (done or steady):
+            if before.effects and (done or steady):
                 # What is as strong whatever moves, and little, is a sensor's coloured noise, or one weak effect more;
                 # what is little beside the effects that are in is a nuisance, or one weak effect more.
                 # Two weak effects may each owe too little while the other is missing: what leads is extended as it is.
@@ -204,13 +221,11 @@ class _Search:
                 than = whole if len(whole.effects) < most else before
                 kept = tuple(ended(than, c) for c in than.effects)
                 self._beside(kept, than, SEARCH.fitted_beside, self.listed if done else self._order[: SEARCH.beside])
-            elif count == 1:
-                self._first()
             else:
                 self._deepen(count)
             self._vary(self.known.best)
             # What leads may be told without an effect that only a third one makes worth its while.
-            if count > 1 and [m.keys for m in self.known.leading] == leading:
+            if [m.keys for m in self.known.leading] == leading:
                 return
 
     def _leader(self, count: int) -> ScoredModel:
