@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from diagnosis.effects.effect import ANY, NAME, Candidate, EffectParameter, Sizes, combinations, with_unit
 from diagnosis.effects.insertion import in_signal
 from diagnosis.effects.places import Place
@@ -48,12 +46,11 @@ def at_command(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
 
 
 def _steps(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
-    """Steps of a command, of heights that stand out in what the refitted model leaves, if any do."""
+    """Steps of a command, of heights that stand out in what the best model leaves, if any do."""
     problem, size, name = scales.problem, place.size, f"{NAME}_command_quantisation"
     if place.target not in [v.name for v in problem.model.inputs]:
         return  # within a loop nothing was recorded
-    start = np.zeros(len(problem.free)) if scales.refitted is None else scales.refitted
-    found = heights(problem, start, place.target, size, MOST_STEPS)
+    found = heights(problem, scales.begun, place.target, size, MOST_STEPS, scales.residual)
     if not found:
         return
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from diagnosis.effects.effect import Candidate, EffectParameter, Sizes, Wave, combinations, shares, with_unit
 from diagnosis.effects.insertion import at_flange, in_signal
 from diagnosis.effects.orders import standing_out
@@ -81,7 +79,7 @@ def at_loaded_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate
 
 
 def at_driven_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
-    """Cogging, only at the shaft that a drive turns, and of orders that stand out in what the refitted model leaves.
+    """Cogging, only at the shaft that a drive turns, and of orders that stand out in what the best model leaves.
 
     It is a torque ripple of an order above those that are tried anywhere: magnets pull at the teeth of a motor, and all
     orders to a hundred are too many to be tried one by one.
@@ -91,8 +89,7 @@ def at_driven_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate
         if port not in scales.system.blocks[name].cut_after or place.sliding or not drives(scales.system, name):
             continue
         here = scales.member(place, flange)
-        start = np.zeros(len(scales.problem.free)) if scales.refitted is None else scales.refitted
-        orders = standing_out(scales.problem, start, flange, COGGING, MOST_ORDERS)
+        orders = standing_out(scales.problem, scales.begun, flange, COGGING, MOST_ORDERS, scales.residual)
         if not orders:
             continue
         made = [float(order) for order in orders]

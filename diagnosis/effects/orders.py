@@ -8,7 +8,7 @@ phase may differ, since the angle of a shaft that turns fast is not known to a f
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.fft
@@ -29,22 +29,29 @@ FASTEST = 2.6
 """Radians that a wave may advance within a sample: pi is the end of what samples show."""
 
 
-def standing_out(problem: Problem, x: Array, flange: str, orders: Sequence[int], most: int) -> list[int]:
-    """The orders of waves on a shaft that explain most of what a model leaves over, the best first.
+Left = Callable[[Experiment], Array]
+"""What is left over of an experiment, shape (samples, signals)."""
+
+
+def standing_out(
+    problem: Problem, x: Array, flange: str, orders: Sequence[int], most: int, left: Left | None = None
+) -> list[int]:
+    """The orders of waves on a shaft that explain most of what is left over, the best first.
 
     Args:
-        problem: the model.
+        problem: the model that answers to the waves.
         x: its search vector, as fitted.
         flange: of the shaft.
         orders: waves per revolution to choose from, next to one another.
         most: number of orders.
+        left: what is left over, by that model if None.
 
     Returns:
         The first with its neighbours, since a model that turns a per cent too fast takes a high order for the next one;
         of the others the peaks, in pieces and as a whole by turns.
     """
     ranked = []
-    for scores in explained_energy(problem, x, flange, orders):
+    for scores in explained_energy(problem, x, flange, orders, left):
         rows = np.concatenate([[-np.inf], scores, [-np.inf]])
         peaks = [k for k in np.argsort(-scores) if scores[k] > 0 and rows[k] <= scores[k] >= rows[k + 2]]
         ranked.append([orders[k] for k in peaks])
@@ -53,21 +60,22 @@ def standing_out(problem: Problem, x: Array, flange: str, orders: Sequence[int],
     return list(dict.fromkeys([*found[:1], *beside, *found[1:]]))[:most]
 
 
-def explained_energy(problem: Problem, x: Array, flange: str, orders: Sequence[int]) -> Array:
-    """What waves explain of what a model leaves of the training recordings, in its variances, beyond chance.
+def explained_energy(problem: Problem, x: Array, flange: str, orders: Sequence[int], left: Left | None = None) -> Array:
+    """What waves explain of what is left over of the training recordings, in its variances, beyond chance.
 
     Args:
-        problem: the model.
+        problem: the model that answers to the waves.
         x: its search vector, as fitted.
         flange: of the shaft.
         orders: waves per revolution.
+        left: as of `standing_out`.
 
     Returns:
         Shape (2, orders): piece by piece, and with one phase for each recording; zero where nothing can be said.
     """
     nothing: Array = np.zeros((2, len(orders)))
     try:
-        answer = _Answer(problem, x, flange)
+        answer = _Answer(problem, x, flange, left or (lambda e: problem.residual(x, e)))
         return sum((answer.explained(e, orders) for e in problem.training), nothing)
     except FlexarmError:
         return nothing
@@ -77,14 +85,14 @@ class _Answer:
     """What a torque on a shaft does to the sensors, and the angle of the shaft.
 
     Args:
-        problem, x, flange: as of `standing_out`.
+        problem, x, flange, left: as of `standing_out`.
 
     Raises:
         FlexarmError: the model cannot be linearised there.
     """
 
-    def __init__(self, problem: Problem, x: Array, flange: str) -> None:
-        self.problem, self.x, self.flange = problem, x, flange
+    def __init__(self, problem: Problem, x: Array, flange: str, left: Left) -> None:
+        self.problem, self.x, self.flange, self.left = problem, x, flange, left
         system, driven = problem.scenario.system, [v.name for v in problem.model.inputs]
         self.linear = LinearAnswer(problem, x, flange)
         self.turning = build(system, driven, [f"{flange}.angle"]) if not slides(system, flange) else None
@@ -96,7 +104,7 @@ class _Answer:
         """
         if not isinstance(e, TimeExperiment) or self.turning is None or len(e.time) < 2 * PIECE:
             return np.zeros((2, len(orders)))
-        rows, interval = e.evenly(np.column_stack([self._angle(e), self.problem.residual(self.x, e)]))
+        rows, interval = e.evenly(np.column_stack([self._angle(e), self.left(e)]))
         angle, residual = rows[:, 0], rows[:, 1:]
         step = np.abs(np.gradient(angle))[:, None]
         waves = np.where(step * np.asarray(orders) < FASTEST, np.exp(1j * angle[:, None] * np.asarray(orders)), 0.0)

@@ -7,7 +7,7 @@ mass.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -55,8 +55,9 @@ class OperatingScales:
         torque: flange -> size of the torques that act there.
         speed, angle: flange -> size of its motion.
         inertia: flange -> inertia felt there.
-        lines: frequencies (rad/s) that stand out in what the refitted model leaves over.
-        refitted: search vector of that model, if there is one yet.
+        lines: frequencies (rad/s) that stand out in what the best model so far leaves over.
+        fitted: the nominal problem's parameters in that model, as a search vector, if there is one yet.
+        left: what it leaves over: training recording -> residual, shape (samples, signals).
     """
 
     problem: Problem
@@ -69,7 +70,18 @@ class OperatingScales:
     angle: dict[str, float] = field(default_factory=dict)
     inertia: dict[str, float] = field(default_factory=dict)
     lines: list[float] = field(default_factory=list)
-    refitted: Array | None = None
+    fitted: Array | None = None
+    left: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def begun(self) -> Array:
+        """`fitted`, or the given parameters where nothing is fitted yet."""
+        return np.zeros(len(self.problem.free)) if self.fitted is None else self.fitted
+
+    def residual(self, e: Experiment) -> Array:
+        """What is left over of a training recording, by `left` or else by the nominal model."""
+        found = self.left.get(e.name)
+        return self.problem.residual(self.begun, e) if found is None else found
 
     @property
     def sample(self) -> float:

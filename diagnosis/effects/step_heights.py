@@ -15,6 +15,7 @@ import numpy as np
 import scipy.fft
 
 from diagnosis.effects.linear_answer import LinearAnswer, white, whitened
+from diagnosis.effects.orders import Left
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
@@ -42,15 +43,16 @@ WORTH = 30.0
 """What a height must explain, in variances of the noise: the best of thousands explains twenty by chance."""
 
 
-def heights(problem: Problem, x: Array, target: str, size: float, most: int) -> list[float]:
-    """Heights of steps of a recorded command that explain most of what a model leaves over, the best first.
+def heights(problem: Problem, x: Array, target: str, size: float, most: int, left: Left | None = None) -> list[float]:
+    """Heights of steps of a recorded command that explain most of what is left over, the best first.
 
     Args:
-        problem: the model.
+        problem: the model that answers to the command.
         x: its search vector, as fitted.
         target: the driven input.
         size: its largest value.
         most: number of heights.
+        left: what is left over, by that model if None.
     """
     try:
         answer = LinearAnswer(problem, x, target)
@@ -58,15 +60,15 @@ def heights(problem: Problem, x: Array, target: str, size: float, most: int) -> 
         return []
     number = [v.name for v in problem.model.inputs].index(target)
     over_time = [e for e in problem.training if isinstance(e, TimeExperiment) and e.drive is not None]
-    left = [_LeftOver(problem, x, answer, e, number) for e in over_time]
+    parts = [_LeftOver(answer, e, number, left(e) if left else problem.residual(x, e)) for e in over_time]
 
     def explained(grid: Sequence[float]) -> Array:
-        return sum((one.explained(grid) for one in left), np.zeros(len(grid)))
+        return sum((one.explained(grid) for one in parts), np.zeros(len(grid)))
 
-    grid = standing_out(left, size)
+    grid = standing_out(parts, size)
     score = explained(grid)
     between = [
-        1 / (1 / grid[k] + part * NEAR / size) for k in np.argsort(-score)[:LOOKED_AT] for part in (-1 / 3, 1 / 3)
+        1 / (1 / grid[k] + share * NEAR / size) for k in np.argsort(-score)[:LOOKED_AT] for share in (-1 / 3, 1 / 3)
     ]
     grid, score = [*grid, *between], np.concatenate([score, explained(between)])
     chosen: list[float] = []
@@ -114,19 +116,19 @@ def _waves(one: _LeftOver, period: float) -> Array:
 
 
 class _LeftOver:
-    """What a model leaves over of an experiment, and what a change of one of its inputs would do to it.
+    """What is left over of an experiment, and what a change of one of its inputs would do to it.
 
     Attributes:
         command: the input, as it is held at each sample.
         wanted: by how much half the squared residual would fall for a unit more of the input at each sample.
     """
 
-    def __init__(self, problem: Problem, x: Array, answer: LinearAnswer, e: TimeExperiment, number: int) -> None:
+    def __init__(self, answer: LinearAnswer, e: TimeExperiment, number: int, left: Array) -> None:
         assert e.drive is not None
         values = np.asarray(e.drive.values, dtype=float).reshape(len(np.asarray(e.drive.time)), -1)[:, number]
         # What is held since the last row, at the samples.
         last = np.searchsorted(np.asarray(e.drive.time), np.asarray(e.time) + 1e-9, side="right") - 1
-        rows, interval = e.evenly(np.column_stack([values[np.maximum(last, 0)], problem.residual(x, e)]))
+        rows, interval = e.evenly(np.column_stack([values[np.maximum(last, 0)], left]))
         self.command, residual = rows[:, 0], rows[:, 1:]
         count = 2 * len(self.command)
         held = np.exp(-1j * np.pi * scipy.fft.fftfreq(count)) * np.sinc(scipy.fft.fftfreq(count))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
-from diagnosis.search.partial_fit import drawn_back, ended, standing
+from diagnosis.search.partial_fit import drawn_back, ended, place_of, standing
 from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, probabilities, strained
 from diagnosis.search.ranking import best_ways, cut, ranked, related, spoken_for
 from diagnosis.search.readings import taken_otherwise
@@ -52,9 +52,14 @@ def study(
     base = fitter.base
     zero = np.zeros(len(base.free))
     before = (base.chi2(zero, base.training), base.chi2(zero, base.held_out))
-    scales = operating_scales(base)
-    scales.lines, scales.refitted = lines(refit), refit.fit.x
-    search = _Search(fitter, refit, candidates(scales, without), progress)
+    scales = _seen_beside(operating_scales(base), refit)
+    search = _Search(
+        fitter,
+        refit,
+        candidates(scales, without),
+        progress,
+        lambda model: candidates(_seen_beside(scales, model), without),
+    )
     search.fit_known(known)
     search.begin()
     if anew := taken_otherwise(fitter, search.known.best):
@@ -78,12 +83,16 @@ def study(
     return search.study(before, scales, told) if search.add_curves(named) else named
 
 
-def lines(refit: ScoredModel) -> list[float]:
-    """Frequencies (rad/s) that stand out in what the refitted model leaves over of the training recordings."""
-    problem, found = refit.fit.problem, dict[float, float]()
+def _seen_beside(scales: OperatingScales, model: ScoredModel) -> OperatingScales:
+    """Scales with what a model leaves over: its frequencies, and what stands out by a shaft's angle or a command."""
+    problem, x, standing_at = model.fit.problem, model.fit.x, standing(model.fit)
+    left = {e.name: problem.residual(x, e) for e in problem.training}
+    fitted = np.array([f.position(standing_at.get(place_of(f), f.start)) for f in scales.problem.free])
+    found = dict[float, float]()
     for e in problem.training:
-        found |= e.lines(problem.residual(refit.fit.x, e), SEARCH.lines)
-    return sorted(found, key=lambda w: -found[w])[: SEARCH.lines]
+        found |= e.lines(left[e.name], SEARCH.lines)
+    lines = sorted(found, key=lambda w: -found[w])[: SEARCH.lines]
+    return replace(scales, lines=lines, fitted=fitted, left=left)
 
 
 class _Search:
@@ -94,12 +103,18 @@ class _Search:
         refit: the user's model, fitted.
         listed: effects at places.
         progress: told what is done.
+        beside: lists them by what a model leaves over; as they are, if None.
     """
 
     def __init__(
-        self, fitter: CandidateFitter, refit: ScoredModel, listed: Sequence[Candidate], progress: Progress | None
+        self,
+        fitter: CandidateFitter,
+        refit: ScoredModel,
+        listed: Sequence[Candidate],
+        progress: Progress | None,
+        beside: Callable[[ScoredModel], list[Candidate]] | None = None,
     ) -> None:
-        self.fitter, self.listed, self.progress = fitter, list(listed), progress
+        self.fitter, self.listed, self.progress, self._list = fitter, list(listed), progress, beside
         self.known = TriedModels(fitter, refit, sum(1 for c in self.listed if not c.freed), progress)
         self._order: list[Candidate] = []
         self._seen: list[Candidate] = []
@@ -219,8 +234,7 @@ class _Search:
                 # Two weak effects may each owe too little while the other is missing: what leads is extended as it is.
                 whole = self.known.leading[1]
                 than = whole if len(whole.effects) < most else before
-                kept = tuple(ended(than, c) for c in than.effects)
-                self._beside(kept, than, SEARCH.fitted_beside, self.listed if done else self._order[: SEARCH.beside])
+                self._extend(than, self.listed if done else self._order[: SEARCH.beside])
             else:
                 self._deepen(count)
             self._vary(self.known.best)
@@ -311,7 +325,15 @@ class _Search:
             self._extend(parent, self._order[: SEARCH.beside])
 
     def _extend(self, parent: ScoredModel, among: Sequence[Candidate]) -> None:
-        """Add one of some effects to a model."""
+        """Add one of some effects to a model, or one that only shows in what this model leaves over.
+
+        A vibration's frequency or a cogging's order is hidden as long as something larger is missing.
+        """
+        if self._list is not None:
+            listed, known = self._list(parent), {(c.key, c.option) for c in self.listed}
+            anew, new = {(c.key, c.option): c for c in listed}, [c for c in listed if (c.key, c.option) not in known]
+            self.listed += new
+            among = [*(anew.get((c.key, c.option), c) for c in among), *new]
         kept = tuple(ended(parent, c) for c in parent.effects)
         self._beside(kept, parent, SEARCH.fitted_beside, among)
 
