@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -72,6 +72,7 @@ class Start:
         measured: free names that first samples of stated noise tell.
         follows: coordinates that move with free ones so that the rest stays in equilibrium: name -> free name ->
             derivative.
+        let_go: whether it begins out of equilibrium: all positions are free, and nothing measures some of them.
     """
 
     free: tuple[str, ...] = ()
@@ -79,6 +80,7 @@ class Start:
     deviations: Mapping[str, float] = field(default_factory=dict)
     measured: frozenset[str] = frozenset()
     follows: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    let_go: bool = False
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
         """Starting values in which the following coordinates are where the free ones among ``values`` put them."""
@@ -131,7 +133,7 @@ class Statics:
             given: starting values that the user states (SI).
             as_measured: every coordinate that a measurement speaks of is free, and its speed too.
             before: where it begins on the model of which this is a variant, for what no output of this one tells: a
-                sensor's lag or bias may stand between.
+                sensor's lag or bias may stand between. If it is let go of there, so is what the variant adds.
 
         Raises:
             RecordingError: a name that has no starting value, or that is given a value that the others contradict.
@@ -145,6 +147,8 @@ class Statics:
                 )
         if not (free or given or as_measured):
             return Start()
+        if before is not None and before.let_go:
+            free = (*free, *self._others([*given, *free]))
         positions, speeds = self._rows(samples, 0), self._rows(samples, 1)
         if as_measured:
             free = self._measured_names(positions[0], speeds[0], free, given)
@@ -166,7 +170,12 @@ class Statics:
                 values[name] = given.get(name, at)
                 deviations[name] = deviation
         made = Start(
-            tuple(free), values, {name: deviations[name] for name in free}, frozenset(said & set(free)), follows
+            tuple(free),
+            values,
+            {name: deviations[name] for name in free},
+            frozenset(said & set(free)),
+            follows,
+            not self._others([*given, *free]) and self._unmeasured(free, positions[0]),
         )
         try:
             start_values(self.model, self.p, dict(made.values))
@@ -380,6 +389,19 @@ class Statics:
                 if len(taken) >= said.shape[1]:
                     break
         return made
+
+    def _positions(self, names: Iterable[str]) -> Array:
+        """The positions among some names as rows of coordinates."""
+        rows = [row for name in names if (row := self._row(name, 0)) is not None]
+        return np.array(rows).reshape(-1, self.n)
+
+    def _others(self, names: Iterable[str]) -> list[str]:
+        """Coordinates that, together with the positions among some names, fix all."""
+        return [self.model.states[j].name for j in _completing(self._positions(names), self.n)]
+
+    def _unmeasured(self, names: Iterable[str], measured: Array) -> bool:
+        """Whether a position among some names is told by none of the measured ones, given as rows."""
+        return len(_new_rows(measured, self._positions(names))) > 0
 
     def _first_order(self, name: str, samples: FirstSamples) -> tuple[float, float]:
         """A first-order state: its sample where it is measured, else the model's own start."""

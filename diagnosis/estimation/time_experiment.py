@@ -82,6 +82,7 @@ class TimeExperiment(Experiment):
         made = statics.at(self.settings).start(
             samples, self.free, self.stated, as_measured=as_measured, before=self.begin
         )
+        told = {place: made.free for place in self.assumed if place[-2:] == ("initial", "free")}
         return replace(
             self,
             free=made.free,
@@ -90,6 +91,7 @@ class TimeExperiment(Experiment):
             measured_starts=made.measured,
             begin=made,
             first=samples,
+            assumed={**self.assumed, **told},
         )
 
     def _first_samples(self, inputs: int) -> FirstSamples:
