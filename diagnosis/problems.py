@@ -259,11 +259,17 @@ def followed(made: Problem, x: Array) -> Problem:
     step, values = made.internal_step, made.values(x)[0]
     for e in over_time(made.training):
         p = model.parameter_vector({**values, **e.settings})
-        try:
-            states = e.visited(model, *made.values(x, e), made.internal_step)
-        except (ParameterError, SimulationError):
-            continue
-        step = min(step, max(internal_step(model, p, stiffest(model, p, states), step, rule=made.steps), e.finest_step))
+        states = None
+        while states is None:
+            try:
+                states = e.visited(model, *made.values(x, e), step)
+            except (ParameterError, SimulationError):
+                if step / 2 < e.finest_step:
+                    break
+                step /= 2  # as stiff as it becomes, it ran away
+        else:
+            stiff = internal_step(model, p, stiffest(model, p, states), step, rule=made.steps)
+            step = max(stiff, min(step, e.finest_step))
     return replace(made, internal_step=step)
 
 

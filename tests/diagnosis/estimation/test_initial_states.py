@@ -197,6 +197,28 @@ def test_an_amended_model_begins_in_its_own_equilibrium(arm: Path) -> None:
     assert positions == pytest.approx(sorted([motor, sagging(motor), sagging(motor)]), abs=1e-9)
 
 
+@pytest.mark.parametrize(("free", "added"), [("rotor.shaft.angle", 0), ("rotor.shaft.angle, link.shaft.angle", 1)])
+def test_where_a_recording_begins_out_of_equilibrium_what_an_amended_model_adds_does_too(
+    arm: Path, free: str, added: int
+) -> None:
+    """The link is let go of, as nothing measures it: so is the tip that a spring sets free of it."""
+    experiment(arm, [MOTOR], f"{{free: [{free}]}}")
+    arm.write_text(
+        arm.read_text()
+        .replace("connect:", "  tip: {type: Inertia, inertia: 0.1 kg.m2}\nconnect:")
+        .replace("link.shaft, bearing", "link.shaft, tip.shaft, bearing")
+    )
+    scenario = load(arm)
+    base = problem(scenario, [find_recording(scenario, "run")])
+    spring = {"stiffness": 60.0, "damping": 0.01}
+    amended = variant(base, [Between("give", "SpringDamper", "tip.shaft", "a", "b", spring)])
+    (e,) = amended.experiments
+    assert isinstance(e, TimeExperiment)
+    assert len(e.free) == len(free.split(",")) + added
+    assert len(e.begin.follows) == (0 if added else 2)
+    assert len([f for f in amended.free if f.recording]) == len(e.free)
+
+
 @pytest.mark.parametrize("samples_a_period", [7.0, 9.0, 14.0, 30.0, 200.0])
 def test_a_start_in_mid_swing_is_known_no_better_than_its_samples_tell(samples_a_period: float) -> None:
     """The slope of a sine at any phase lies within what is said of it, however few samples a period has."""

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.effects.scales import OperatingScales
 from diagnosis.estimation.leftover import Leftover
 from diagnosis.estimation.parameters import FreeParameter
+from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search import search as searching
 from diagnosis.search import tried_models
 from diagnosis.search.partial_fit import PartialFit, StartingPoint
@@ -356,6 +358,46 @@ def test_beside_the_best_pair_what_promised_least_alone_is_looked_at_too(monkeyp
     monkeypatch.setattr(searching, "courses", courses)
     found = run(world, [LAG, payload, *others, offset])
     assert found.known.best.keys == {LAG.key, payload.key, offset.key}
+
+
+def test_what_only_shows_once_something_larger_is_in_is_sought_then() -> None:
+    """No order of a cogging stands out in what the user's model leaves; one does in what friction leaves."""
+    cogging = effect("cogging")
+    world = World(by({FRICTION.key: 3e5, f"{FRICTION.key} + {cogging.key}": 0.0}), {cogging.key: 60.0})
+    listed = [FRICTION, *OTHERS]
+    seen: list[Any] = []
+
+    def beside(model: Any) -> list[Candidate]:
+        seen.append(model.keys)
+        return [*listed, cogging] if FRICTION.key in model.keys else listed
+
+    made = searching._Search(world, world.refit, listed, None, beside)  # type: ignore[arg-type]
+    made.run(3)
+    assert made.known.best.keys == {FRICTION.key, cogging.key}
+    assert seen[0] == {FRICTION.key}
+
+
+def test_frequencies_are_those_of_what_a_model_leaves_over() -> None:
+    time = np.arange(0.0, 4.0, 0.01)
+    left = {"run": np.sin(2 * math.pi * 3.0 * time)[:, None]}
+    e = TimeExperiment(
+        name="run",
+        role="train",
+        time=time,
+        step=1e-3,
+        every=10,
+        drive=None,
+        measured=left["run"],
+        sigma=np.ones(1),
+        from_first=(False,),
+    )
+    problem = SimpleNamespace(training=[e], free=(), residual=lambda x, e: left[e.name])
+    model: Any = SimpleNamespace(fit=SimpleNamespace(problem=problem, x=np.zeros(0)))
+    nominal: Any = SimpleNamespace(free=(), residual=lambda x, e: 0 * left[e.name])
+    scales = searching._seen_beside(OperatingScales(nominal), model)
+    assert scales.lines[0] == pytest.approx(2 * math.pi * 3.0, rel=0.02)
+    assert scales.residual(e) is left["run"]
+    assert not OperatingScales(nominal).residual(e).any()
 
 
 def test_what_does_as_well_alone_is_tried_beside_the_second_effect_too() -> None:
