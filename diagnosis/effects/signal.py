@@ -14,6 +14,9 @@ from scenarios.amend import Edit, InSignal, Set
 FEW = (1e-3, 5e-3, 0.02, 0.08, 0.2)
 """Starting sizes as shares of the largest value."""
 
+SIDES = ((1.0, 1.0), (1.0, 0.5), (0.5, 1.0))
+"""Shares of a starting size to either side."""
+
 CORNERS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 """Time constants of the lags that are tried, in samples."""
 
@@ -31,7 +34,8 @@ def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     """What may lie between a driven signal and the block it drives."""
     size, sample = place.size, scales.sample
     both = (EffectParameter("lower", size), EffectParameter("upper", size, like=("lower",)))
-    few = tuple({"lower": -s, "upper": s} for s in shares(size, *FEW))
+    # An offset imitates two sides that differ, and would promise more than two that are alike.
+    few = tuple({"lower": -s * a, "upper": s * b} for s in shares(size, *FEW) for a, b in SIDES)
     yield from in_signal(place, "dead_zone", "DeadZone", few, *both)
     limits = tuple({"lower": -s, "upper": s} for s in shares(size, 0.999, 0.99, 0.975, 0.95, 0.9, 0.8, 0.7, 0.55, 0.4))
     # Of an input that only switches between two values, a limit shows where it is not the same at both ends.

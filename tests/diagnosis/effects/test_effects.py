@@ -15,12 +15,14 @@ from blocks.actuators.dc_motor import DCMotor
 from blocks.links.assumed_modes import AssumedModesLink
 from blocks.links.inertia import Inertia
 from blocks.registry import registry
-from diagnosis.api import diagnose, possible_effects
+from diagnosis.api import diagnose, gather, possible_effects
 from diagnosis.effects import registered as registering
-from diagnosis.effects.catalogue import EFFECTS, check_names
+from diagnosis.effects.catalogue import EFFECTS, candidates, check_names
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.insertion import at_flange, in_joint, in_signal
 from diagnosis.effects.places import INPUT, SHAFT
+from diagnosis.effects.scales import operating_scales
+from diagnosis.problems import problem
 from engine.block import Block, flange, parameter, signal_in
 from engine.errors import FlexarmError, ParameterError
 from engine.ports import TRANSLATIONAL
@@ -550,3 +552,11 @@ def test_a_spring_behind_a_gear_has_the_sizes_of_its_own_side(tmp_path: Path, ef
         found = possible_effects(rig(tmp_path / name, blocks, connect, (drive, "N.m"), ends))
         sizes.append(next(c for c in found if (c.effect, c.place) == (effect, "joint")).starts[0][size])
     assert sizes[1] == pytest.approx(sizes[0], rel=1e-3)
+
+
+def test_a_dead_zone_is_begun_with_sides_that_differ_too(tmp_path: Path) -> None:
+    """Where one side is wider an offset goes with it, and promises more than any zone that is alike on both."""
+    scenario = load(case(tmp_path))
+    scales = operating_scales(problem(scenario, gather(scenario, (), ())))
+    (zone,) = [c for c in candidates(scales) if c.effect == "dead_zone"]
+    assert {round(-start["lower"] / start["upper"], 6) for start in zone.starts} == {0.5, 1.0, 2.0}
