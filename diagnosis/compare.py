@@ -122,6 +122,8 @@ def _compare_time(scenario: Scenario, recording: Recording) -> Comparison:
         notes.append("no input was recorded; the scenario's own sources drive the simulation")
     step, exact = row_interval(recording.time, scenario.simulation.step if scenario.simulation else 1e-3)
     internal = scenario.simulation.internal_step if scenario.simulation else None
+    if internal is None and model.stiffens:
+        internal = problem(scenario, [recording]).internal_step  # as a fit takes it
     stop = step * exact * (len(recording.time) - 1) if exact else float(recording.time[-1]) + step
     data = np.column_stack([c.values * f for c, f in zip(recording.measurements, binding.factors, strict=True)])
     initial, note = fitted_start(scenario, recording)

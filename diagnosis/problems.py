@@ -257,7 +257,7 @@ def followed(made: Problem, x: Array) -> Problem:
     if asked is not None or made.internal_step is None or not model.stiffens:
         return made
     step, values = made.internal_step, made.values(x)[0]
-    for e in over_time(made.training):
+    for e in over_time(made.training or made.experiments):
         p = model.parameter_vector({**values, **e.settings})
         states = None
         while states is None:

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from diagnosis.api import gather
+from diagnosis.compare import compare
 from diagnosis.problems import problem
 from engine.step import STEP_PER_RATE
 from scenarios.load import load
@@ -72,5 +73,6 @@ def test_the_step_suits_a_spring_where_it_is_twisted_most(tmp_path: Path) -> Non
     assert INTERVAL / 8 <= made.internal_step < 1.1 * STEP_PER_RATE / stiff
     # Damped as it is, the swing is followed to a noise's breadth; with the step of its soft beginning it is not.
     assert made.chi2(given, made.training) < 1.3
+    assert compare(scenario, "run").signals["rotor.shaft.angle"].rmse < 1.2 * NOISE
     beginning = replace(made, internal_step=min(INTERVAL, STEP_PER_RATE / soft))
     assert beginning.chi2(given, made.training) > 100
