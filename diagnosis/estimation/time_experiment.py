@@ -19,6 +19,7 @@ from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.thresholds import FITTING, NOISE
 from engine.errors import FlexarmError, ParameterError, SimulationError
 from engine.model import Model
+from engine.native import Job
 from engine.simulate import Drive, carried_out, prepare, simulate
 from engine.start import starting_names
 from engine.tangent import tangents
@@ -196,7 +197,16 @@ class TimeExperiment(Experiment):
         Raises:
             SimulationError: the run diverged.
         """
-        job = prepare(
+        job = self.job(model, parameters, starts, longest)
+        return carried_out(model, job)[1].y
+
+    def job(self, model: Model, parameters: dict[str, float], starts: dict[str, float], longest: float | None) -> Job:
+        """The run that gives the outputs; arguments as of `outputs`.
+
+        Raises:
+            ParameterError, SimulationError: it cannot be begun.
+        """
+        return prepare(
             model,
             self.stop,
             self.step,
@@ -206,7 +216,6 @@ class TimeExperiment(Experiment):
             internal_step=longest,
             log_capacity=0,
         )
-        return carried_out(model, job)[1].y
 
     def linearised(
         self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None
