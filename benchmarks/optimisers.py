@@ -73,10 +73,10 @@ class Watched(Problem):
 
     calls: Counter[str] = field(default_factory=Counter)
 
-    def residual(self, x: Array, experiment: Experiment) -> Array:
+    def residuals(self, x: Array, experiments: Sequence[Experiment], *how: Any) -> list[Array]:
         """As of the problem."""
-        self.calls["residual"] += 1
-        return super().residual(x, experiment)
+        self.calls["residual"] += len(experiments)
+        return super().residuals(x, experiments, *how)
 
     def linearised(self, x: Array, experiment: Experiment) -> tuple[Array, Array]:
         """As of the problem."""

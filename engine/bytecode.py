@@ -25,6 +25,7 @@ from engine.codegen import (
     runtime,
     tangent_emitter,
 )
+from engine.forms import LANES, SCALAR, Term
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, UNARY
 from engine.sharing import Jacobian
@@ -83,6 +84,8 @@ _PROGRAMS = (
     "following_values",
     "entering_values",
 )
+_EVERY_RUN = ("derivative", "guards", "full", "outputs", "update")
+"""What the runtime without tangents works out for four runs together."""
 _PATTERNS = ("derivative", "guards", "update", "outputs", "following", "entering")
 _STATE, _MEMORY, _SHARED, _TIME, _INPUT, _PARAMETER = range(6)
 
@@ -132,12 +135,14 @@ class Code:
         struct: ``fa_code``.
         step: instructions of an RK4 step without events.
         slower: by how much an instruction takes longer than in C of the model's own (s), measured.
+        in_lanes: whether four runs of it can be worked on together.
         keep: arrays that it points to.
     """
 
     struct: _Code = field(default_factory=_Code)
     step: int = 0
     slower: float = 0.8e-9
+    in_lanes: bool = False
     keep: list[Any] = field(default_factory=list)
 
     @property
@@ -164,6 +169,7 @@ class Code:
         room = translate(self.address, ctypes.byref(size))
         if room:
             self.slower = 0.25e-9
+            self.in_lanes = all(self.struct.program[_PROGRAMS.index(name)].lanes for name in _EVERY_RUN)
             weakref.finalize(self, release, room, size.value).atexit = False
 
 
@@ -193,21 +199,24 @@ def source(directions: int | None = None) -> str:
     ]
     names = [f"FA_DO_{name}" for name in _WRITTEN]
     numbers = ", ".join(f"{name} = {_OPERATIONS[o]}" for name, o in zip(names, _WRITTEN.values(), strict=True))
-    machine = [
-        f"enum {{ {numbers} }};",
-        f"#define FA_WRITTEN {', '.join(names)}",
-        *(
-            f"static double fa_called_{k}(double a, double b) {{ (void)b; return {form.format('a', 'b')}; }}"
-            for k, form in enumerate(forms)
-        ),
-        "static double (*const fa_called[])(double, double) = {",
-        *(f"  fa_called_{k}," for k in range(len(forms))),
-        "};",
-        runtime("machine_code.c"),
-    ]
+    machine = [f"enum {{ {numbers} }};", f"#define FA_WRITTEN {', '.join(names)}"]
+    for form, name in ((SCALAR, "fa_called"), (LANES, "fa_called_in_lanes")):
+        value, terms = form.number, (Term("a"), Term("b"))
+        machine += [
+            *(
+                f"static {value} {name}_{k}({value} a, {value} b) {{ (void)b; return "
+                f"{form.value(operation, terms[:1] if operation in UNARY else terms)}; }}"
+                for operation, k in _OPERATIONS.items()
+            ),
+            f"static {value} (*const {name}[])({value}, {value}) = {{",
+            *(f"  {name}_{k}," for k in _OPERATIONS.values()),
+            "};",
+        ]
+    machine.append(runtime("machine_code.c"))
     if directions is None:
-        return "\n".join([*head, runtime("core.c"), runtime("simulate.c"), *machine])
-    parts = ["tangent.c", "core.c", "simulate.c", "bytecode_tangent.c", "tangent_rules.c"]
+        names = ["vectors.c", "core.c", "simulate.c", "lanes.c"]
+        return "\n".join([*head, *(runtime(name) for name in names), *machine])
+    parts = ["tangent.c", "vectors.c", "core.c", "simulate.c", "bytecode_tangent.c", "tangent_rules.c"]
     return "\n".join([*head, f"#define FA_MOST_DIRS {directions}", *(runtime(name) for name in parts), *machine])
 
 

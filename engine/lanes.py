@@ -2,11 +2,13 @@
 
 A single run is bound by operations that wait for one another; as many runs as a vector has lanes take little longer
 than two or three. Each gives the numbers of a single run to the bit (``runtime/lanes.c``, `engine.forms`).
+
+`Lanes` are compiled, for many runs of one model, as in batches. Byte code has lanes too, of machine code that is there
+at once, for a few runs of each of many models, as in diagnoses: `groups` says which, `run_together` carries them out.
 """
 
 from __future__ import annotations
 
-import ctypes
 import logging
 import math
 import platform
@@ -21,7 +23,7 @@ from engine.codegen import lanes_source
 from engine.compile import known, library
 from engine.errors import CompilerUnavailable
 from engine.model import Model
-from engine.native import Call, Job, Outcome
+from engine.native import Job, Outcome
 
 log = logging.getLogger("flexarm.lanes")
 
@@ -86,36 +88,92 @@ class Lanes:
         loaded.fa_lanes_width.restype = c_int64
         width = loaded.fa_lanes_width()
         if width > 1:
-            self._function = loaded.fa_simulate_lanes
-            self._function.argtypes = [c_void_p, c_int64]
-            self._function.restype = None
+            self._function = _entry(loaded)
             self.width = width
 
     def run(self, model: Model, jobs: Sequence[Job]) -> list[Outcome]:
         """Carry out runs that are alike (`alike`), at most `width`; their outcomes in the same order."""
-        calls = [Call(model, job) for job in jobs]
-        addresses = (c_void_p * len(calls))(*(ctypes.addressof(call.struct) for call in calls))
-        self._function(addresses, len(calls))
-        return [call.outcome() for call in calls]
+        return native.call_together(model, jobs, self._function, None)
 
     def groups(self, jobs: Sequence[Job]) -> list[list[int]]:
         """Places of jobs that are worked on together; those of a group of one are carried out alone.
 
         With less than half of the lanes used, as many runs alone take no longer.
         """
-        found: dict[Hashable, list[int]] = {}
-        for place, job in enumerate(jobs):
-            found.setdefault(alike(job), []).append(place)
-        together = [places for places in found.values() if 2 <= self.width <= 2 * len(places)]
-        return together + [[place] for places in found.values() if places not in together for place in places]
+        found = _by_likeness(jobs)
+        together = [places for places in found if 2 <= self.width <= 2 * len(places)]
+        return together + [[place] for places in found if places not in together for place in places]
 
 
 def alike(job: Job) -> Hashable:
     """Equal for runs that share rows, clocks and knots; and the number of steps between rows, as lanes take them."""
     between = math.ceil(job.output_ticks * job.resolution / job.hmax)
-    shared = job.timetable
-    times = (job.t0, job.resolution, job.outputs, job.output_ticks, *shared.period.tolist(), *shared.offset.tolist())
-    return times, shared.knot.tobytes(), between, job.record_states, id(job.cancel)
+    return job.t0, job.timetable.mark, between, job.record_states, id(job.cancel)
+
+
+def _by_likeness(jobs: Sequence[Job]) -> list[list[int]]:
+    """Places of jobs that are alike."""
+    found: dict[Hashable, list[int]] = {}
+    for place, job in enumerate(jobs):
+        found.setdefault(alike(job), []).append(place)
+    return list(found.values())
+
+
+WIDTH = 4
+"""Runs of byte code that are worked on together."""
+
+TOGETHER = 3.4
+"""Runs by the model's own code that take as long as these, measured; one by byte code takes as long as two of them."""
+
+STEPS_OF_SWITCH = 10
+"""Steps that a lane takes alone to find a switch."""
+
+
+def groups(model: Model, jobs: Sequence[Job]) -> list[list[int]]:
+    """Places of jobs that `run_together` is to be given at once."""
+    if len(jobs) < 2:
+        return [[place] for place in range(len(jobs))]
+    try:
+        code = native.way_of(model).code
+    except CompilerUnavailable:
+        code = None
+    if code is None or not code.in_lanes:
+        return [[place] for place in range(len(jobs))]
+    found = []
+    for places in _by_likeness(jobs):
+        size = 1 if jobs[places[0]].record_states else WIDTH
+        found += [places[k : k + size] for k in range(0, len(places), size)]
+    return found
+
+
+def run_together(model: Model, jobs: Sequence[Job]) -> list[Outcome]:
+    """Carry out a group of `groups`, several runs in lanes of byte code; their outcomes in the same order.
+
+    Lanes that are full take less time than the model's own code, with few switches; what it would save is counted.
+
+    Raises:
+        CompilerUnavailable: no compiler runs.
+    """
+    way = native.way_of(model)
+    if len(jobs) == 1:
+        return [native.run(model, jobs[0])]
+    saved = len(jobs) * (1 - way.alone) - TOGETHER
+    if saved > 0 or not way.chosen(-saved * native.steps_of(jobs[0])):
+        made = native.call_together(model, jobs, native.interpreter(None, _in_byte_code), way.code)
+    else:
+        made = [native.run(model, job) for job in jobs]
+    way.alone = STEPS_OF_SWITCH * sum(one.events for one in made) / max(sum(one.steps for one in made), 1)
+    return made
+
+
+def _in_byte_code(source: str) -> Any:
+    return _entry(library(source))
+
+
+def _entry(loaded: Any) -> Any:
+    function = loaded.fa_simulate_lanes
+    function.argtypes, function.restype = [c_void_p, c_int64], None
+    return function
 
 
 _lanes: OrderedDict[str, Lanes] = OrderedDict()

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import hashlib
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from ctypes import POINTER, c_double, c_int32, c_int64, c_void_p
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,13 @@ class Timetable:
         for name in ("period", "offset", "knot", "value", "linear"):
             setattr(c, name, getattr(self, name).ctypes.data)
         return c
+
+    @functools.cached_property
+    def mark(self) -> bytes:
+        """Equal for those with the same instants, whatever the inputs are there."""
+        sizes = (self.resolution, self.outputs, self.output_ticks, len(self.period))
+        arrays = (self.period, self.offset, self.knot)
+        return hashlib.sha256(b"".join([repr(sizes).encode(), *(array.tobytes() for array in arrays)])).digest()
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "struct"}
@@ -164,24 +172,24 @@ def _source(model: Model) -> str:
     return source
 
 
-_interpreters: dict[int | None, Any] = {}
+_interpreters: dict[tuple[int | None, Callable[[str], Any]], Any] = {}
 _interpreters_lock = threading.Lock()
 
 
 def interpreter(room: int | None, load: Callable[[str], Any]) -> Any:
-    """The runtime of byte code, with room for so many tangents or without any, loaded once.
+    """The runtime of byte code, with room for so many tangents or without any, or a function of it, loaded once.
 
     Args:
         room: see `bytecode.source`.
-        load: compiles and loads its C.
+        load: compiles and loads its C, and finds the function.
 
     Raises:
         CompilerUnavailable: no compiler runs.
     """
     with _interpreters_lock:
-        if room not in _interpreters:
-            _interpreters[room] = load(bytecode.source(room))
-        return _interpreters[room]
+        if (room, load) not in _interpreters:
+            _interpreters[room, load] = load(bytecode.source(room))
+        return _interpreters[room, load]
 
 
 MACHINE_CODE = True
@@ -199,7 +207,7 @@ def translated(code: bytecode.Code | None, room: int | None = None) -> bytecode.
         CompilerUnavailable: no compiler runs.
     """
     if code is not None and MACHINE_CODE:
-        code.translate(library(bytecode.source(room), in_lines=room is not None))
+        code.translate(interpreter(room, library))
     return code
 
 
@@ -225,6 +233,10 @@ class Way:
         source: makes the C.
         load: compiles and loads the C.
         known: whether it is compiled already.
+
+    Attributes:
+        own, code: the model's compiled code, if it is made, and its byte code.
+        alone: steps that the runs of a group took one by one when it was last worked on together, as a share of all.
     """
 
     def __init__(
@@ -238,17 +250,22 @@ class Way:
         self._lock = threading.Lock()
         self._lost = 0.0
         self._looked = False
+        self.alone = 0.0
         self.own: Any = None
         self.code = code()
         if self.code is None:
             self.own = load(source())
 
-    def chosen(self, job: Job) -> bool:
-        """Whether a run is for the model's own code, `own`, which is made if need be, or for byte code, `code`."""
+    def chosen(self, steps: float) -> bool:
+        """Whether runs are for the model's own code, `own`, which is made if need be, or for byte code, `code`.
+
+        Args:
+            steps: that they take.
+        """
         with self._lock:
             if self.own is None:
                 assert self.code is not None
-                self._lost += steps_of(job) * self.code.step * self.code.slower
+                self._lost += steps * self.code.step * self.code.slower
                 enough = self._lost > ENOUGH + ENOUGH_FOR_EACH * self.code.step
                 if enough or (not self._looked and self._lost > LOOK):
                     self._looked = True
@@ -290,17 +307,16 @@ def forget() -> None:
         _loaded.cache_clear()
 
 
-@dataclass
-class _Keep:
-    """Arrays that must outlive the call."""
+def way_of(model: Model) -> Way:
+    """How the runs of a model are carried out that have no tangents.
 
-    arrays: list[Any] = field(default_factory=list)
-
-    def address(self, values: Any, dtype: Any) -> int:
-        """Of the values as an array."""
-        array = np.ascontiguousarray(values, dtype=dtype)
-        self.arrays.append(array)
-        return int(array.ctypes.data)
+    Raises:
+        CompilerUnavailable: no compiler runs.
+    """
+    return way(
+        model.signature,
+        lambda: Way(lambda: translated(bytecode.simulation_code(model)), lambda: _source(model), _loaded, known),
+    )
 
 
 def run(model: Model, job: Job) -> Outcome:
@@ -309,11 +325,8 @@ def run(model: Model, job: Job) -> Outcome:
     Raises:
         CompilerUnavailable: no compiler runs.
     """
-    found = way(
-        model.signature,
-        lambda: Way(lambda: translated(bytecode.simulation_code(model)), lambda: _source(model), _loaded, known),
-    )
-    if found.chosen(job):
+    found = way_of(model)
+    if found.chosen(steps_of(job)):
         return call(model, job, lambda c: found.own(ctypes.byref(c), None))
     function, code = interpreter(None, _loaded), found.code
     return call(model, job, lambda c: function(ctypes.byref(c), None), code)
@@ -332,20 +345,30 @@ class Call:
     """
 
     def __init__(self, model: Model, job: Job, code: bytecode.Code | None = None) -> None:
-        rows, keep = job.outputs + 1, _Keep()
-        self._keep = keep
+        rows = job.outputs + 1
         self._y = np.empty((rows, len(model.outputs)))
         self._states = np.empty((rows, len(model.states))) if job.record_states else None
         self._modes = np.empty((rows, len(model.modes))) if job.record_states else None
-        self._ends = [np.zeros(len(part)) for part in (model.states, model.memories, model.modes)]
+        # To ask arrays one by one where they lie would take as long as a short run.
+        self._given = np.concatenate([job.p, job.x0, job.d0, job.m0], dtype=np.float64)
+        self._sizes = len(model.states), len(model.memories), len(model.modes)
+        self._ends = np.zeros(sum(self._sizes))
         self._log = np.empty((job.log_capacity, 3))
         self.struct = c = _Job.from_buffer_copy(job.timetable.struct)
-        c.p, c.x0, c.d0, c.m0 = (keep.address(part, np.float64) for part in (job.p, job.x0, job.d0, job.m0))
-        keep.arrays.append(job.timetable)
+        states, memories, _ = self._sizes
+        c.p = self._given.ctypes.data
+        c.x0 = c.p + 8 * len(job.p)
+        c.d0 = c.x0 + 8 * states
+        c.m0 = c.d0 + 8 * memories
+        c.x1 = self._ends.ctypes.data
+        c.d1 = c.x1 + 8 * states
+        c.m1 = c.d1 + 8 * memories
+        self._timetable = job.timetable
         if model.lines:
-            c.stage = keep.address([stage for line in model.lines for stage in line.stages], np.int64)
+            self._stages = np.array([stage for line in model.lines for stage in line.stages], np.int64)
+            c.stage = self._stages.ctypes.data
         c.t0, c.hmax = job.t0, job.hmax
-        c.y, c.x1, c.d1, c.m1, c.log = (array.ctypes.data for array in (self._y, *self._ends, self._log))
+        c.y, c.log = self._y.ctypes.data, self._log.ctypes.data
         if self._states is not None and self._modes is not None:
             c.states, c.modes = self._states.ctypes.data, self._modes.ctypes.data
         c.log_capacity = job.log_capacity
@@ -355,7 +378,9 @@ class Call:
 
     def outcome(self, cause: BaseException | None = None) -> Outcome:
         """What C has filled in; and what an external function failed with."""
-        c, log, (x1, d1, m1) = self.struct, self._log[: self.struct.log_length], self._ends
+        c, log = self.struct, self._log[: self.struct.log_length]
+        n, m, _ = self._sizes
+        x1, d1, m1 = self._ends[:n], self._ends[n : n + m], self._ends[n + m :]
         y, states, modes = self._y, self._states, self._modes
         return Outcome(y, states, modes, x1, d1, m1, log, c.steps, c.events, c.row, c.status, c.culprit, c.t1, cause)
 
@@ -373,23 +398,57 @@ def call(model: Model, job: Job, function: Callable[[Any], int], code: bytecode.
         SimulationError: an external function cannot be made.
     """
     made = Call(model, job, code)
-    c = made.struct
     calls = Calls(model)
     if model.externals:
-        c.external = _callback(calls)
-    inherited = cancelling()
-    if job.cancel is None and inherited is not None:
-        c.cancel = ctypes.pointer(inherited)
-    if _is_long(model, job) and threading.current_thread() is threading.main_thread():
-        cancel = job.cancel if job.cancel is not None else c_int32(0)
-        c.cancel = ctypes.pointer(cancel)
-        _interruptible(lambda: function(c), cancel)
-    else:
-        function(c)
+        made.struct.external = _callback(calls)
+
+    def work() -> None:
+        function(made.struct)
+
+    _carry(model, [job], [made], work)
     calls.finish()
+    _pass_on()
+    return made.outcome(calls.failure)
+
+
+def call_together(
+    model: Model, jobs: Sequence[Job], function: Callable[[Any, int], Any], code: bytecode.Code | None
+) -> list[Outcome]:
+    """The same for several runs, which share the flag that ends them, of a model that calls no Python functions.
+
+    Args:
+        model: the model.
+        jobs: the runs.
+        function: carries them out, given the addresses of their structs and how many there are.
+        code: as of `call`.
+    """
+    made = [Call(model, job, code) for job in jobs]
+    addresses = (c_void_p * len(made))(*(ctypes.addressof(each.struct) for each in made))
+    _carry(model, jobs, made, lambda: function(addresses, len(made)))
+    _pass_on()
+    return [each.outcome() for each in made]
+
+
+def _carry(model: Model, jobs: Sequence[Job], made: Sequence[Call], work: Callable[[], Any]) -> None:
+    """Do the work of runs in C, which their own flag ends, or that of this thread, or Ctrl-C."""
+    cancel = jobs[0].cancel if jobs[0].cancel is not None else cancelling()
+    interruptible = threading.current_thread() is threading.main_thread() and any(_is_long(model, job) for job in jobs)
+    if interruptible and jobs[0].cancel is None:
+        cancel = c_int32(0)
+    if cancel is not None:
+        for each in made:
+            each.struct.cancel = ctypes.pointer(cancel)
+    if interruptible:
+        _interruptible(work, cancel)
+    else:
+        work()
+
+
+def _pass_on() -> None:
+    """Pass on that the runs of this thread were ended."""
+    inherited = cancelling()
     if inherited is not None and inherited.value:
         raise KeyboardInterrupt
-    return made.outcome(calls.failure)
 
 
 _own = threading.local()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import warnings
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from html import escape
@@ -15,7 +15,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from engine import external, interpret, native, result_files
+from engine import external, interpret, lanes, native, result_files
 from engine.display import counts, number, spark, table
 from engine.errors import CompilerUnavailable, ParameterError, SimulationError, nearest
 from engine.model import TIME, Model, Vector
@@ -520,6 +520,17 @@ def carried_out(model: Model, job: Job, backend: str = "auto") -> tuple[str, Out
     if reason:
         raise SimulationError(reason) from outcome.cause
     return used, outcome
+
+
+def carried_out_together(model: Model, jobs: Sequence[Job]) -> list[Outcome | SimulationError]:
+    """A group of runs that were prepared, as of `lanes.groups`: what came of each, or why that cannot be used."""
+    try:
+        outcomes = lanes.run_together(model, jobs)
+    except CompilerUnavailable:
+        outcomes = [_execute(model, job, "auto")[1] for job in jobs]
+    reasons = [fault(model, job, outcome) for job, outcome in zip(jobs, outcomes, strict=True)]
+    pairs = zip(outcomes, reasons, strict=True)
+    return [SimulationError(reason) if reason else outcome for outcome, reason in pairs]
 
 
 def fault(model: Model, job: Job, outcome: Outcome) -> str:

@@ -115,7 +115,7 @@ def tangents(
     rows = np.empty((room, job.outputs + 1, len(model.outputs)))
     least = np.zeros(1)
     way = _way(model, indices, room)
-    code = None if way.chosen(job) else way.code
+    code = None if way.chosen(native.steps_of(job)) else way.code
     function = way.own if code is None else native.interpreter(bytecode.room_for(room), _entry)
     extra = [a.ctypes.data_as(POINTER(c_double)) for a in (S0, D0, rows, least)]
     outcome = native.call(model, job, lambda c: function(ctypes.addressof(c), *extra), code)

@@ -73,9 +73,8 @@ def _disturbed(problem: Problem, x: Array, e: Experiment) -> list[Array]:
     """Residuals with the input a little larger, and a little later; none where the input is known exactly."""
     if plant_inputs(problem.scenario.system, [v.name for v in problem.model.inputs]):
         return []  # a reference is what the controller was told
-    return [
-        problem.residual(x, there).ravel() for there in e.disturbed_inputs(INTERVALS.input_size, INTERVALS.input_timing)
-    ]
+    changed = e.disturbed_inputs(INTERVALS.input_size, INTERVALS.input_timing)
+    return [r.ravel() for r in problem.residuals(x, changed)]
 
 
 def _bounds(problem: Problem, x: Array, flat: Sequence[int]) -> Flat:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,10 +15,13 @@ from diagnosis.estimation import parameters
 from diagnosis.estimation.experiment import TRAINING, Experiment
 from diagnosis.estimation.leftover import Bands, Leftover, Noise, left_by
 from diagnosis.estimation.parameters import Array, FreeParameter
-from diagnosis.estimation.time_experiment import over_time
+from diagnosis.estimation.time_experiment import TimeExperiment, over_time
 from diagnosis.thresholds import FITTING
+from engine import lanes
 from engine.errors import ParameterError, SimulationError
 from engine.model import Model
+from engine.native import Job
+from engine.simulate import carried_out_together
 from engine.step import FOLLOWED, StepRule
 
 if TYPE_CHECKING:
@@ -124,11 +128,49 @@ class Problem:
 
     def residual(self, x: Array, experiment: Experiment) -> Array:
         """Residual of one experiment, or a huge one where the simulation fails."""
-        try:
-            found = experiment.residual(self.simulate(x, experiment))
-        except (ParameterError, SimulationError):
-            return _failed(experiment.measured.shape)
-        return np.clip(found, -FITTING.huge, FITTING.huge)
+        return self.residuals(x, [experiment])[0]
+
+    def residuals(
+        self,
+        x: Array,
+        experiments: Sequence[Experiment],
+        split: Callable[[Experiment, Array], Array] = lambda _, r: r,
+        over: Callable[..., Iterable[list[Array]]] = map,
+    ) -> list[Array]:
+        """The residual of each of some experiments; runs that are alike are worked on together.
+
+        Args:
+            x: search vector, shape (n,).
+            experiments: of any role.
+            split: what is made of a residual.
+            over: as `map`, such as that of a pool of threads.
+        """
+        jobs: dict[int, Job] = {}
+        for n, e in enumerate(experiments):
+            if isinstance(e, TimeExperiment):
+                with contextlib.suppress(ParameterError, SimulationError):
+                    jobs[n] = e.job(self.model, *self.values(x, e), self.internal_step)
+        places = list(jobs)
+        groups = [[places[k] for k in group] for group in lanes.groups(self.model, list(jobs.values()))]
+        groups += [[n] for n in range(len(experiments)) if n not in jobs]
+
+        def answers(group: Sequence[int]) -> list[Array | None]:
+            if group[0] not in jobs:
+                try:
+                    return [self.simulate(x, experiments[group[0]])]
+                except (ParameterError, SimulationError):
+                    return [None]
+            made = carried_out_together(self.model, [jobs[n] for n in group])
+            return [None if isinstance(one, SimulationError) else one.y for one in made]
+
+        def worked_out(group: Sequence[int]) -> list[Array]:
+            pairs = [(experiments[n], answer) for n, answer in zip(group, answers(group), strict=True)]
+            return [split(e, _failed(e.measured.shape) if y is None else _clipped(e.residual(y))) for e, y in pairs]
+
+        found: dict[int, Array] = {}
+        for group, rows in zip(groups, over(worked_out, groups), strict=True):
+            found.update(zip(group, rows, strict=True))
+        return [found[n] for n in range(len(experiments))]
 
     def linearised(self, x: Array, experiment: Experiment) -> tuple[Array, Array]:
         """Residual, flat, and its Jacobian with respect to the search vector.
@@ -148,7 +190,7 @@ class Problem:
 
     def leftover(self, x: Array, experiments: Sequence[Experiment]) -> Leftover:
         """What the model leaves over of experiments, each band of a signal summed over all of them."""
-        return left_by(experiments, [self.residual(x, e) for e in experiments])
+        return left_by(experiments, self.residuals(x, experiments))
 
     def misfit(self, x: Array, experiments: Sequence[Experiment], *, noise: Noise = "coloured") -> float:
         """Minus twice the logarithm of the likelihood of experiments.
@@ -159,7 +201,7 @@ class Problem:
             noise: as of `Bands`.
         """
         bands = Bands(experiments, noise=noise)
-        return bands.misfit(bands.energies([bands.components(e, self.residual(x, e)) for e in experiments]))
+        return bands.misfit(bands.energies(self.residuals(x, experiments, bands.components)))
 
     def cost(self, x: Array, experiments: Sequence[Experiment], *, noise: Noise = "coloured") -> float:
         """What a fit makes small: the misfit of experiments and the cost of the prior; arguments as of `misfit`."""
@@ -167,17 +209,18 @@ class Problem:
 
     def chi2(self, x: Array, experiments: Sequence[Experiment]) -> float:
         """Mean of the squared residuals of experiments, as `Experiment.squares` counts them; 1 is the noise."""
-        total = sum(float(np.sum(e.squares(self.residual(x, e)))) for e in experiments)
+        rows = self.residuals(x, experiments, lambda e, r: e.squares(r))
+        total = sum(float(np.sum(squares)) for squares in rows)
         return total / max(counted(experiments), 1)
 
     def by_signal(self, x: Array, experiments: Sequence[Experiment]) -> dict[str, SignalFit]:
         """How well each signal that was recorded is met, by name."""
-        rows = {}
+        rows, residuals = {}, self.residuals(x, experiments)
         for k, variable in enumerate(self.model.outputs):
             error = spread = squares = 0.0
             count = 0
-            for e in experiments:
-                r, y = self.residual(x, e)[:, k], e.measured[:, k]
+            for e, left in zip(experiments, residuals, strict=True):
+                r, y = left[:, k], e.measured[:, k]
                 error += float(np.sum((r * e.sigma[k]) ** 2))
                 spread += float(np.nansum((y - np.nanmean(y)) ** 2))
                 squares += float(np.sum(r**2))
@@ -186,6 +229,10 @@ class Problem:
                 nrmse = 100 * (1 - math.sqrt(error / spread)) if spread > 0 else -math.inf
                 rows[variable.name] = SignalFit(nrmse, squares / count)
         return rows
+
+
+def _clipped(r: Array) -> Array:
+    return np.asarray(np.clip(r, -FITTING.huge, FITTING.huge))
 
 
 def _failed(shape: tuple[int, ...]) -> Array:

@@ -19,7 +19,7 @@ from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.thresholds import FITTING, NOISE
 from engine.errors import FlexarmError, ParameterError, SimulationError
 from engine.model import Model
-from engine.native import Outcome
+from engine.native import Job
 from engine.simulate import Drive, carried_out, prepare, simulate
 from engine.start import starting_names
 from engine.tangent import tangents
@@ -199,7 +199,7 @@ class TimeExperiment(Experiment):
         Raises:
             SimulationError: the run diverged.
         """
-        return self._run(model, parameters, starts, longest).y
+        return carried_out(model, self.job(model, parameters, starts, longest))[1].y
 
     def visited(
         self, model: Model, parameters: dict[str, float], starts: dict[str, float], longest: float | None
@@ -209,11 +209,11 @@ class TimeExperiment(Experiment):
         Raises:
             SimulationError: the run diverged.
         """
-        states = self._run(model, parameters, starts, longest, record_states=True).states
+        states = carried_out(model, self.job(model, parameters, starts, longest, record_states=True))[1].states
         assert states is not None
         return states[:: math.ceil(len(states) / FITTING.visited)]
 
-    def _run(
+    def job(
         self,
         model: Model,
         parameters: dict[str, float],
@@ -221,8 +221,13 @@ class TimeExperiment(Experiment):
         longest: float | None,
         *,
         record_states: bool = False,
-    ) -> Outcome:
-        job = prepare(
+    ) -> Job:
+        """The run that gives the outputs, and the states if asked for; arguments as of `outputs`.
+
+        Raises:
+            ParameterError, SimulationError: it cannot be begun.
+        """
+        return prepare(
             model,
             self.stop,
             self.step,
@@ -233,7 +238,6 @@ class TimeExperiment(Experiment):
             record_states=record_states,
             log_capacity=0,
         )
-        return carried_out(model, job)[1]
 
     def linearised(
         self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None

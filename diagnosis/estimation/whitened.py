@@ -58,8 +58,7 @@ class WhitenedResiduals:
 
     def residual(self, x: Array) -> list[Array]:
         """Components of the residual of each experiment, shape (samples, signals), as of `Bands.components`."""
-        split = self.bands.components
-        return list(self.pool.map(lambda e: split(e, self.problem.residual(x, e)), self.experiments))
+        return self.problem.residuals(x, self.experiments, self.bands.components, self.pool.map)
 
     def linearised(self, x: Array) -> tuple[list[Array], list[Array]]:
         """The same, and their slopes, shape (samples, signals, variables).

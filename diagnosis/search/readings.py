@@ -194,8 +194,8 @@ def _judged(made: Fit) -> Fit:
 
 def _evidence(made: Fit, instants: Sequence[Experiment]) -> float:
     """The evidence of what a fit leaves, taken at the instants of experiments."""
-    pairs = zip(made.problem.experiments, instants, strict=True)
-    residuals = [np.where(np.isfinite(i.measured), made.problem.residual(made.x, e), 0.0) for e, i in pairs]
+    pairs = zip(made.problem.residuals(made.x, made.problem.experiments), instants, strict=True)
+    residuals = [np.where(np.isfinite(i.measured), r, 0.0) for r, i in pairs]
     return evidence(made.problem, made.x, left_by(instants, residuals))
 
 

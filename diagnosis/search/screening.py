@@ -112,7 +112,7 @@ class Origin:
             x: the origin's parameters and the effect's sizes there.
             sizes: its own.
         """
-        rows = [made.residual(x, e) for e in made.training]
+        rows = made.residuals(x, made.training)
         apart = [np.abs(r - r0).max() for r, r0 in zip(rows, self._residuals, strict=True)]
         if max(apart) > FITTING.huge / 10:
             return None

@@ -90,7 +90,7 @@ def _heard(wide: CandidateFitter, model: ScoredModel, first: int, names: Sequenc
     ended = standing(model.fit)
     x = np.array([f.position(ended.get(place_of(f), f.start)) for f in made.free])
     made = replace(made, internal_step=model.fit.problem.internal_step)
-    likely, correlations = _as_it_suits(made.experiments, [made.residual(x, e) for e in made.experiments], first)
+    likely, correlations = _as_it_suits(made.experiments, made.residuals(x, made.experiments), first)
     return SpareEvidence(model.keys, likely, dict(zip(names, correlations, strict=True)))
 
 

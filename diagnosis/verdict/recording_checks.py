@@ -246,7 +246,7 @@ def clocks(problem: Problem) -> list[Remark]:
         return []
 
     def error(rate: float) -> float:
-        return sum(float(np.sum(problem.residual(zero, _stretched(e, rate)) ** 2)) for e in trained)
+        return sum(float(np.sum(r**2)) for r in problem.residuals(zero, [_stretched(e, rate) for e in trained]))
 
     rates = (0.0, *(sign * rate for rate in RECORDING_CHECKS.clock_rates for sign in (1, -1)))
     nearest = min(rates, key=error)
@@ -278,7 +278,7 @@ def _clock_fit(
     weights = problem.prior(zero)[1]
     if free:
         ends = [
-            np.concatenate([problem.residual(zero, _stretched(e, rate + side)).ravel() for e in trained])
+            np.concatenate([r.ravel() for r in problem.residuals(zero, [_stretched(e, rate + side) for e in trained])])
             for side in (step, -step)
         ]
         J = np.column_stack([J, (ends[0] - ends[1]) / (2 * step)])

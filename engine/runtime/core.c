@@ -38,7 +38,6 @@ typedef struct {
   int rated;                                                     /* whether dx/dt in full is that at t */
   double next[FA_ROOM(FA_NT)];                                   /* instants of the next time events */
   int cursor[FA_ROOM(FA_NW)];                                    /* knot of each table that holds at t */
-  double line[FA_ROOM_LINE];                                     /* values in the delay lines, rings one after another */
   int newest[FA_ROOM(FA_NL)];                                    /* where in its ring the last value is */
   double hmax;
   int64_t steps, events;
@@ -62,6 +61,7 @@ typedef struct {
   double h, tolerance;                                           /* next step to be tried; error allowed in a step */
   const void *ready;                                             /* the trial of the step that is about to be taken */
 #endif
+  double line[FA_ROOM_LINE];                                     /* values in the delay lines, rings one after another; last */
 } fa_sim;
 
 static int fa_finite(const double *a, int n) {

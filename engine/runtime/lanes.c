@@ -1,23 +1,50 @@
 /* Several runs together, one in each lane of vectors; included after simulate.c. They share the instants of rows, clocks and
  * knots. What most steps are is done in all lanes at once: a step, a sample instant, a row. A lane in which anything else
  * happens, such as a switch, is done by the functions for one run, from its own state before, and then goes on with the
- * others: all stand at the same instants. Each lane carries out the operations of a single run in their order. */
+ * others: all stand at the same instants. Each lane carries out the operations of a single run in their order.
+ *
+ * In byte code all of a run's file is wide, for modes and parameters differ between lanes; a lane alone has a file of its own. */
 
 #if FA_WIDTH > 1
 
 typedef struct {
   double t;                                                      /* time of x, in every lane */
-  fa_lane x[FA_SIZE(FA_NX)], d[FA_SIZE(FA_ND)], m[FA_SIZE(FA_NM)], p[FA_SIZE(FA_NP)];
-  fa_lane cp[FA_SIZE(FA_NCP)], cm[FA_SIZE(FA_NCM)];
-  fa_lane base[FA_SIZE(FA_NI)], slope[FA_SIZE(FA_NI)], from[FA_SIZE(FA_NI)];
-  fa_lane full[FA_SIZE(FA_NX + FA_NG)];                          /* dx/dt and guards at t */
+#ifdef FA_BYTECODE
+  const fa_code *code;
+  fa_lane *wide, *d, *m;                                         /* as the file of one run; where d and m lie in it */
+#else
+  fa_lane d[FA_SIZE(FA_ND)], m[FA_SIZE(FA_NM)], p[FA_SIZE(FA_NP)], cp[FA_SIZE(FA_NCP)], cm[FA_SIZE(FA_NCM)];
+#endif
+  fa_lane x[FA_ROOM(FA_NX)], base[FA_ROOM(FA_NI)], slope[FA_ROOM(FA_NI)], from[FA_ROOM(FA_NI)];
+  fa_lane full[FA_ROOM(FA_NX) + FA_ROOM(FA_NG)];                 /* dx/dt and guards at t */
   fa_mask rated;                                                 /* lanes whose dx/dt in full is that at t */
   fa_mask on;                                                    /* lanes whose run goes on */
   fa_mask steps;                                                 /* taken here; those of lanes alone are in run */
   fa_lane hmax, knot;                                            /* longest step; next knot or time event */
-  fa_sim run[FA_WIDTH];                                          /* the rest of each; its t, x, d, full while it is alone */
   fa_job *job[FA_WIDTH];
+  fa_sim run[FA_WIDTH];                                          /* the rest of each; its t, x, d, full while it is alone */
 } fa_lanes;
+
+#ifdef FA_BYTECODE
+#undef FA_CODE
+#define FA_CODE L->code
+
+static void fa_evaluate_lanes(const fa_lanes *L, int which, fa_lane t, const fa_lane *x, const fa_lane *u, const fa_lane *fire,
+                              fa_lane *r) {
+  const fa_code *code = L->code;
+  fa_lane *wide = L->wide;
+  wide[0] = t;
+  for (int64_t i = 0; i < code->nx; i++) wide[FA_X + i] = x[i];
+  for (int64_t i = 0; i < code->nu + code->nw; i++) wide[FA_U + i] = u[i];
+  if (fire) for (int64_t i = 0; i < code->nc; i++) wide[FA_FIRE + i] = fire[i];
+  code->program[which].lanes(wide, 0, 0, r, fa_bits);
+}
+#define fa_derivative_lanes(t, x, u, d, m, p, cp, cm, fire, r) fa_evaluate_lanes(L, FA_DERIVATIVE, t, x, u, fire, r)
+#define fa_guards_lanes(t, x, u, d, m, p, cp, cm, fire, r) fa_evaluate_lanes(L, FA_GUARDS, t, x, u, fire, r)
+#define fa_full_lanes(t, x, u, d, m, p, cp, cm, fire, r) fa_evaluate_lanes(L, FA_FULL, t, x, u, fire, r)
+#define fa_outputs_lanes(t, x, u, d, m, p, cp, cm, fire, r) fa_evaluate_lanes(L, FA_OUTPUTS, t, x, u, fire, r)
+#define fa_update_lanes(t, x, u, d, m, p, cp, cm, fire, r) fa_evaluate_lanes(L, FA_UPDATE, t, x, u, fire, r)
+#endif
 
 /* Let one lane's run be continued alone ... */
 static fa_sim *fa_alone(fa_lanes *L, int l) {
@@ -38,13 +65,42 @@ static void fa_end(fa_lanes *L, int l) {
   L->on[l] = 0;
 }
 
-static void fa_join_inputs(fa_lanes *L, int l) {
-  const fa_sim *s = L->run + l;
+/* Inputs as each lane has them, put together in registers: what is written one by one cannot be read in one go at once. */
+static void fa_join_inputs(fa_lanes *L) {
   for (int i = 0; i < FA_NI; i++) {
-    L->base[i][l] = s->base[i];
-    L->slope[i][l] = s->slope[i];
-    L->from[i][l] = s->from[i];
+    fa_lane base, slope, from;
+    FA_EACH_LANE(l) base[l] = L->run[l].base[i], slope[l] = L->run[l].slope[i], from[l] = L->run[l].from[i];
+    L->base[i] = base, L->slope[i] = slope, L->from[i] = from;
   }
+}
+
+/* Parameters of one lane, and what is prepared from them; in byte code all of its file. */
+static void fa_join_parameters(fa_lanes *L, int l) {
+  const fa_sim *s = L->run + l;
+#ifdef FA_BYTECODE
+  for (int64_t k = 0; k < L->code->registers; k++) L->wide[k][l] = s->file[k];
+#else
+  for (int i = 0; i < FA_NP; i++) L->p[i][l] = s->p[i];
+  for (int i = 0; i < FA_NCP; i++) L->cp[i][l] = s->cp[i];
+#endif
+}
+
+/* Modes of one lane, and what is prepared from them. */
+static void fa_join_modes(fa_lanes *L, int l) {
+  const fa_sim *s = L->run + l;
+#ifdef FA_BYTECODE
+  int changed = 0;
+  for (int i = 0; i < FA_NM; i++) {
+    const double before = L->m[i][l];
+    changed |= memcmp(&before, s->m + i, sizeof before);
+  }
+  if (!changed) return;
+  for (const fa_instruction *c = L->code->program[FA_MODES].instructions; c->operation != FA_AT_END; c++)
+    L->wide[c->to][l] = s->file[c->to];
+#else
+  for (int i = 0; i < FA_NCM; i++) L->cm[i][l] = s->cm[i];
+#endif
+  for (int i = 0; i < FA_NM; i++) L->m[i][l] = s->m[i];
 }
 
 /* ... and take what it has become back among the others; it ends here if it has failed. */
@@ -53,10 +109,9 @@ static void fa_join(fa_lanes *L, int l) {
   int event;
   for (int i = 0; i < FA_NX; i++) L->x[i][l] = s->x[i];
   for (int i = 0; i < FA_ND; i++) L->d[i][l] = s->d[i];
-  for (int i = 0; i < FA_NM; i++) L->m[i][l] = s->m[i];
-  for (int i = 0; i < FA_NCM; i++) L->cm[i][l] = s->cm[i];
+  fa_join_modes(L, l);
   for (int i = 0; i < FA_NX + FA_NG; i++) L->full[i][l] = s->full[i];
-  if (FA_NW) fa_join_inputs(L, l);
+  if (FA_NW) fa_join_inputs(L);
   L->rated[l] = s->rated ? -1 : 0;
   L->knot[l] = fa_next_knot(s, &event);
   if (s->status) fa_end(L, l);
@@ -68,7 +123,8 @@ static void fa_lanes_inputs(const fa_lanes *L, double t, fa_lane *u) {
 
 #define FA_LANES_CALL(name, t, x, u, fire, r) fa_##name##_lanes(FA_ALL(t), x, u, L->d, L->m, L->p, L->cp, L->cm, fire, r)
 
-static fa_mask fa_lanes_violated(const fa_lane *guards) {
+static fa_mask fa_lanes_violated(const fa_lanes *L, const fa_lane *guards) {
+  (void)L;
   fa_mask found = {0};
   for (int k = 0; k < FA_NG; k++) found |= guards[k] > 0;
   return found;
@@ -86,7 +142,7 @@ static void fa_lanes_settle(fa_lanes *L) {
   fa_lanes_inputs(L, L->t, u);
   FA_LANES_CALL(full, L->t, L->x, u, 0, L->full);
   L->rated = (fa_mask){0} == 0;
-  const fa_mask apart = fa_lanes_violated(L->full + FA_NX) & L->on;
+  const fa_mask apart = fa_lanes_violated(L, L->full + FA_NX) & L->on;
   if (fa_any(apart)) FA_EACH_LANE(l) if (apart[l]) {
     fa_settle(fa_alone(L, l));
     fa_join(L, l);
@@ -117,7 +173,7 @@ static void fa_lanes_step(fa_lanes *L, double h) {
   apart |= fa_lanes_not_finite(y, FA_NX);
   if (FA_NG) {
     FA_LANES_CALL(guards, t + h, y, u, 0, guards);
-    apart |= fa_lanes_violated(guards) | fa_lanes_not_finite(guards, FA_NG);
+    apart |= fa_lanes_violated(L, guards) | fa_lanes_not_finite(guards, FA_NG);
   }
   apart &= L->on;
   const int any = fa_any(apart);
@@ -183,19 +239,19 @@ static void fa_lanes_to(fa_lanes *L, double t_end) {
 
 /* Let the clocks flagged in fire tick. What enters and leaves delay lines is each lane's own. */
 static void fa_lanes_tick(fa_lanes *L, const double *flags) {
-#ifdef FA_LINES
-  FA_EACH_LANE(l) if (L->on[l]) {
-    fa_tick(fa_alone(L, l), flags);
-    fa_join(L, l);
+  if (FA_NL) {
+    FA_EACH_LANE(l) if (L->on[l]) {
+      fa_tick(fa_alone(L, l), flags);
+      fa_join(L, l);
+    }
+    return;
   }
-#else
   fa_lane u[FA_SIZE(FA_NI)], d[FA_SIZE(FA_ND)], fire[FA_SIZE(FA_NC)];
   for (int c = 0; c < FA_NC; c++) fire[c] = FA_ALL(flags[c]);
   fa_lanes_inputs(L, L->t, u);
   FA_LANES_CALL(update, L->t, L->x, u, fire, d);
   memcpy(L->d, d, sizeof(fa_lane) * FA_ND);
   fa_lanes_settle(L);
-#endif
 }
 
 static void fa_lanes_record(fa_lanes *L, int64_t row) {
@@ -220,9 +276,8 @@ static void fa_lanes_begin(fa_lanes *L, int l, int64_t *knot, int64_t *due) {
   if (!fa_start(s) && !fa_clocks(s, job, 0, due)) fa_record(s, job, 0);
   L->t = s->t;
   L->hmax[l] = s->hmax;
-  for (int i = 0; i < FA_NP; i++) L->p[i][l] = s->p[i];
-  for (int i = 0; i < FA_NCP; i++) L->cp[i][l] = s->cp[i];
-  fa_join_inputs(L, l);
+  fa_join_parameters(L, l);
+  fa_join_inputs(L);
   fa_join(L, l);
 }
 
@@ -240,9 +295,11 @@ static void fa_lanes_run(fa_lanes *L) {
       FA_EACH_LANE(l) if (L->on[l]) {
         L->run[l].t = L->t;
         fa_drive_inputs(L->run + l, L->job[l], knot);
-        fa_join_inputs(L, l);
       }
-    if (driven) fa_lanes_settle(L);
+    if (driven) {
+      fa_join_inputs(L);
+      fa_lanes_settle(L);
+    }
     double fire[FA_SIZE(FA_NC)];
     int any = 0;
     for (int c = 0; c < FA_NC; c++) {
@@ -262,7 +319,16 @@ static void fa_lanes_run(fa_lanes *L) {
 FA_EXPORT void fa_simulate_lanes(fa_job *const *jobs, int64_t count) {
   static _Thread_local fa_lanes lanes;
   fa_lanes *L = &lanes;
-  memset(L, 0, sizeof *L);
+  memset(L, 0, (size_t)((char *)L->run - (char *)L));
+  FA_EACH_LANE(l) fa_clear(L->run + l);
+#ifdef FA_BYTECODE
+  const fa_code *code = L->code = jobs[0]->code;
+  fa_lane wide[code->registers];
+  double file[FA_WIDTH][code->registers];
+  memset(wide, 0, sizeof wide);
+  L->wide = wide, L->d = wide + FA_D, L->m = wide + FA_M;
+  for (int l = 0; l < count; l++) L->run[l].code = code, L->run[l].file = fa_filled(code, file[l]);
+#endif
   for (int l = 0; l < count; l++) {
     L->job[l] = jobs[l];
     L->on[l] = -1;

@@ -4,7 +4,7 @@
  * A program is a function of the places where its values lie: the file, x, u, d, fire, and where its results go. Every
  * result goes to its place in the file; those computed last are in registers too, and are read from there. Operations
  * that are no single instruction or few are called, as functions that the compiler made of the same C. Included after
- * bytecode.c; FA_CALLS names these functions, FA_DO_ the operations written out here. */
+ * bytecode.c; fa_called has these functions, fa_called_in_lanes those on vectors, and FA_DO_ are the operations written out. */
 
 #if defined(__x86_64__) && !defined(_WIN32)
 #include <sys/mman.h>
@@ -344,9 +344,8 @@ static int64_t fa_most_bytes(const fa_program *program) {
   return bytes;
 }
 
-#if defined(FA_MOST_DIRS) && defined(__AVX__)
-#define FA_BLOCKS_OF_TANGENTS
-enum { FA_BLOCK = 32, FA_BLOCKS = FA_OWN_LANES * (int)sizeof(fa_lane) / FA_BLOCK }; /* of a row of tangents: registers */
+#if FA_WIDTH == 4 && defined(__AVX__)
+#define FA_FOUR
 enum { FA_BROADCAST = 0x19, FA_OF_FOUR = 1 << 2 | 1, FA_OF_ONE = 3 }; /* vector length and prefix */
 
 /* An instruction on three registers, or on two and memory, whose base is neither RSP nor R12. */
@@ -363,6 +362,10 @@ static void fa_three(fa_maker *m, int map, int kind, int opcode, int reg, int fi
 static void fa_single(fa_maker *m) { /* vzeroupper */
   fa_byte(m, 0xC5), fa_byte(m, 0xF8), fa_byte(m, 0x77);
 }
+
+#ifdef FA_MOST_DIRS
+#define FA_BLOCKS_OF_TANGENTS
+enum { FA_BLOCK = 32, FA_BLOCKS = FA_OWN_LANES * (int)sizeof(fa_lane) / FA_BLOCK }; /* of a row of tangents: registers */
 
 static int64_t fa_bytes_of_pattern(const fa_pattern *p) {
   const int64_t entries = p->rows ? p->first[p->rows] : 0;
@@ -399,14 +402,21 @@ static void fa_write_pattern(fa_maker *m, const fa_pattern *p) {
   fa_single(m);
   fa_byte(m, 0xC3);
 }
+#endif
 
 /* -- a program for four at once ---------------------------------------------------------------------------------- */
 
-/* What differs between the four, t, x, u and what a program works out of them, lies in a file of vectors, `wide`. All else is
- * the same for them, and is read from where one run has it. Operations are those of one run, lane by lane. */
+/* What differs between the four lies in a file of vectors, `wide`: for the stages of one run's step t, x, u and what a program
+ * works out of them; for four runs everything. All else is the same for them, and is read from where one run has it.
+ * Operations are those of one run, lane by lane. */
+#ifdef FA_MOST_DIRS
+static const int fa_in_lanes[] = {FA_DERIVATIVE_VALUES};
+#else
+static const int fa_in_lanes[] = {FA_DERIVATIVE, FA_GUARDS, FA_FULL, FA_OUTPUTS, FA_UPDATE};
+#endif
 enum { FA_IN_WIDE, FA_IN_ONE, FA_IN_MEMORIES, FA_IN_WIDE_RESULT, FA_IN_BITS };
 enum { FA_PLUS_ONE = 0, FA_SIGN_BIT = 1 };                       /* in FA_IN_BITS */
-enum { FA_MOST_LANE_BYTES = 320, FA_MOST_WIDE = 4096 };          /* of an instruction; places of a model */
+enum { FA_MOST_LANE_BYTES = 128, FA_MOST_WIDE = 4096 };          /* of an instruction; places of a model */
 
 typedef struct {
   fa_maker *m;
@@ -459,22 +469,9 @@ static void fa_four_not_zero(const fa_wide *w, int reg, int64_t place) {
   fa_four_compare(w, FA_NOT_EQUAL, reg, reg, value);
 }
 
-static void fa_call_for_each(const fa_wide *w, const fa_instruction *c) {
-  fa_maker *m = w->m;
-  const int64_t places[] = {c->a, c->b};
-  fa_single(m); /* the functions may use instructions that wait for what registers have beyond two doubles */
-  for (int l = 0; l < FA_WIDTH; l++) {
-    for (int k = 0; k < 2; k++) {
-      int base;
-      int64_t offset;
-      fa_find_wide(w, places[k], &base, &offset);
-      fa_three(m, 1, FA_OF_ONE, FA_LOAD, k, 0, base, offset + (w->wide[places[k]] ? l * 8 : 0));
-    }
-    fa_address(m, FA_RAX, fa_called[c->operation]);
-    fa_byte(m, 0xFF), fa_byte(m, 0xD0);
-    fa_three(m, 1, FA_OF_ONE, FA_STORE, 0, 0, m->base[FA_IN_WIDE], c->to * (int64_t)sizeof(fa_lane) + l * 8);
-  }
-  fa_forget(m);
+static void fa_four_into(const fa_wide *w, int reg, int64_t place) {
+  const int from = fa_four_of(w, place, reg);
+  if (from != reg) fa_four(w, FA_OR, reg, from, from);
 }
 
 static int fa_four_computed(const fa_wide *w, const fa_instruction *c) {
@@ -524,8 +521,7 @@ static int fa_four_computed(const fa_wide *w, const fa_instruction *c) {
       fa_four(w, FA_ROOT, reg, 0, fa_four_of(w, c->a, 0));
       break;
     case FA_DO_ASSIGN:
-      first = fa_four_of(w, c->a, reg);
-      if (first != reg) fa_four(w, FA_OR, reg, first, first);
+      fa_four_into(w, reg, c->a);
       break;
     case FA_DO_INV:
       last = fa_four_of(w, c->a, 0);
@@ -562,8 +558,12 @@ static int fa_four_computed(const fa_wide *w, const fa_instruction *c) {
       fa_four(w, FA_SUB, reg, reg, 1);
       break;
     default:
-      fa_call_for_each(w, c);
-      fa_three(w->m, 1, FA_OF_FOUR, FA_LOAD, reg, 0, w->m->base[FA_IN_WIDE], c->to * (int64_t)sizeof(fa_lane));
+      fa_four_into(w, 0, c->a);
+      fa_four_into(w, 1, c->b);
+      fa_address(w->m, FA_RAX, fa_called_in_lanes[c->operation]);
+      fa_byte(w->m, 0xFF), fa_byte(w->m, 0xD0);
+      fa_forget(w->m);
+      fa_four(w, FA_OR, reg, 0, 0);
   }
   return reg;
 }
@@ -583,10 +583,14 @@ static int fa_write_wide(fa_maker *m, const fa_program *program) {
   const fa_wide w = {m, wide};
   int open = 0;
   if (code->registers > FA_MOST_WIDE) return 0;
+#ifdef FA_MOST_DIRS
   memset(wide, 0, sizeof wide);
   memset(wide, 1, (size_t)FA_D); /* t, x, u */
   for (const fa_instruction *c = program->instructions; c->operation != FA_AT_END; c++)
     if (c->operation != FA_AT_SKIP) wide[c->to] = 1;
+#else
+  memset(wide, 1, sizeof wide);
+#endif
   memcpy(m->base, calls ? fa_lasting : fa_given, sizeof m->base);
   fa_forget(m);
   if (calls) fa_enter(m);
@@ -639,7 +643,10 @@ FA_EXPORT void *fa_translate(fa_code *code, int64_t *size) {
   fa_pattern *const patterns[] = {&code->derivative, &code->guards, &code->update, &code->outputs, &code->entering};
   const int tangents = sizeof patterns / sizeof *patterns;
   for (int k = 0; k < tangents; k++) *size += fa_bytes_of_pattern(patterns[k]);
-  *size += fa_most_wide_bytes(&code->program[FA_DERIVATIVE_VALUES]);
+#endif
+#ifdef FA_FOUR
+  enum { FA_FOURS = sizeof fa_in_lanes / sizeof *fa_in_lanes };
+  for (int k = 0; k < FA_FOURS; k++) *size += fa_most_wide_bytes(&code->program[fa_in_lanes[k]]);
 #endif
   uint8_t *const room = mmap(0, (size_t)*size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (room == MAP_FAILED) return 0;
@@ -656,8 +663,14 @@ FA_EXPORT void *fa_translate(fa_code *code, int64_t *size) {
     applied[k] = m.to;
     fa_write_pattern(&m, patterns[k]);
   }
-  uint8_t *stages = m.to;
-  if (!fa_write_wide(&m, &code->program[FA_DERIVATIVE_VALUES])) stages = 0;
+#endif
+#ifdef FA_FOUR
+  uint8_t *four[FA_FOURS] = {0};
+  for (int k = 0; k < FA_FOURS; k++) {
+    uint8_t *const begin = m.to;
+    if (fa_write_wide(&m, &code->program[fa_in_lanes[k]])) four[k] = begin;
+    else m.to = begin;
+  }
 #endif
   if (m.full || mprotect(room, (size_t)*size, PROT_READ | PROT_EXEC)) {
     munmap(room, (size_t)*size);
@@ -666,7 +679,9 @@ FA_EXPORT void *fa_translate(fa_code *code, int64_t *size) {
   for (int k = FA_DERIVATIVE; k < FA_PROGRAMS; k++) memcpy(&code->program[k].machine, &entry[k], sizeof entry[k]);
 #ifdef FA_BLOCKS_OF_TANGENTS
   for (int k = 0; k < tangents; k++) memcpy(&patterns[k]->machine, &applied[k], sizeof applied[k]);
-  memcpy(&code->program[FA_DERIVATIVE_VALUES].lanes, &stages, sizeof stages);
+#endif
+#ifdef FA_FOUR
+  for (int k = 0; k < FA_FOURS; k++) memcpy(&code->program[fa_in_lanes[k]].lanes, &four[k], sizeof four[k]);
 #endif
   return room;
 }

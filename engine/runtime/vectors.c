@@ -2,7 +2,7 @@
  * Without vectors of at least four doubles, runs are carried out one after another. */
 
 #ifndef FA_WIDTH
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) && !defined(FA_BYTECODE) /* byte code is translated for four */
 #define FA_WIDTH 8
 #elif defined(__AVX2__)
 #define FA_WIDTH 4

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -35,6 +36,9 @@ class Rosenbrock:
 
     def residual(self, x: Array, _: Any) -> Array:
         return np.array([[10 * (x[1] - x[0] ** 2)], [1 - x[0]]])
+
+    def residuals(self, x: Array, experiments: Sequence[Any], split: Any, _: Any) -> list[Array]:
+        return [split(e, self.residual(x, e)) for e in experiments]
 
     def linearised(self, x: Array, e: Any) -> tuple[Array, Array]:
         return self.residual(x, e).ravel(), np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])

@@ -143,6 +143,25 @@ __attribute__((visibility("default"))) void both(const double *x, const double *
   fa_prepare_modes(m, 0, 0, 0);
   fa_derivative(p[1] * x[1], x, 0, 0, m, p, 0, 0, 0, r);
 }
+
+#if FA_WIDTH == 4
+__attribute__((visibility("default"))) void four(const double *x, const double *m, const double *p, double *r,
+                                                 const fa_code *code) {
+  const fa_program *program = &code->program[FA_DERIVATIVE];
+  fa_lane wide[4096], found[program->count];
+  FA_EACH_LANE(l) {
+    const struct { const fa_code *code; double *file; } made = {code, (double[4096]){0}}, *s = &made;
+    fa_filled(code, made.file);
+    fa_prepare_parameters(p + 2 * l, 0);
+    fa_prepare_modes(m + 2 * l, 0, 0, 0);
+    for (int64_t k = 0; k < code->registers; k++) wide[k][l] = made.file[k];
+    wide[0][l] = p[2 * l + 1] * x[2 * l + 1];
+    for (int i = 0; i < 2; i++) wide[FA_X + i][l] = x[2 * l + i];
+  }
+  program->lanes(wide, 0, 0, found, fa_bits);
+  for (int64_t k = 0; k < program->count; k++) FA_EACH_LANE(l) r[l * program->count + k] = found[k][l];
+}
+#endif
 """
 
 
@@ -156,6 +175,8 @@ def test_every_operation_is_the_same_to_the_bit() -> None:
         for a, b in pairs:
             made = ca.SX.unary(operation, a) if operation in UNARY else ca.SX.binary(operation, a, b)
             nodes += [made, ca.if_else(m[0] != 0, made * x[0], 0), ca.if_else(m[1] * p[0] > 0, made + a, a)]
+        within = ca.if_else(m[1] > 0, ca.sin(made * x[1]) + x[0], 0)
+        nodes += [ca.if_else(m[0] > 0, ca.cos(within) + made, 0), ca.if_else(m[0] > 0, ca.sin(within) * made, 0)]
     emitter.add("derivative", [t, x, u, d, m, p, fire], ca.vertcat(*nodes))
     code = bytecode.Code()
     code.struct.nx, code.struct.np, code.struct.nf = 2, 2, 2
@@ -166,14 +187,15 @@ def test_every_operation_is_the_same_to_the_bit() -> None:
     random = np.random.default_rng(0)
     special = np.array([0.0, -0.0, 1.0, math.nan, math.inf, -math.inf])
     cases = [
-        *([random.normal(0, 2, 2), random.integers(-1, 2, 2).astype(float), random.normal(0, 2, 2)] for _ in range(50)),
+        *([random.normal(0, 2, 2), random.integers(-1, 2, 2).astype(float), random.normal(0, 2, 2)] for _ in range(52)),
         *([random.choice(special, 2) for _ in range(3)] for _ in range(200)),
     ]
-    found = np.zeros((3, len(cases), len(nodes)))
+    found = np.zeros((4, len(cases), len(nodes)))
     for way in (0, 1, 2):
         if way == 2:
             code.translate(library(source))
             assert (code.struct.program[2].machine is not None) == TRANSLATED
+            assert (code.struct.program[2].lanes is not None) == hasattr(general, "four")
         for case, given in enumerate(cases):
             arrays = [array.ctypes.data_as(ctypes.c_void_p) for array in given]
             result = ctypes.c_void_p(found[way, case].ctypes.data)
@@ -181,10 +203,17 @@ def test_every_operation_is_the_same_to_the_bit() -> None:
                 general.both(*arrays, result, ctypes.c_void_p(code.address))
             else:
                 own.both(*arrays, result)
+    found[3] = found[2]
+    if code.struct.program[2].lanes is not None:
+        found[3] = 0
+        for case in range(0, len(cases), 4):
+            together = [*(np.array([given[k] for given in cases[case : case + 4]]) for k in range(3)), found[3, case:]]
+            pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in together]
+            general.four(*pointers, ctypes.c_void_p(code.address))
     bits = np.where(np.isnan(found), math.nan, found).view(np.uint64)
-    wrong = np.argwhere((bits[0] != bits[1]) | (bits[1] != bits[2]))
+    wrong = np.argwhere((bits != bits[0]).any(axis=0))
     assert not len(wrong), [(str(nodes[k]), cases[c], *found[:, c, k]) for c, k in wrong[:9]]
-    assert np.isfinite(found[0, :50]).mean() > 0.5
+    assert np.isfinite(found[0, :52]).mean() > 0.5
 
 
 @pytest.mark.parametrize(("tests", "translated"), [(5, True), (80, False)])

@@ -1,4 +1,4 @@
-"""Runs in lanes are single runs to the bit, with switches, knots, clocks and failures; and the way without lanes."""
+"""Runs in lanes, compiled and of byte code, are single runs to the bit, with all that may happen; and no lanes."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ from engine.assemble import build
 from engine.batch import Case, Failure, batch
 from engine.codegen import INCLUDES, Emitter, lanes_source, runtime
 from engine.compile import library
-from engine.errors import ParameterError
+from engine.errors import ParameterError, SimulationError
 from engine.lanes import alike, lanes_of
 from engine.model import Model
+from engine.native import Job, Outcome
 from engine.operations import BINARY, UNARY
-from engine.simulate import Drive, Result, prepare, simulate
+from engine.simulate import Drive, Result, carried_out_together, prepare, simulate
 from engine.system import Connection, System
 from scenarios.load import load
 from tests.engine.parts import Body, Dry, Push, system
@@ -204,6 +205,155 @@ def test_lanes_come_once_they_pay(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found == expected * 40
     assert not lanes_of(model)._possible
     lanes.forget()
+
+
+@pytest.fixture
+def byte_code(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Models stay byte code."""
+    native.forget()
+    monkeypatch.setattr(native, "ENOUGH", math.inf)
+    monkeypatch.setattr(native, "LOOK", math.inf)
+    yield
+    native.forget()
+
+
+def outcomes(model: Model, jobs: list[Job]) -> list[Outcome]:
+    """Of runs together, of every number of lanes; held against those of single runs."""
+    expected = [native.run(model, job) for job in jobs]
+    (group,) = lanes.groups(model, jobs)
+    assert group == list(range(len(jobs)))
+    for count in range(2, len(jobs) + 1):
+        found = lanes.run_together(model, jobs[:count])
+        assert len(found) == count
+        for one, other in zip(expected, found, strict=False):
+            for name in ("steps", "events", "row", "status", "culprit", "t1"):
+                assert getattr(one, name) == getattr(other, name), name
+            for name in ("x1", "d1", "m1", "log"):
+                assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
+            assert one.y[: one.row].tobytes() == other.y[: one.row].tobytes()
+    return expected
+
+
+def together() -> Model:
+    model = load("reference-b").build()
+    code = native.way_of(model).code
+    if code is None or not code.in_lanes:
+        pytest.skip("this processor has no vectors for that")
+    return model
+
+
+def sliding() -> Model:
+    together()
+    plant = system({"t": Push(), "m": Body(inertia=2.0), "f": Dry(level=3.0)}, ("t.shaft", "m.shaft", "f.shaft"))
+    return build(plant, inputs=["t.in"], outputs=["m.shaft.angle", "m.shaft.speed"])
+
+
+@pytest.mark.usefixtures("byte_code")
+@pytest.mark.parametrize("hold", ["zero_order", "linear"])
+def test_byte_code_sticks_and_slips_under_drives(hold: str) -> None:
+    model, time = sliding(), np.arange(0.0, 2.0, 0.013)
+    jobs = [
+        prepare(
+            model,
+            2.0,
+            1e-2,
+            parameters={"f.level": 3.0 + 0.05 * k, "m.inertia": 1.0 + 0.01 * k},
+            drive=Drive(time, (4.0 * (k != 1) + 0.3 * k) * np.sin(9 * time + k)[:, None], hold),
+            initial={"m.shaft.speed": 0.1 * k},
+        )
+        for k in range(4)
+    ]
+    assert len({outcome.events for outcome in outcomes(model, jobs)}) > 2
+
+
+@pytest.mark.usefixtures("byte_code")
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_byte_code_of_scenarios(name: str) -> None:
+    together()
+    model = load(name).build()
+    jobs = [prepare(model, 0.6, 1e-3, parameters=c.parameters, internal_step=7e-4) for c in varied(model, 4)]
+    outcomes(model, jobs)
+
+
+@pytest.mark.usefixtures("byte_code")
+def test_byte_code_with_delay_lines() -> None:
+    together()
+    blocks = {
+        "s": Sine(amplitude=2.0, frequency="3 Hz"),
+        "g": Gain(gain=1.5),
+        "b": Delay(delay="70 ms", period="10 ms"),
+    }
+    wires = [Connection(("s.out", "g.in")), Connection(("g.out", "b.in"))]
+    model = build(System(blocks, wires, name="line"), ["g.in"])
+    time = np.arange(0.0, 1.0, 0.013)
+    drives = [Drive(time, np.sin(time + k)[:, None]) for k in range(4)]
+    outcomes(model, [prepare(model, 1.0, 1e-3, parameters={"g.gain": 1.0 + k}, drive=d) for k, d in enumerate(drives)])
+
+
+@pytest.mark.usefixtures("byte_code")
+def test_byte_code_that_fails_in_a_lane_leaves_the_others_as_they_are() -> None:
+    model = sliding()
+    jobs = [prepare(model, 1000.0, 100.0, initial={"m.shaft.speed": speed}) for speed in (1.0, 1e308, 2.0, 1e307)]
+    failed = [outcome.status != native.OK for outcome in outcomes(model, jobs)]
+    assert failed == [False, True, False, True]
+    found = carried_out_together(model, jobs)
+    assert [isinstance(one, SimulationError) for one in found] == failed
+
+
+@pytest.mark.usefixtures("byte_code")
+def test_byte_code_in_lanes_is_cancelled() -> None:
+    model, flag = together(), ctypes.c_int32(1)
+    jobs = [prepare(model, 1.0, 1e-3, parameters={"motor.resistance": 2.0 + 0.1 * k}) for k in range(4)]
+    native.cancelled_by(flag)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            lanes.run_together(model, jobs)
+    finally:
+        native.cancelled_by(None)
+    for job in jobs:
+        job.cancel = flag
+    assert [outcome.status for outcome in lanes.run_together(model, jobs)] == [native.CANCELLED] * 4
+
+
+@pytest.mark.usefixtures("byte_code")
+def test_byte_code_is_grouped_by_what_runs_share() -> None:
+    model = sliding()
+    drives = [Drive([0.0, 0.1 + 0.1 * (k % 2)], [[5.0 + k], [0.0]]) for k in range(12)]
+    jobs = [prepare(model, 1.0, 1e-2, drive=drive) for drive in drives]
+    assert lanes.groups(model, jobs) == [[0, 2, 4, 6], [8, 10], [1, 3, 5, 7], [9, 11]]
+    jobs[0].record_states = jobs[2].record_states = True
+    assert lanes.groups(model, jobs[:6]) == [[0], [2], [1, 3, 5], [4]]
+
+
+@pytest.mark.usefixtures("byte_code")
+def test_byte_code_without_machine_code_has_no_lanes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native, "MACHINE_CODE", False)
+    model = load("reference-b").build()
+    jobs = [prepare(model, 0.1, 1e-3) for _ in range(4)]
+    assert lanes.groups(model, jobs) == [[k] for k in range(4)]
+    alone = native.run(model, jobs[0])
+    assert all(one.y.tobytes() == alone.y.tobytes() for k in range(4) for one in lanes.run_together(model, [jobs[k]]))
+
+
+@pytest.mark.usefixtures("byte_code")
+def test_where_most_is_done_alone_a_model_s_own_code_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, time = sliding(), np.arange(0.0, 2.0, 0.013)
+    quiet = [prepare(model, 2.0, 1e-2, drive=Drive(time, 0 * time[:, None])) for _ in range(4)]
+    busy = [prepare(model, 2.0, 1e-2, drive=Drive(time, 9 * np.sin(90 * time + k)[:, None])) for k in range(4)]
+    way = native.way_of(model)
+    lanes.run_together(model, quiet)
+    assert way._lost == 0
+    first = lanes.run_together(model, busy)
+    assert way.alone > 0.3
+    lanes.run_together(model, busy)
+    assert way._lost > 0
+    assert way.own is None
+    monkeypatch.setattr(native, "ENOUGH", -math.inf)
+    own = lanes.run_together(model, busy)
+    assert way.own is not None
+    assert [one.y.tobytes() for one in own] == [one.y.tobytes() for one in first]
+    lanes.run_together(model, quiet)
+    assert way.alone == 0
 
 
 _WRAPPED = """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -52,8 +52,8 @@ class Toy:
         self.function, self.slopes, self.free = residual, jacobian, free
         self.jacobians = 0
 
-    def residual(self, x: Array, experiment: Any) -> Array:
-        return self.function(x)[:, None]
+    def residuals(self, x: Array, experiments: Sequence[Any], split: Any, _: Any) -> list[Array]:
+        return [split(e, self.function(x)[:, None]) for e in experiments]
 
     def linearised(self, x: Array, experiment: Any) -> tuple[Array, Array]:
         self.jacobians += 1

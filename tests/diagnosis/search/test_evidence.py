@@ -273,6 +273,11 @@ def test_a_model_whose_simulation_fails_is_the_least_likely_of_all(monkeypatch: 
             raise SimulationError("it diverged")
         return np.zeros_like(e.measured)
 
+    def nothing_to_run(*_: Any) -> None:
+        raise SimulationError("there is no model")
+
+    monkeypatch.setattr(Problem, "values", lambda *_: ({}, {}))
+    monkeypatch.setattr(TimeExperiment, "job", nothing_to_run)
     monkeypatch.setattr(Problem, "simulate", answers)
     for noise in get_args(Noise):
         standing, failed = (problem.misfit(x, problem.training, noise=noise) for x in (np.zeros(0), np.zeros(1)))
