@@ -77,8 +77,8 @@ class Origin:
         self.effects, self.built = tuple(effects), tuple(built)
         self.values = {place_of(f): f.value(v) for f, v in zip(problem.free, x, strict=True)}
         self.kept: dict[str, list[Course]] = {}
-        self.refused: dict[str, str] = {}
-        """Effects that could not be put in here, and why."""
+        self.refused: dict[tuple[str, str], str] = {}
+        """Effects that could not be put in here, by key and option, and why."""
         self.every = max(1, sum(len(e.time) for e in problem.training) // SEARCH.samples)
         strengths = problem.leftover(x, problem.training).by_band
         self._whitening = [Whitening(e, strengths, self.every) for e in problem.training]
@@ -260,11 +260,9 @@ def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]
                 if one is not None:
                     added.append(one)
         except FlexarmError as error:
-            origin.refused[effect.key] = error.message
+            origin.refused[effect.key, effect.option] = error.message
     least = min((one.power for one in added), default=0.0)
     found += [origin.course(effect, one, one.power <= SEARCH.alike * least) for one in added]
-    if found:
-        origin.refused.pop(effect.key, None)
     origin.kept[key] = sorted(found, key=lambda course: -course.likelihood)
     return origin.kept[key]
 

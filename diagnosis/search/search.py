@@ -505,10 +505,20 @@ class _Search:
         cuts = [cut(c) for c in ranked(first, promise) if cut(c) in later][: SEARCH.cuts]
         waiting = [c for place in cuts for c in later[place]]
         promise |= dict(zip(map(id, waiting), self._promises(origins, waiting), strict=True))
-        self._seen = self._seen or [*first, *waiting]
-        whys = {key: why for origin in origins if not origin.effects for key, why in origin.refused.items()}
+        ways = [*first, *waiting]
+        self._seen = self._seen or ways
+        went = {c.key for c in ways if max(promise[id(c)], default=-math.inf) > -math.inf}
+        self._note_refused(origins, [c for c in ways if c.key not in went])
+        return ranked(ways, promise)
+
+    def _note_refused(self, origins: Sequence[Origin], effects: Sequence[Candidate]) -> None:
+        """Note why effects that go in no way into the user's model were refused, in their order: threads keep none."""
+        whys: dict[str, str] = {}
+        for c in effects:
+            for why in (o.refused.get((c.key, c.option)) for o in origins if not o.effects):
+                if why is not None:
+                    whys.setdefault(c.key, why)
         self.known.failures += [pair for pair in whys.items() if pair not in self.known.failures]
-        return ranked([*first, *waiting], promise)
 
     def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[list[float]]:
         """What each effect promises to gain at each of the origins."""

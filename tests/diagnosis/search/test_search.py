@@ -568,3 +568,17 @@ def test_a_vibration_is_tried_elsewhere_at_the_frequency_that_it_has() -> None:
     world = Resonant(by({motor.key: 2e5, load.key: 9e5}))
     assert run(world, [motor, load, *OTHERS], 2).known.best.keys == {load.key}
     assert started[:2] == [(0.1,), (0.2,)]
+
+
+def test_why_effects_were_refused_is_told_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Threads find out in any order; and what goes in one way is not refused because another does not."""
+    friction, joint = effect("coulomb_friction"), effect("joint_flexibility", option="the other side")
+    same = effect("joint_flexibility")
+    world = World(by({"": 1e5}))
+    given = {(joint.key, joint.option): "no inertia there", (LAG.key, ""): "too fast", (friction.key, ""): "no speed"}
+    origin: Any = SimpleNamespace(likelihood=0.0, effects=(), refused=given)
+    goes: list[Any] = [SimpleNamespace(likelihood=50.0)]
+    monkeypatch.setattr(searching, "courses", lambda fitter, o, c: goes if c is same else [])
+    made: Any = searching._Search(world, world.refit, [friction, joint, same, LAG], None)  # type: ignore[arg-type]
+    made._screened([origin], made.listed)
+    assert made.known.failures == [(friction.key, "no speed"), (LAG.key, "too fast")]
