@@ -106,10 +106,10 @@ def stiffest(model: Model, p: Vector, states: NDArray[np.float64]) -> Vector:
     """
     e = model.equations
     inputs, memories, jacobian = np.zeros(e.u.numel()), np.zeros(e.d.numel()), model.at("jacobian")
-    sizes = [
-        max(float(np.linalg.norm(jacobian(0.0, x, inputs, memories, m, p))) for m in _modes(model)) for x in states
-    ]
-    return np.asarray(states[int(np.nanargmax(sizes))])
+    sizes = [[np.linalg.norm(jacobian(0.0, x, inputs, memories, m, p)) for m in _modes(model)] for x in states]
+    # Where a rate is not finite it tells no step.
+    known = np.nan_to_num(np.array(sizes, dtype=float), nan=0.0, posinf=0.0)
+    return np.asarray(states[int(np.argmax(known.max(axis=1)))])
 
 
 def lasting_step(values: NDArray[np.complex128], stop: float) -> float:

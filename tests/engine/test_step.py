@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 
 import numpy as np
 import pytest
 
+from blocks.actuators.hardening_spring import HardeningSpring
 from engine.assemble import build
 from engine.simulate import simulate
 from engine.start import start_values
-from engine.step import STEP_PER_RATE, StepRule, fastest, internal_step
+from engine.step import STEP_PER_RATE, StepRule, fastest, internal_step, stiffest
 from tests.engine.parts import Anchor, Body, Rest, Spring, system
 
 
@@ -22,6 +24,20 @@ def test_the_step_follows_the_stiffest_contact_though_it_is_open_at_the_start() 
     assert rate == pytest.approx(np.sqrt(4e4 / 0.01), rel=1e-9)
     run = simulate(model, 0.1, 1e-2, initial={"m.shaft.speed": 1.0})
     assert run.internal_step == pytest.approx(STEP_PER_RATE / rate, rel=1e-9)
+
+
+def test_of_the_states_of_a_run_the_stiffest_tells_the_step() -> None:
+    """A weight on a spring that hardens: k + 3 k3 x^2 is largest farthest out, and what is no number tells nothing."""
+    parts = {"m": Body(inertia=0.01), "s": HardeningSpring(stiffness=4.0, cubic_stiffness=300.0), "end": Anchor()}
+    model = build(system(parts, ("m.shaft", "s.a"), ("s.b", "end.shaft")))
+    states = np.array([[0.0, 2.0], [-0.3, 0.0], [0.2, 1.0], [math.nan, 0.0]])
+    there = stiffest(model, model.parameter_values, states)
+    assert there.tolist() == [-0.3, 0.0]
+    rate = math.sqrt((4.0 + 3 * 300.0 * 0.3**2) / 0.01)
+    assert internal_step(model, model.parameter_values, there, 1.0) == pytest.approx(STEP_PER_RATE / rate, rel=1e-6)
+    assert model.stiffens
+    plain = {"m": Body(inertia=0.01), "s": Spring(stiffness=4.0), "end": Anchor()}
+    assert not build(system(plain, ("m.shaft", "s.a"), ("s.b", "end.shaft"))).stiffens
 
 
 def test_a_step_too_long_is_noticed_and_the_mode_named() -> None:
