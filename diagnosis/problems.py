@@ -259,17 +259,17 @@ def followed(made: Problem, x: Array) -> Problem:
     step, values = made.internal_step, made.values(x)[0]
     for e in over_time(made.training or made.experiments):
         p = model.parameter_vector({**values, **e.settings})
-        states = None
+        tried, states = step, None
         while states is None:
             try:
-                states = e.visited(model, *made.values(x, e), step)
+                states = e.visited(model, *made.values(x, e), tried)
             except (ParameterError, SimulationError):
-                if step / 2 < e.finest_step:
-                    break
-                step /= 2  # as stiff as it becomes, it ran away
+                if tried / 2 < e.finest_step:
+                    break  # it runs away whatever the step
+                tried /= 2  # as stiff as it becomes, this step was too long
         else:
-            stiff = internal_step(model, p, stiffest(model, p, states), step, rule=made.steps)
-            step = max(stiff, min(step, e.finest_step))
+            stiff = internal_step(model, p, stiffest(model, p, states), tried, rule=made.steps)
+            step = max(stiff, min(tried, e.finest_step))
     return replace(made, internal_step=step)
 
 

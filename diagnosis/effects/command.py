@@ -46,7 +46,7 @@ def at_command(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
 
 
 def _steps(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
-    """Steps of a command, of heights that stand out in what the best model leaves, if any do."""
+    """Steps of a command, of heights that stand out in what is left over, if any do."""
     problem, size, name = scales.problem, place.size, f"{NAME}_command_quantisation"
     if place.target not in [v.name for v in problem.model.inputs]:
         return  # within a loop nothing was recorded

@@ -79,7 +79,7 @@ def at_loaded_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate
 
 
 def at_driven_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
-    """Cogging, only at the shaft that a drive turns, and of orders that stand out in what the best model leaves.
+    """Cogging, only at the shaft that a drive turns, and of orders that stand out in what is left over.
 
     It is a torque ripple of an order above those that are tried anywhere: magnets pull at the teeth of a motor, and all
     orders to a hundred are too many to be tried one by one.

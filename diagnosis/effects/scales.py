@@ -55,7 +55,7 @@ class OperatingScales:
         torque: flange -> size of the torques that act there.
         speed, angle: flange -> size of its motion.
         inertia: flange -> inertia felt there.
-        lines: frequencies (rad/s) that stand out in what the best model so far leaves over.
+        lines: frequencies (rad/s) that stand out in what the model leaves over to which effects are added.
         fitted: the nominal problem's parameters in that model, as a search vector, if there is one yet.
         left: what it leaves over: training recording -> residual, shape (samples, signals).
     """

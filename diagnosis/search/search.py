@@ -85,9 +85,9 @@ def study(
 
 def _seen_beside(scales: OperatingScales, model: ScoredModel) -> OperatingScales:
     """Scales with what a model leaves over: its frequencies, and what stands out by a shaft's angle or a command."""
-    problem, x, standing_at = model.fit.problem, model.fit.x, standing(model.fit)
+    problem, x, values = model.fit.problem, model.fit.x, standing(model.fit)
     left = {e.name: problem.residual(x, e) for e in problem.training}
-    fitted = np.array([f.position(standing_at.get(place_of(f), f.start)) for f in scales.problem.free])
+    fitted = np.array([f.position(values.get(place_of(f), f.start)) for f in scales.problem.free])
     found = dict[float, float]()
     for e in problem.training:
         found |= e.lines(left[e.name], SEARCH.lines)

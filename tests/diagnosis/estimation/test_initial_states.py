@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from diagnosis.api import fit
 from diagnosis.binding import find_recording
 from diagnosis.estimation.initial_states import _slope
+from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.problems import problem, variant
 from diagnosis.thresholds import FITTING
@@ -176,9 +177,8 @@ def test_recordings_may_differ_in_declared_values(arm: Path) -> None:
     assert "weight.mass" in caught.value.remedy
 
 
-def test_an_amended_model_begins_in_its_own_equilibrium(arm: Path) -> None:
-    """A spring between the link and its tip adds a coordinate: the tip begins beside the link, not at zero."""
-    experiment(arm, [MOTOR], "{free: [rotor.shaft.angle]}")
+def with_a_tip(arm: Path) -> Problem:
+    """The arm with a tip on a spring, which the scenario holds fast to the link."""
     arm.write_text(
         arm.read_text()
         .replace("connect:", "  tip: {type: Inertia, inertia: 0.1 kg.m2}\nconnect:")
@@ -187,7 +187,13 @@ def test_an_amended_model_begins_in_its_own_equilibrium(arm: Path) -> None:
     scenario = load(arm)
     base = problem(scenario, [find_recording(scenario, "run")])
     spring = {"stiffness": 60.0, "damping": 0.01}
-    amended = variant(base, [Between("give", "SpringDamper", "tip.shaft", "a", "b", spring)])
+    return variant(base, [Between("give", "SpringDamper", "tip.shaft", "a", "b", spring)])
+
+
+def test_an_amended_model_begins_in_its_own_equilibrium(arm: Path) -> None:
+    """A spring between the link and its tip adds a coordinate: the tip begins beside the link, not at zero."""
+    experiment(arm, [MOTOR], "{free: [rotor.shaft.angle]}")
+    amended = with_a_tip(arm)
     (e,) = amended.experiments
     assert isinstance(e, TimeExperiment)
     model = amended.model
@@ -203,15 +209,7 @@ def test_where_a_recording_begins_out_of_equilibrium_what_an_amended_model_adds_
 ) -> None:
     """The link is let go of, as nothing measures it: so is the tip that a spring sets free of it."""
     experiment(arm, [MOTOR], f"{{free: [{free}]}}")
-    arm.write_text(
-        arm.read_text()
-        .replace("connect:", "  tip: {type: Inertia, inertia: 0.1 kg.m2}\nconnect:")
-        .replace("link.shaft, bearing", "link.shaft, tip.shaft, bearing")
-    )
-    scenario = load(arm)
-    base = problem(scenario, [find_recording(scenario, "run")])
-    spring = {"stiffness": 60.0, "damping": 0.01}
-    amended = variant(base, [Between("give", "SpringDamper", "tip.shaft", "a", "b", spring)])
+    amended = with_a_tip(arm)
     (e,) = amended.experiments
     assert isinstance(e, TimeExperiment)
     assert len(e.free) == len(free.split(",")) + added
