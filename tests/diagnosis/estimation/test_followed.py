@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 from diagnosis.api import gather
 from diagnosis.compare import compare
+from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.problems import problem
+from engine.errors import SimulationError
 from engine.step import STEP_PER_RATE
 from scenarios.load import load
 
@@ -76,3 +80,21 @@ def test_the_step_suits_a_spring_where_it_is_twisted_most(tmp_path: Path) -> Non
     assert compare(scenario, "run").signals["rotor.shaft.angle"].rmse < 1.2 * NOISE
     beginning = replace(made, internal_step=min(INTERVAL, STEP_PER_RATE / soft))
     assert beginning.chi2(given, made.training) > 100
+
+
+def test_what_runs_away_whatever_the_step_keeps_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    t = INTERVAL * np.arange(20)
+    np.savetxt(tmp_path / "run.csv", np.column_stack([t, 0 * t, t**2]), delimiter=",", header="t,u,a", comments="")
+    path = tmp_path / "joint.yaml"
+    path.write_text(JOINT, encoding="utf-8")
+    scenario = load(path)
+    tried: list[float] = []
+
+    def runs_away(e: Any, model: Any, parameters: Any, starts: Any, longest: float) -> Any:
+        tried.append(longest)
+        raise SimulationError("the run diverged")
+
+    monkeypatch.setattr(TimeExperiment, "visited", runs_away)
+    made = problem(scenario, gather(scenario, (), ()))
+    assert made.internal_step == tried[0]
+    assert tried == [tried[0] / 2**k for k in range(4)]
