@@ -2,8 +2,8 @@
 
 A logger is often much faster than the machine. A coarse recording has one sample of several, smoothed, and the mean
 input in between. What a model answers to it differs a little from what it answers to the whole; the samples are
-corrected by that difference, as the refitted model shows it. So the residual of the refitted model is the true one, and
-models near it are compared rightly: the defect correction of multigrid methods [Brandt 1977]. Those that promise most
+corrected by that difference, as one fitted model shows it. So the residual of that model is the true one, and models
+near it are compared rightly: the defect correction of multigrid methods [Brandt 1977]. Those that promise most
 are then fitted to the recordings as they are.
 
 Where the machine allows it, longer integration steps are taken as well, and corrected for in the same way.
@@ -30,8 +30,8 @@ def coarse(problem: Problem, x: Array) -> Problem:
     """The problem on coarse recordings, or as it is where that would hide what is missing or change its answer.
 
     Args:
-        problem: of the user's model.
-        x: its search vector as refitted.
+        problem: of a model.
+        x: its search vector as fitted.
     """
     given = [e for e in problem.experiments if isinstance(e, TimeExperiment)]
     if len(given) < len(problem.experiments):
@@ -40,6 +40,35 @@ def coarse(problem: Problem, x: Array) -> Problem:
         return _with_long_steps(_with_few_samples(problem, x, given), x)
     except SimulationError:
         return problem
+
+
+def as_coarse(base: Problem, made: Problem) -> Problem:
+    """A problem on the recordings of another one, coarse as these are; as it is where they are not.
+
+    Args:
+        base: of the user's model.
+        made: of an amended model, from `coarse`.
+    """
+    experiments = [
+        replace(
+            e,
+            time=there.time,
+            measured=there.measured,
+            sigma=there.sigma,
+            drive=there.drive,
+            step=there.step,
+            every=there.every,
+            merged=there.merged,
+            thinned=there.thinned,
+            coarse=True,
+        )
+        for e, there in zip(base.experiments, made.experiments, strict=True)
+        if isinstance(e, TimeExperiment) and isinstance(there, TimeExperiment) and there.coarse
+    ]
+    if len(experiments) < len(base.experiments):
+        return base
+    found = replace(base, experiments=tuple(experiments), steps=made.steps)
+    return resolved(found, np.zeros(len(found.free))) or found
 
 
 def _with_few_samples(problem: Problem, x: Array, given: Sequence[TimeExperiment]) -> Problem:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from threadpoolctl import threadpool_limits
@@ -43,12 +43,16 @@ class Order:
 
 @dataclass(frozen=True)
 class Task:
-    """A fit: effects at their starting sizes from some parents' parameters, or one begun elsewhere, and its reach."""
+    """A fit: effects at their starting sizes from some parents' parameters, or one begun elsewhere, and its reach.
+
+    The recordings are made coarse around the user's model, or around effects and what was fitted of them.
+    """
 
     effects: tuple[Candidate, ...]
     parents: tuple[dict[str, float], ...]
     begun: dict[str, Any] | None = None
     reach: float = math.inf
+    around: tuple[tuple[Candidate, ...], dict[str, Any]] | None = None
 
 
 class DaskFitter(CandidateFitter):
@@ -79,6 +83,8 @@ class DaskFitter(CandidateFitter):
         return self._done(Task(partial.effects, (), partial.row(), reach))
 
     def _done(self, task: Task) -> PartialFit:
+        if self.centre is not None:
+            task = replace(task, around=(self.centre.effects, self.centre.row()))
         return self.restored(task.effects, self.spread.call(perform, (self.order, task)))
 
 
@@ -91,6 +97,8 @@ def perform(given: tuple[Order, Task]) -> dict[str, Any]:
     order, task = given
     with threadpool_limits(1):
         fitter = _shop(order)
+        if task.around is not None:
+            fitter = fitter.around(fitter.restored(*task.around))
         if task.begun is None:
             made = fitter.compute_partial_fit(task.effects, task.parents)
         else:

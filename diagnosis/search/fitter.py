@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import hashlib
 import itertools
@@ -21,7 +22,7 @@ from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import followed, problem, resolved, variant
 from diagnosis.recordings.types import Recorded
-from diagnosis.search.coarse import coarse
+from diagnosis.search.coarse import as_coarse, coarse
 from diagnosis.search.evidence import ChosenSize
 from diagnosis.search.growing import grown
 from diagnosis.search.nearby import Nearby
@@ -63,6 +64,11 @@ class CandidateFitter:
         self.base = problem(scenario, self.recordings)
         self.tables = self.base.sparse
         self.digest = _digest(self.base, seed)
+        self.centre: PartialFit | None = None
+        """The model that recordings are made coarse around; the user's own, if None."""
+        self.mark = ""
+        """Tells it from others."""
+        self._around = {self.mark: self}
         self._origins: dict[str, Origin | None] = {}
         self._built: OrderedDict[str, Problem] = OrderedDict()
 
@@ -72,6 +78,26 @@ class CandidateFitter:
         if len(recordings) == len(self.recordings) and all(map(operator.is_, recordings, self.recordings)):
             return self
         return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store)
+
+    def near(self, model: ScoredModel) -> CandidateFitter:
+        """The same with recordings that are made coarse around a model, to put other effects in beside its own.
+
+        What they are corrected by is right near the model that told it. Far from there the error is small beside what
+        that model left over, and large beside what a further effect explains.
+        """
+        return self.around(PartialFit(model.effects, end_of(model), model.fit.converged)) if model.effects else self
+
+    def around(self, centre: PartialFit) -> CandidateFitter:
+        """As of `near`, of a partial fit to the whole recordings."""
+        if self.coarse is self.base:
+            return self
+        mark = f" {centre.label} {_mark(centre.point.x)}"
+        if mark not in self._around:
+            made = copy.copy(self)
+            made.centre, made.mark = centre, mark
+            made.coarse = as_coarse(self.base, coarse(centre.point.problem, centre.point.x))
+            self._around[mark] = made
+        return self._around[mark]
 
     @functools.cached_property
     def refit(self) -> ScoredModel:
@@ -135,7 +161,7 @@ class CandidateFitter:
 
     def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:
         """What ``compute`` gives, or what it gave before under the same key."""
-        key = f"{self.digest} {key}"
+        key = f"{self.digest}{self.mark} {key}"
         if self.store is None or key not in self.store:
             partial = compute()
             if self.store is not None:
@@ -148,7 +174,7 @@ class CandidateFitter:
         made = self.build(effects, row["built"], whole=row["whole"]) if effects else self.base
         made = replace(made, internal_step=row["internal_step"])
         point = StartingPoint(row["cost"], made, np.array(row["x"]), tuple(row["sizes"]), tuple(row["built"]))
-        return PartialFit(effects, point, row["converged"])
+        return PartialFit(effects, point, row["converged"], self.mark)
 
     def _trial(self, partial: PartialFit, noise: Noise = "coloured") -> ScoredModel:
         """A partial fit as it is, scored; ``noise`` as of `scored`."""
@@ -195,7 +221,7 @@ class CandidateFitter:
             FlexarmError: the amended model has no meaning.
         """
         whole = whole or self.coarse is self.base
-        mark = repr([whole, *((c.key, c.option, c.name, s) for c, s in zip(effects, starts, strict=True))])
+        mark = repr([whole or self.mark, *((c.key, c.option, c.name, s) for c, s in zip(effects, starts, strict=True))])
         made = self._built.get(mark)
         if made is None:
             made = self._built[mark] = self._build(self.base if whole else self.coarse, effects, starts)
@@ -234,6 +260,7 @@ class CandidateFitter:
         """
         key = " ".join(
             [
+                self.mark,
                 *(f"{c.key} {c.option}" for c in effects),
                 repr([c.starts[0] for c in effects]),
                 repr(sorted(values.items())),
@@ -245,7 +272,7 @@ class CandidateFitter:
             x = _placed(made, values, effects, built)
             made = resolved(made, x) or made
             try:
-                self._origins[key] = Origin(made, x, effects, built)
+                self._origins[key] = Origin(self, made, x, effects, built)
             except SimulationError:
                 self._origins[key] = None
         return self._origins[key]
@@ -253,7 +280,8 @@ class CandidateFitter:
     def forget(self, effects: Sequence[Candidate]) -> None:
         """Drop what `origin` keeps of a model with effects: its tangents take room, and it is not asked for again."""
         if effects:
-            self._origins = {key: o for key, o in self._origins.items() if o is None or not o.effects}
+            for key in [key for key, o in self._origins.items() if o is not None and o.effects]:
+                del self._origins[key]
 
     def partial_fit(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> PartialFit:
         """Put an effect in beside others, and take a few steps from the sizes that promise most.
@@ -287,7 +315,7 @@ class CandidateFitter:
                 x, cost, converged = descend(
                     there, point.x, there.training, pool, iterations=steps, least_gain=SEARCH.slow, noise="white"
                 )
-                tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged))
+                tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged, self.mark))
         # A size that is only chosen takes no steps, and would stand where it began among others that did; one that is
         # in already has taken the place of what is put in now.
         return self._refined(min(tried, key=lambda partial: partial.point.cost))
@@ -312,7 +340,7 @@ class CandidateFitter:
                     points.append(StartingPoint(cost, made, x, sizes, only))
             else:
                 origin = self.origin(tuple(before), values)
-                found = begun(self, origin, new, SEARCH.starts, bold=not before) if origin else []
+                found = begun(origin, new, SEARCH.starts, bold=not before) if origin else []
                 points += found[: SEARCH.starts]
                 bold += found[SEARCH.starts :][:1]
             each.append(sorted(points, key=lambda point: point.cost))
@@ -335,7 +363,8 @@ class CandidateFitter:
         names = [f"{c.key} {c.option}" for c in partial.effects]
         aim = [f"to {reach!r}"] if math.isfinite(reach) else []
         key = " ".join(["finish", *names, repr(point.sizes), _mark(point.x), *aim])
-        return self._trial(self._kept(key, partial.effects, lambda: self.compute_finish(partial, reach)))
+        maker = self._around[partial.around]
+        return self._trial(maker._kept(key, partial.effects, lambda: maker.compute_finish(partial, reach)))
 
     def retried(self, model: ScoredModel) -> ScoredModel:
         """A model fitted again from points around where its fit ended, or as it is if none of them leads lower.
@@ -433,7 +462,7 @@ class CandidateFitter:
             x, cost, converged = descend(
                 made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow, reach=reach
             )
-        again = PartialFit(whole.effects, replace(whole.point, x=x, cost=cost), converged)
+        again = replace(whole, point=replace(whole.point, x=x, cost=cost), converged=converged)
         return self._likelier([whole, again]) if math.isfinite(cost) else whole
 
     def _likelier(self, ends: Sequence[PartialFit]) -> PartialFit:
@@ -470,7 +499,7 @@ class CandidateFitter:
             if there.internal_step == made.internal_step:
                 break
             made = there  # the fit has gone where the model is stiffer
-        return PartialFit(partial.effects, replace(point, problem=made, x=x, cost=cost), converged)
+        return replace(partial, point=replace(point, problem=made, x=x, cost=cost), converged=converged)
 
     def _refined(self, partial: PartialFit, *, noise: Noise = "white") -> PartialFit:
         """The partial fit with sizes that are only chosen, such as a delay, moved to where they fit best."""
@@ -511,7 +540,7 @@ class CandidateFitter:
         if not cost < best.cost:
             return partial
         point = StartingPoint(cost, made, x, _with(best.sizes, k, sizes), built)
-        return PartialFit(partial.effects, point, converged)
+        return replace(partial, point=point, converged=converged)
 
 
 def _apart(ends: Sequence[PartialFit]) -> list[PartialFit]:

@@ -39,11 +39,24 @@ class Builder(Protocol):
 
 @dataclass(frozen=True)
 class PartialFit:
-    """Effects put in, after a few steps of their fit."""
+    """Effects put in, after a few steps of their fit.
+
+    Attributes:
+        effects: what was put in.
+        point: where the steps ended.
+        converged: whether no step leads lower.
+        around: mark of the model that the recordings are made coarse around; see `CandidateFitter.near`.
+    """
 
     effects: tuple[Candidate, ...]
     point: StartingPoint
     converged: bool
+    around: str = ""
+
+    @property
+    def label(self) -> str:
+        """The effects in words."""
+        return " + ".join(c.key for c in self.effects)
 
     def row(self) -> dict[str, Any]:
         """As numbers, for `CandidateFitter.restored`."""

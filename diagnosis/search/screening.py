@@ -62,6 +62,7 @@ class Origin:
     """A model and parameters around which effects are screened: its residual and tangents, on thinned recordings.
 
     Args:
+        builder: builds the models of other effects beside it.
         problem: the model.
         x: its search vector, shape (n,).
         effects: in it already, with the sizes that it was built with.
@@ -71,9 +72,14 @@ class Origin:
     """
 
     def __init__(
-        self, problem: Problem, x: Array, effects: Sequence[Candidate] = (), built: Sequence[Sizes] = ()
+        self,
+        builder: Builder,
+        problem: Problem,
+        x: Array,
+        effects: Sequence[Candidate] = (),
+        built: Sequence[Sizes] = (),
     ) -> None:
-        self.problem, self.x = problem, x
+        self.builder, self.problem, self.x = builder, problem, x
         self.effects, self.built = tuple(effects), tuple(built)
         self.values = {place_of(f): f.value(v) for f, v in zip(problem.free, x, strict=True)}
         self.kept: dict[str, list[Course]] = {}
@@ -239,11 +245,10 @@ class _Bands:
         return float(-0.5 * np.sum(self._count * np.log(strength) + energy / strength) - 0.5 * np.sum(rest[n:] ** 2))
 
 
-def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]:
+def courses(origin: Origin, effect: Candidate) -> list[Course]:
     """The courses of an effect at its starting sizes, those that promise most first; computed once.
 
     Args:
-        builder: builds models.
         origin: where.
         effect: which.
     """
@@ -254,7 +259,8 @@ def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]
     added: list[_Added] = []
     for group in effect.structures():
         try:
-            made = builder.placed((*origin.effects, effect), [(*origin.built, sizes) for sizes in group], origin.values)
+            beside = [(*origin.built, sizes) for sizes in group]
+            made = origin.builder.placed((*origin.effects, effect), beside, origin.values)
             for model, x, sizes in made:
                 one = origin.added(model, x, sizes[-1])
                 if one is not None:
@@ -267,27 +273,26 @@ def courses(builder: Builder, origin: Origin, effect: Candidate) -> list[Course]
     return origin.kept[key]
 
 
-def begun(builder: Builder, origin: Origin, effect: Candidate, most: int, *, bold: bool = False) -> list[StartingPoint]:
+def begun(origin: Origin, effect: Candidate, most: int, *, bold: bool = False) -> list[StartingPoint]:
     """Where to begin the fit of an effect beside an origin: the sizes that promise most, each with its true cost.
 
     The model's own parameters begin where the linear problem puts them, or stay where that is worse.
 
     Args:
-        builder: builds models.
         origin: where.
         effect: which.
         most: number of sizes.
         bold: the last of the starting sizes too, the largest, however bad they look: the model's own parameters may
             have to make room for an effect of several sizes.
     """
-    found = courses(builder, origin, effect)
+    found = courses(origin, effect)
     taken = found[:most]
     if bold and len(effect.parameters) > 1:
         taken = [*taken, *(course for course in found[most:] if course.sizes == effect.starts[-1])]
     rows: list[StartingPoint] = []
     for course in taken:
         together, built = (*origin.effects, effect), (*origin.built, course.sizes)
-        for model, x, sizes in builder.placed(together, [built], origin.values):
+        for model, x, sizes in origin.builder.placed(together, [built], origin.values):
             moved = x.copy()
             names = [(f.name, f.recording) for f in model.free]
             for f, change in zip(origin.problem.free, course.change, strict=True):

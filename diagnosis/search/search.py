@@ -168,7 +168,7 @@ class _Search:
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             if kept:
-                self.known.fit([(kept, [standing(model.fit)])], 1, whole=True)
+                self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
             laws = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
             simpler = _able_beside(kept, laws)
             # From a stiffness that was fitted to nothing no other can grow: that one keeps its own start.
@@ -177,7 +177,7 @@ class _Search:
                 for c in simpler
             ]
             tasks = [((*kept, c), [standing(model.fit)]) for c in begun]
-            for made in self.known.fit(tasks, len(tasks), whole=True):
+            for made in self.known.fit(tasks, len(tasks), whole=True, near=model):
                 if self.known.worth(self.known[made.keys]) < self.known.worth(model):
                     self.known.keep(self.fitter.retried(made))
 
@@ -193,7 +193,7 @@ class _Search:
             both = all_beside([ended(m, c) for c in m.effects], nuisances)
             if m is not best and both is not None and prices(both) <= SEARCH.most:
                 tasks.append((both, [standing(m.fit)]))
-        self.known.fit(tasks, len(tasks), whole=True)
+        self.known.fit(tasks, len(tasks), whole=True, near=whole)
 
     def _enriched(self, model: ScoredModel) -> None:
         """Put richer laws in the place of a simpler one of a model, from where that ended.
@@ -209,7 +209,7 @@ class _Search:
                 if (c.place, c.option) == (effect.place, effect.option) and c.key != effect.key and is_in(effect, c)
             ]
             wanted = [c for c in richer if not self._as_close(frozenset(k.key for k in (*kept, c)), model)]
-            self.known.fit([((*kept, c), [standing(model.fit)]) for c in wanted], len(wanted), whole=True)
+            self.known.fit([((*kept, c), [standing(model.fit)]) for c in wanted], len(wanted), whole=True, near=model)
 
     def _as_close(self, keys: frozenset[str], model: ScoredModel) -> bool:
         """Whether a model with these effects was fitted, as closely as another one but for what is no evidence."""
@@ -360,14 +360,14 @@ class _Search:
         singles = sorted((m for m in self.known.models if len(m.effects) == 1), key=self.known.worth, reverse=True)
         best = [*(m.effects[0] for m in singles), *self._order]
         pairs = [c for c in lookalikes(model, best) if prices(c) <= SEARCH.most]
-        self.known.fit([(c, [standing(model.fit)]) for c in pairs], len(pairs))
+        self.known.fit([(c, [standing(model.fit)]) for c in pairs], len(pairs), near=model)
         self._enriched(model)
         self._moved(model)
         if len(model.effects) < 2:
             return
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
-            self.known.fit([(kept, [standing(model.fit)])], 1, whole=True)
+            self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
             self._beside_in_every_way(kept, model, effect)
             alike = [c for c in self.listed if related(c, [effect])]
             among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
@@ -389,7 +389,7 @@ class _Search:
                 both = all_beside(kept, [ended(m, c) for c in m.effects])
                 if both is not None and not self._as_close(frozenset(c.key for c in both), model):
                     tasks.append((both, [standing(m.fit), standing(model.fit)]))
-            self.known.fit(tasks, len(tasks))
+            self.known.fit(tasks, len(tasks), near=model)
 
     def _finish_dropped(self, model: ScoredModel) -> None:
         """Fit to the end what had no turn although it is akin to a model: as many effects, at its places or the same.
@@ -419,7 +419,7 @@ class _Search:
             same = [c for c in self.listed if c.effect == effect.effect and c.place != effect.place]
             able = _able_beside(kept, same) if anywhere else []
             moved = [replace(c, starts=tuple({**start, **anywhere} for start in c.starts)) for c in able]
-            self.known.fit([((*kept, c), [standing(model.fit)]) for c in moved], len(moved))
+            self.known.fit([((*kept, c), [standing(model.fit)]) for c in moved], len(moved), near=model)
 
     def _alone_from(self) -> list[Values]:
         """Parameters that a first effect begins from: those of the refit, and those given where it has bent them.
@@ -459,9 +459,10 @@ class _Search:
             among: effects to put in.
         """
         parents = _begun_from(than)
-        able = best_ways(self._screened(self._origins(kept, parents), _able_beside(kept, among)))[:most]
+        able = best_ways(self._screened(self._origins(kept, than, parents), _able_beside(kept, among)))[:most]
         for few in range(0, len(able), SEARCH.few):
-            found = self.known.fit([((*kept, c), parents) for c in able[few : few + SEARCH.few]], 1)
+            tasks = [((*kept, c), parents) for c in able[few : few + SEARCH.few]]
+            found = self.known.fit(tasks, 1, near=than)
             if found and all(self.known.worth(m) < self.known.worth(than) for m in found):
                 break
         self.fitter.forget(kept)
@@ -478,13 +479,13 @@ class _Search:
         """
         parents = _begun_from(than)
         ways = [way for c in self.listed if c.effect == effect.effect for way in c.choices()]
-        able = self._screened(self._origins(kept, parents), _able_beside(kept, ways))
-        self.known.fit([((*kept, c), parents) for c in able[: SEARCH.fitted]], SEARCH.few)
+        able = self._screened(self._origins(kept, than, parents), _able_beside(kept, ways))
+        self.known.fit([((*kept, c), parents) for c in able[: SEARCH.fitted]], SEARCH.few, near=than)
         self.fitter.forget(kept)
 
-    def _origins(self, kept: tuple[Candidate, ...], parents: Sequence[Values]) -> list[Origin]:
-        """Where effects are screened beside others: at the first of the parents, if there are tangents."""
-        return [o for o in [self.fitter.origin(kept, parents[0])] if o is not None]
+    def _origins(self, kept: tuple[Candidate, ...], than: ScoredModel, parents: Sequence[Values]) -> list[Origin]:
+        """Where effects are screened beside others: at the first of a model's parents, if there are tangents."""
+        return [o for o in [self.fitter.near(than).origin(kept, parents[0])] if o is not None]
 
     def _pays(self, origins: Sequence[Origin], effect: Candidate) -> bool:
         """Whether an effect promises to raise the likelihood by more than it costs, at any of the origins."""
@@ -493,10 +494,7 @@ class _Search:
 
     def _gains(self, origins: Sequence[Origin], effect: Candidate) -> list[float]:
         """How much an effect promises to raise the likelihood at each of the origins."""
-        return [
-            max((c.likelihood for c in courses(self.fitter, o, effect)), default=-math.inf) - o.likelihood
-            for o in origins
-        ]
+        return [max((c.likelihood for c in courses(o, effect)), default=-math.inf) - o.likelihood for o in origins]
 
     def _screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
         """Effects, in each way to put them in, those that promise most first."""
@@ -535,9 +533,7 @@ class _Search:
         origin = self.fitter.origin((), standing(self.known.refit.fit))
         if origin is None or self.fitter.tables:
             return
-        found = [
-            course for c in self._seen if not c.freed for course in courses(self.fitter, origin, c)[: SEARCH.sizes]
-        ]
+        found = [course for c in self._seen if not c.freed for course in courses(origin, c)[: SEARCH.sizes]]
         pairs = together(found, origin, SEARCH.fitted)
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
 

@@ -100,6 +100,7 @@ class TriedModels:
         finish: int,
         *,
         whole: bool = False,
+        near: ScoredModel | None = None,
     ) -> list[ScoredModel]:
         """Fit models a few steps, and those of the lowest cost to the end, which are given.
 
@@ -107,7 +108,9 @@ class TriedModels:
             wanted: effects, and parameters to begin from.
             finish: how many are fitted to the end.
             whole: as of `finished`.
+            near: model that recordings are made coarse around; the user's own, if None.
         """
+        fitter = self.fitter if near is None else self.fitter.near(near)
         tasks = []
         for effects, parents in wanted:
             mark = tuple(sorted(f"{c.key} {c.option} {c.starts}" for c in effects))
@@ -117,7 +120,7 @@ class TriedModels:
 
         def begin(task: tuple[tuple[Candidate, ...], Sequence[Values]]) -> PartialFit | tuple[str, str]:
             try:
-                return self.fitter.partial_fit(*task)
+                return fitter.partial_fit(*task)
             except FlexarmError as error:
                 return task[0][-1].key, error.message
 

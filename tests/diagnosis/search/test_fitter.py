@@ -15,14 +15,18 @@ from benchmarks.concealed.drawing import Options
 from benchmarks.concealed.scenario import write
 from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import descend as real
 from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search import fitter as fitting
-from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.partial_fit import PartialFit, StartingPoint, standing
+from diagnosis.search.dask_fitter import Order, Task, perform
+from diagnosis.search.fitter import CandidateFitter, end_of
+from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, standing
 from diagnosis.thresholds import COARSE
 from engine.errors import SimulationError
+from scenarios.files import packed
 from scenarios.load import load
 from tests.diagnosis.plants import case
 
@@ -71,6 +75,69 @@ def test_no_model_is_judged_on_coarse_recordings(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(fitting, "descend", descend)
     with pytest.raises(SimulationError, match="coarse recordings only"):
         fitter.finish(partial)
+
+
+def _friction_and_dead_zone(path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[CandidateFitter, Candidate, Any]:
+    """A motor with both, its recordings coarse: where it is fitted, the dead zone, and the model with the friction."""
+    monkeypatch.setattr("diagnosis.search.coarse.COARSE", replace(COARSE, samples=800))
+    scenario = load(case(path, coulomb=4.0e-4, dead=0.025, seed=2))
+    made = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    found = candidates(operating_scales(made.base))
+    friction = next(c for c in found if c.key == "coulomb_friction at motor.shaft")
+    zone = next(c for c in found if c.effect == "dead_zone")
+    return made, zone, made.finish(made.partial_fit((friction,), [standing(made.refit.fit)]))
+
+
+def test_recordings_are_made_coarse_around_the_model_that_others_are_put_in_beside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There the residual is that of the whole recordings, smoothed; made coarse around the refit it is another one."""
+    fitter, _, model = _friction_and_dead_zone(tmp_path, monkeypatch)
+    near = fitter.near(model)
+    assert fitter.near(fitter.refit) is fitter
+    assert fitter.near(model) is near
+    point = end_of(model)
+    apart = []
+    for one in (near, fitter):
+        made, rows = one.build(model.effects, point.built), []
+        for e, whole in zip(made.experiments, model.fit.problem.experiments, strict=True):
+            assert isinstance(whole, TimeExperiment)
+            assert e.thinned > 1
+            smooth = whole.smoothed(model.fit.problem.residual(point.x, whole), e.thinned) * whole.sigma / e.sigma
+            known = np.isfinite(e.measured)
+            rows.append(np.abs((made.residual(point.x, e) - smooth)[known]).max())
+        apart.append(max(rows))
+    assert apart[0] < 1e-6
+    assert apart[1] > 0.1
+
+
+def test_a_fit_begun_there_is_finished_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the recordings that it was begun on, wherever it is asked for; a worker of a cluster does the same."""
+    fitter, zone, model = _friction_and_dead_zone(tmp_path, monkeypatch)
+    near = fitter.near(model)
+    effects, values = (*(ended(model, c) for c in model.effects), zone), [standing(model.fit)]
+    partial = near.partial_fit(effects, values)
+    on = {id(e.measured) for e in near.coarse.experiments}
+    assert {id(e.measured) for e in partial.point.problem.experiments} == on
+    seen: list[set[int]] = []
+
+    def descend(problem: Problem, x: Any, *rest: Any, **more: Any) -> Any:
+        if any(e.coarse for e in problem.experiments):
+            seen.append({id(e.measured) for e in problem.experiments})
+        return real(problem, x, *rest, **more)
+
+    monkeypatch.setattr(fitting, "descend", descend)
+    finished = fitter.finish(partial)
+    assert seen
+    assert all(each == on for each in seen)
+    assert not any(e.coarse for e in finished.fit.problem.experiments)
+    assert finished.hold_out < 1.2
+
+    order = Order(packed(fitter.scenario), (), fitter.recordings, 0, fitter.digest)
+    assert near.centre is not None
+    around = (near.centre.effects, near.centre.row())
+    assert perform((order, Task(effects, tuple(values), around=around))) == partial.row()
+    assert perform((order, Task(effects, (), partial.row(), around=around))) == near.compute_finish(partial).row()
 
 
 def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path: Path) -> None:
@@ -156,7 +223,7 @@ def test_a_bent_parent_does_not_take_the_turn_of_the_given_values(
 
     costs = {"bent": [100.0, 101.0], "given": [900.0, 950.0]}
     monkeypatch.setattr(fitter, "origin", lambda effects, values: next(iter(values)))
-    monkeypatch.setattr(fitting, "begun", lambda *args, bold: [point(cost) for cost in costs[args[1]]])
+    monkeypatch.setattr(fitting, "begun", lambda *args, bold: [point(cost) for cost in costs[args[0]]])
     begun = fitter._begun((zone,), [{"bent": 1.0}, {"given": 1.0}])
     assert [start.cost for start in begun] == [100.0, 101.0, 900.0]
     assert [start.cost for start in fitter._begun((zone,), [{"given": 1.0}])] == [900.0, 950.0]

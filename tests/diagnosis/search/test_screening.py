@@ -92,7 +92,7 @@ def test_a_course_reaches_the_likelihood_that_whitened_least_squares_with_the_pr
     r = left(made, x)
     without = r + tangents @ np.linalg.lstsq(tangents, -r, rcond=None)[0]
     assert origin.likelihood == pytest.approx(likelihood(without), abs=0.01)
-    found = courses(fitter, origin, friction)
+    found = courses(origin, friction)
     assert len(found) > 2
     assert [c.likelihood for c in found] == sorted((c.likelihood for c in found), reverse=True)
     some = 0
@@ -122,7 +122,7 @@ def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_p
     origin = fitter.origin((), standing(refit.fit))
     assert origin is not None
     listed = [c for c in candidates(operating_scales(fitter.base)) if not c.freed]
-    found = [course for c in listed for course in courses(fitter, origin, c)[: SEARCH.sizes]]
+    found = [course for c in listed for course in courses(origin, c)[: SEARCH.sizes]]
     pairs = together(found, origin, 16)
     keys = [{c.effect for c in pair} for pair in pairs]
     assert {"dead_zone", "coulomb_friction"} in keys
