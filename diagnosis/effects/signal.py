@@ -29,6 +29,9 @@ GAIN = 0.2
 Encoders too: they are wrong more seldom, but then by a factor, such as that of a gear nobody thought of.
 """
 
+OFFSET = 0.05
+"""Standard deviation of an amplifier's offset, as a share of its largest output: data sheets give hundredths."""
+
 
 def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     """What may lie between a driven signal and the block it drives."""
@@ -46,7 +49,8 @@ def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     ends = [replace(end, usual=1.0, spread=10 * end.spread) for end in both]
     yield from in_signal(place, "saturation", "Saturation", limits, *ends)
     offsets = combinations(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02))
-    yield from in_signal(place, "offset", "Offset", offsets, EffectParameter("offset", size, signed=True))
+    plain = EffectParameter("offset", size, signed=True, spread=OFFSET)
+    yield from in_signal(place, "offset", "Offset", offsets, plain)
     uneven = combinations(backward=(0.99, 1.01, 0.95, 1.05))
     backward = EffectParameter("backward", 1.0, usual=1.0, spread=GAIN)
     yield from in_signal(place, "uneven_gain", "UnevenGain", uneven, backward, held=False, forward=1.0)
