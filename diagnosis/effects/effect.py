@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from diagnosis.estimation.parameters import FreeParameter
-from scenarios.amend import Edit
+from scenarios.amend import Between, Edit
 
 NAME = "found"
 """First part of the name of every block that is put in."""
@@ -89,6 +89,7 @@ class Candidate:
         held: further parameters of the block, which are given and not fitted.
         wave: for a torque that is a wave, what its amplitude and phase are solved from.
         option: which of several ways to put it in there, in words; models that differ in it alone are one model.
+        beyond: cuts, as of `cuts`, that part its place from another one, at which it would act without them.
     """
 
     effect: str
@@ -103,6 +104,7 @@ class Candidate:
     held: tuple[str, ...] = ()
     wave: Wave | None = None
     option: str = ""
+    beyond: frozenset[tuple[str, str]] = frozenset()
 
     @property
     def key(self) -> str:
@@ -159,9 +161,11 @@ class Candidate:
 def beside(kept: Sequence[Candidate], effect: Candidate) -> Candidate | None:
     """An effect as it can be put in beside others, or None: a place has it once, a block of the user one change.
 
+    A place that only a cut parts from another one is none without it.
+
     What is put in a second time, elsewhere, gets blocks of another name.
     """
-    if any(c.key == effect.key for c in kept):
+    if any(c.key == effect.key for c in kept) or not effect.beyond <= cuts(kept):
         return None
     taken = {c.name for c in kept}
     if effect.name not in taken:
@@ -174,6 +178,19 @@ def beside(kept: Sequence[Candidate], effect: Candidate) -> Candidate | None:
         return [_renamed(edit, effect.name, other) for edit in effect.edits(sizes)]
 
     return replace(effect, name=other, edits=edits)
+
+
+def cuts(effects: Sequence[Candidate]) -> frozenset[tuple[str, str]]:
+    """Places and options at which effects cut a node in two, as a joint does."""
+    return frozenset(
+        (c.place, c.option) for c in effects if any(isinstance(edit, Between) for edit in c.edits(c.starts[0]))
+    )
+
+
+def together(effects: Sequence[Candidate], sizes: Sequence[Sizes]) -> list[Edit]:
+    """The edits of several effects; nodes are cut first, so that what is put in at a flange stays on its side."""
+    edits = [edit for c, s in zip(effects, sizes, strict=True) for edit in c.edits(s)]
+    return sorted(edits, key=lambda edit: not isinstance(edit, Between))
 
 
 def all_beside(kept: Sequence[Candidate], effects: Sequence[Candidate]) -> tuple[Candidate, ...] | None:

@@ -160,6 +160,33 @@ class OperatingScales:
         """The same at both ends of a spring."""
         return [place for end in ("a", "b") if (place := self.at(f"{block}.{end}")) is not None]
 
+    def parted(self, problem: Problem) -> OperatingScales:
+        """The same at the shafts of an amended model, where a joint that was put in parts one in two.
+
+        What is large at a shaft is as large on either side. Blocks that were put in are no places.
+        """
+        amended = problem.scenario.system
+        found = replace(
+            self,
+            groups={},
+            slides=set(self.slides),
+            torque=dict(self.torque),
+            speed=dict(self.speed),
+            angle=dict(self.angle),
+            inertia=dict(self.inertia),
+        )
+        for members in groups(problem).values():
+            own = [end for end in members if amended.split(end)[0] in self.system.blocks]
+            first = next((end for end in own if end in self.groups), own[0] if own else "")
+            place = self.at(first)
+            if place is None:
+                continue
+            found.groups[first] = own
+            found.torque[first], found.inertia[first] = place.torque, place.inertia
+            found.speed[first], found.angle[first] = place.speed, place.angle
+            found.slides |= {first} if place.sliding else set()
+        return found
+
     def ratio(self, one: str, other: str) -> float:
         """How far ``other`` moves while ``one`` moves by one; 1 where one of them is held or moved from outside."""
         return ratio(self.problem, one, other)

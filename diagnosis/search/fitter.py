@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.effects.effect import Candidate, Sizes
+from diagnosis.effects.effect import Candidate, Sizes, together
 from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array
@@ -230,9 +230,10 @@ class CandidateFitter:
         return made
 
     def _build(self, base: Problem, effects: Sequence[Candidate], starts: Sequence[Sizes]) -> Problem:
-        edits = [edit for c, s in zip(effects, starts, strict=True) for edit in c.edits(s)]
         extra = [f for c, s in zip(effects, starts, strict=True) for f in c.free(s)]
-        return variant(base, edits, extra, held={f"{c.name}.{key}" for c in effects for key in c.held})
+        return variant(
+            base, together(effects, starts), extra, held={f"{c.name}.{key}" for c in effects for key in c.held}
+        )
 
     def placed(
         self, effects: tuple[Candidate, ...], group: Sequence[tuple[Sizes, ...]], parent: dict[str, float]

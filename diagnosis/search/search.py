@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects.catalogue import candidates
-from diagnosis.effects.effect import Candidate, all_beside, beside
+from diagnosis.effects.effect import Candidate, all_beside, beside, cuts
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.exchange import exchanged
@@ -86,6 +86,8 @@ def study(
 def _seen_beside(scales: OperatingScales, model: ScoredModel) -> OperatingScales:
     """Scales with what a model leaves over: its frequencies, and what stands out by a shaft's angle or a command."""
     problem, x, values = model.fit.problem, model.fit.x, standing(model.fit)
+    if cuts(model.effects):
+        scales = scales.parted(problem)
     left = {e.name: problem.residual(x, e) for e in problem.training}
     fitted = np.array([f.position(values.get(place_of(f), f.start)) for f in scales.problem.free])
     found = dict[float, float]()
@@ -116,6 +118,8 @@ class _Search:
     ) -> None:
         self.fitter, self.listed, self.progress, self._list = fitter, list(listed), progress, beside
         self.known = TriedModels(fitter, refit, sum(1 for c in self.listed if not c.freed), progress)
+        self._plain = {c.key for c in self.listed}
+        """Effects at places of the user's model; others are at places that a joint that was put in has parted."""
         self._order: list[Candidate] = []
         self._seen: list[Candidate] = []
         """Effects that were looked at beside the user's model alone."""
@@ -327,15 +331,22 @@ class _Search:
     def _extend(self, parent: ScoredModel, among: Sequence[Candidate]) -> None:
         """Add one of some effects to a model, or one that only shows in what this model leaves over.
 
-        A vibration's frequency or a cogging's order is hidden as long as something larger is missing.
+        A vibration's frequency or a cogging's order is hidden as long as something larger is missing, and what acts on
+        the other side of a joint is one with what acts on this side as long as the joint is.
         """
-        if self._list is not None:
-            listed, known = self._list(parent), {(c.key, c.option) for c in self.listed}
-            anew, new = {(c.key, c.option): c for c in listed}, [c for c in listed if (c.key, c.option) not in known]
-            self.listed += new
-            among = [*(anew.get((c.key, c.option), c) for c in among), *new]
+        anew, new = self._listed_beside(parent)
+        among = [*(anew.get((c.key, c.option), c) for c in among), *new]
         kept = tuple(ended(parent, c) for c in parent.effects)
         self._beside(kept, parent, SEARCH.fitted_beside, among)
+
+    def _listed_beside(self, model: ScoredModel) -> tuple[dict[tuple[str, str], Candidate], list[Candidate]]:
+        """Effects as they are listed beside a model, by key and option, and those that were not listed before."""
+        beyond, listed = cuts(model.effects), self._list(model) if self._list is not None else []
+        rows = [c if c.key in self._plain else replace(c, beyond=beyond) for c in listed]
+        anew, known = {(c.key, c.option): c for c in rows}, {(c.key, c.option) for c in self.listed}
+        new = [c for c in rows if (c.key, c.option) not in known]
+        self.listed = [anew.get((c.key, c.option), c) if c.beyond else c for c in self.listed] + new
+        return anew, new
 
     def _parents(self, count: int) -> list[ScoredModel]:
         """The models of a number of effects that are worth most and those that leave least, each with its own effects.
@@ -365,6 +376,8 @@ class _Search:
         self._moved(model)
         if len(model.effects) < 2:
             return
+        if cuts(model.effects):
+            self._listed_beside(model)
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
@@ -470,7 +483,9 @@ class _Search:
     def _beside_in_every_way(self, kept: tuple[Candidate, ...], than: ScoredModel, effect: Candidate) -> None:
         """Put an effect in beside others at all its places, in every way: sides of a cut, orders of a wave.
 
-        Neither what they promise nor a few steps tell them apart: many are fitted, and the best few to the end.
+        Neither what they promise nor a few steps tell them apart: many are fitted, and the best few to the end. They
+        begin from the sizes that it has, too: behind a gear these are the same but for its ratio, and where contacts
+        bounce no other start may lead there.
 
         Args:
             kept: effects that stay, each at the one size that it starts from.
@@ -478,7 +493,10 @@ class _Search:
             effect: which.
         """
         parents = _begun_from(than)
-        ways = [way for c in self.listed if c.effect == effect.effect for way in c.choices()]
+        found = ended(than, effect).starts[0]
+        same = [c for c in self.listed if c.effect == effect.effect]
+        alike = [replace(c, starts=(*c.starts, found)) if c.starts[0].keys() == found.keys() else c for c in same]
+        ways = [way for c in alike for way in c.choices()]
         able = self._screened(self._origins(kept, than, parents), _able_beside(kept, ways))
         self.known.fit([((*kept, c), parents) for c in able[: SEARCH.fitted]], SEARCH.few, near=than)
         self.fitter.forget(kept)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 
-from diagnosis.effects.effect import Candidate
+from diagnosis.effects.effect import Candidate, cuts, together
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, ended
 from diagnosis.search.posterior import complete, misses, price, prices, told_as, value
@@ -104,6 +104,8 @@ class TriedModels:
     ) -> list[ScoredModel]:
         """Fit models a few steps, and those of the lowest cost to the end, which are given.
 
+        A model with an effect on one side of a cut that is not in it is another one, and is left out.
+
         Args:
             wanted: effects, and parameters to begin from.
             finish: how many are fitted to the end.
@@ -114,7 +116,7 @@ class TriedModels:
         tasks = []
         for effects, parents in wanted:
             mark = tuple(sorted(f"{c.key} {c.option} {c.starts}" for c in effects))
-            if mark not in self._done:
+            if mark not in self._done and all(c.beyond <= cuts(effects) for c in effects):
                 self._done.add(mark)
                 tasks.append((effects, parents))
 
@@ -232,7 +234,7 @@ class TriedModels:
         """Whether blocks take the sizes at which a fit ended: it moves them without asking again."""
         there = [ended(made, c) for c in made.effects]
         try:
-            edited(self.fitter.scenario, [edit for c in there for edit in c.edits(c.starts[0])])
+            edited(self.fitter.scenario, together(there, [c.starts[0] for c in there]))
         except FlexarmError as error:
             self.failures.append((made.effects[-1].key, error.message))
             return False

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.effects.effect import Sizes, together
 from diagnosis.estimation.least_squares import interval_in_words
 from diagnosis.verdict.experiment_design import Proposal
 from diagnosis.verdict.verdict import Diagnosis
@@ -31,11 +32,11 @@ def amended_text(found: Diagnosis) -> str:
         return original
     values = study.chosen.fit.parameters()
     intervals = {i.name: i for i in found.fit.intervals()}
-    edits: list[Edit] = []
+    fitted: list[Sizes] = []
     notes: dict[str, str] = {}
     for finding, effect, start in zip(found.findings, study.chosen.effects, study.chosen.sizes, strict=True):
         sizes = {k.name: values.get(f"{effect.name}.{k.name}", start[k.name]) for k in effect.parameters}
-        edits += effect.edits(sizes)
+        fitted.append(sizes)
         evidence = [f"{finding['status']}: {finding['sentence']}"]
         for parameter in effect.parameters:
             i = intervals.get(f"{effect.name}.{parameter.name}")
@@ -43,6 +44,7 @@ def amended_text(found: Diagnosis) -> str:
                 continue
             evidence.append(f"{parameter.name}: 95 % interval {interval_in_words(i.numbers())} {i.unit}")
         notes[effect.name] = "\n".join(evidence)
+    edits: list[Edit] = together(study.chosen.effects, fitted)
     given = {p.name: p for p in study.chosen.fit.problem.model.parameters}
     written = {f"{effect.name}.{k.name}" for effect in study.chosen.effects for k in effect.parameters}
     common: dict[str, str | float] = {}

@@ -93,7 +93,10 @@ class World:
         return Leftover(there, count, np.ones(1), ((0, 0),), energies, counts)
 
     def origin(self, effects: tuple[Candidate, ...], values: Any) -> Any:
-        return SimpleNamespace(likelihood=0.0, effects=effects, refused={})
+        return SimpleNamespace(builder=self, likelihood=0.0, effects=effects, refused={})
+
+    def near(self, model: Any) -> World:
+        return self
 
     def forget(self, effects: Sequence[Candidate]) -> None:
         pass
@@ -124,8 +127,8 @@ class World:
 def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     """Courses come from the world's promises, and blocks take every size."""
 
-    def courses(fitter: Any, origin: Any, c: Candidate) -> list[Any]:
-        return [SimpleNamespace(likelihood=fitter.promise.get(f"{c.key}{c.option and ' ' + c.option}", 50.0))]
+    def courses(origin: Any, c: Candidate) -> list[Any]:
+        return [SimpleNamespace(likelihood=origin.builder.promise.get(f"{c.key}{c.option and ' ' + c.option}", 50.0))]
 
     monkeypatch.setattr(searching, "courses", courses)
     monkeypatch.setattr(searching, "together", lambda found, origin, most: [])
@@ -351,7 +354,7 @@ def test_beside_the_best_pair_what_promised_least_alone_is_looked_at_too(monkeyp
     left = {LAG.key: 5e5, payload.key: 9e5, f"{LAG.key} + {payload.key}": 1e5}
     world = World(by(left | {f"{LAG.key} + {payload.key} + {offset.key}": 0.0}))
 
-    def courses(fitter: Any, origin: Any, c: Candidate) -> list[Any]:
+    def courses(origin: Any, c: Candidate) -> list[Any]:
         alone = -1.0 if c is offset else 60.0 if c in others else 70.0
         return [SimpleNamespace(likelihood=80.0 if c is offset and len(origin.effects) == 2 else alone)]
 
@@ -578,7 +581,7 @@ def test_why_effects_were_refused_is_told_in_their_order(monkeypatch: pytest.Mon
     given = {(joint.key, joint.option): "no inertia there", (LAG.key, ""): "too fast", (friction.key, ""): "no speed"}
     origin: Any = SimpleNamespace(likelihood=0.0, effects=(), refused=given)
     goes: list[Any] = [SimpleNamespace(likelihood=50.0)]
-    monkeypatch.setattr(searching, "courses", lambda fitter, o, c: goes if c is same else [])
+    monkeypatch.setattr(searching, "courses", lambda o, c: goes if c is same else [])
     made: Any = searching._Search(world, world.refit, [friction, joint, same, LAG], None)  # type: ignore[arg-type]
     made._screened([origin], made.listed)
     assert made.known.failures == [(friction.key, "no speed"), (LAG.key, "too fast")]
