@@ -14,8 +14,8 @@ from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.places import sides, splits
 from diagnosis.effects.scales import operating_scales
-from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.partial_fit import standing
+from diagnosis.search.fitter import CandidateFitter, end_of
+from diagnosis.search.partial_fit import ended, standing
 from engine.errors import FlexarmError
 from engine.system import System
 from scenarios.load import load
@@ -46,11 +46,23 @@ RECORDED = """\
 """
 
 
-def rig(folder: Path, sits: str, signal: str, ends: str = "arm.shaft, rotor.shaft, drive.shaft", more: str = "") -> Any:
-    """Two bodies on a spring, by scipy; the encoder sits on one of them, and the scenario reads it at a flange."""
+def rig(
+    folder: Path,
+    sits: str,
+    signal: str,
+    ends: str = "arm.shaft, rotor.shaft, drive.shaft",
+    more: str = "",
+    *,
+    drag: float = 0.0,
+) -> Any:
+    """Two bodies on a spring, by scipy; the encoder sits on one of them, and the scenario reads it at a flange.
+
+    The arm is slowed down by a ``drag`` (N.m.s/rad).
+    """
     m = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     pull = np.array([-STIFFNESS, STIFFNESS, -LOSS, LOSS])
     a = np.vstack([m, pull / ROTOR, -pull / ARM])
+    a[3, 3] -= drag / ARM
     b = np.array([[0.0], [0.0], [1 / ROTOR], [0.0]])
     c = np.array([[1.0, 0.0, 0.0, 0.0]] if sits == "rotor" else [[0.0, 1.0, 0.0, 0.0]])
     text = TEXT.format(rotor=ROTOR, arm=ARM, ends=ends, more=more or "# one shaft")
@@ -140,6 +152,38 @@ def test_the_side_on_which_the_encoder_sits_fits_best(tmp_path: Path, sits: str,
     values = right.fit.parameters()
     ours = values["found_joint_flexibility.stiffness"] * (1 / values["rotor.inertia"] + 1 / values["arm.inertia"])
     assert ours == pytest.approx(STIFFNESS * (1 / ROTOR + 1 / ARM), rel=0.01)
+
+
+def test_a_joint_parts_a_shaft_and_what_slows_it_down_is_found_on_its_side(tmp_path: Path) -> None:
+    """Both sides are places, as large as the shaft was; the order in which effects are put in does not matter."""
+    fitter = rig(tmp_path, "rotor", "rotor.shaft.angle", drag=0.02)
+    scales = operating_scales(fitter.base)
+    joint = next(c for c in joints(fitter) if c.option == "with rotor.shaft on the side of drive.shaft")
+    alone = fitter.finish(fitter.partial_fit((joint,), [standing(fitter.refit.fit)]))
+    parted = scales.parted(alone.fit.problem)
+    assert {first: set(members) for first, members in scales.groups.items()} == {
+        "drive.shaft": {"drive.shaft", "rotor.shaft", "arm.shaft"}
+    }
+    assert {first: set(members) for first, members in parted.groups.items()} == {
+        "drive.shaft": {"drive.shaft", "rotor.shaft"},
+        "arm.shaft": {"arm.shaft"},
+    }
+    for sizes in (parted.torque, parted.speed, parted.angle, parted.inertia):
+        assert sizes["arm.shaft"] == pytest.approx(sizes["drive.shaft"])
+
+    drags = {c.place: c for c in candidates(parted) if c.effect == "viscous_friction"}
+    assert set(drags) == {"drive.shaft", "arm.shaft"}
+    kept, values = ended(alone, joint), [standing(alone.fit)]
+    found = {place: fitter.finish(fitter.partial_fit((kept, c), values)) for place, c in drags.items()}
+    right, wrong = found["arm.shaft"], found["drive.shaft"]
+    assert right.added()["viscous_friction.viscous_friction"] == pytest.approx(0.02, rel=0.1)
+    assert right.log_evidence > wrong.log_evidence + 10
+
+    point = end_of(right)
+    turned = fitter.build(right.effects[::-1], point.built[::-1], whole=True)
+    x = np.array([point.x[[f.name for f in point.problem.free].index(f.name)] for f in turned.free])
+    for e, same in zip(point.problem.experiments, turned.experiments, strict=True):
+        np.testing.assert_allclose(point.problem.residual(point.x, e), turned.residual(x, same), atol=1e-6)
 
 
 def test_two_sensors_are_never_read_as_one(tmp_path: Path) -> None:

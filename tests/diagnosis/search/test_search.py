@@ -23,6 +23,7 @@ from diagnosis.search.posterior import probabilities, told_as
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
+from scenarios.amend import Between
 
 COUNT = 1000.0
 """Recorded values, all in one band, the noise as stated."""
@@ -395,12 +396,33 @@ def test_frequencies_are_those_of_what_a_model_leaves_over() -> None:
         from_first=(False,),
     )
     problem = SimpleNamespace(training=[e], free=(), residual=lambda x, e: left[e.name])
-    model: Any = SimpleNamespace(fit=SimpleNamespace(problem=problem, x=np.zeros(0)))
+    model: Any = SimpleNamespace(effects=(), fit=SimpleNamespace(problem=problem, x=np.zeros(0)))
     nominal: Any = SimpleNamespace(free=(), residual=lambda x, e: 0 * left[e.name])
     scales = searching._seen_beside(OperatingScales(nominal), model)
     assert scales.lines[0] == pytest.approx(2 * math.pi * 3.0, rel=0.02)
     assert scales.residual(e) is left["run"]
     assert not OperatingScales(nominal).residual(e).any()
+
+
+def test_the_far_side_of_a_joint_is_a_place_beside_that_joint_alone() -> None:
+    """Without it, both sides are one shaft, and the same friction would tie with itself."""
+    joint = replace(
+        effect("joint_flexibility", "drive -> load"),
+        edits=lambda sizes: [Between("found_joint_flexibility", "SpringDamper", "drive", "a", "b")],
+    )
+    near, far = effect("viscous_friction", "drive"), effect("viscous_friction", "load")
+    others = {f"{joint.key} + {near.key}": 2e5, f"{joint.key} + {far.key}": 0.0}
+    world = World(by({joint.key: 4e5, near.key: 8e5, far.key: 8e5} | others))
+    listed = [joint, near, *OTHERS]
+
+    def beside(model: Any) -> list[Candidate]:
+        return [*listed, far] if joint.key in model.keys else listed
+
+    made: Any = searching._Search(world, world.refit, listed, None, beside)  # type: ignore[arg-type]
+    made.run(3)
+    assert made.known.best.keys == {joint.key, far.key}
+    assert all(joint.key in keys for keys in world.fitted if far.key in keys)
+    assert sum(c.key == far.key for c in made.listed) == 1
 
 
 def test_what_does_as_well_alone_is_tried_beside_the_second_effect_too() -> None:
