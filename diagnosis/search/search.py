@@ -10,6 +10,7 @@ import numpy as np
 
 from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate, all_beside, beside, cuts
+from diagnosis.effects.places import node
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.exchange import exchanged
@@ -269,13 +270,16 @@ class _Search:
             self._vary(self.known.best)
 
     def _other_laws(self) -> None:
-        """Fit all other laws at the place of the best effect.
+        """Fit all other laws at the place of the best effect, and of the blocks that are joined there.
 
         What a law promises is told in proportion to its size, which a gap or a limit is not, and beside parameters that
         the missing effect has bent: where one law gains much and leaves much, another may gain all.
         """
         before = self.known.best
         places = {c.place for c in before.effects}
+        flanges = [flange for place in places for flange in place.split(" -> ")]
+        system = self.fitter.scenario.system
+        places |= {end.rpartition(".")[0] for flange in flanges for end in node(system, flange)}
         laws = [c for c in self._order if c.place in places]
         self.known.fit([((c,), self._alone_from()) for c in laws], len(laws))
         self._finish_waiting()

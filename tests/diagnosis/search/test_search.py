@@ -23,6 +23,7 @@ from diagnosis.search.posterior import probabilities, told_as
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
+from engine.system import Connection
 from scenarios.amend import Between
 
 COUNT = 1000.0
@@ -46,7 +47,8 @@ class World:
         promise: by how much an effect, by key and option, promises to raise the likelihood; 50 where it is not said.
     """
 
-    workers, tables, scenario = 1, False, None
+    workers, tables = 1, False
+    scenario = SimpleNamespace(system=SimpleNamespace(connections=[Connection(("gear.out", "load.shaft", "belt.a"))]))
 
     def __init__(self, excess: Excess, promise: Mapping[str, float] | None = None) -> None:
         self.excess = self.excess_at_end = excess
@@ -402,6 +404,16 @@ def test_frequencies_are_those_of_what_a_model_leaves_over() -> None:
     assert scales.lines[0] == pytest.approx(2 * math.pi * 3.0, rel=0.02)
     assert scales.residual(e) is left["run"]
     assert not OperatingScales(nominal).residual(e).any()
+
+
+def test_where_a_joint_leaves_much_the_blocks_joined_there_are_looked_at() -> None:
+    """Twenty effects promise more than the loss of a belt, which explains all where a joint at its end gains much."""
+    joint, loss = effect("joint_flexibility", "gear.out -> load.shaft"), effect("structural_damping", "belt")
+    elsewhere = effect("structural_damping", "other_belt")
+    others = [effect(f"effect_{k}", f"place_{k}") for k in range(20)]
+    world = World(by({joint.key: 3e5, loss.key: 0.0, elsewhere.key: 0.0}), {loss.key: 20.0, elsewhere.key: 20.0})
+    assert run(world, [joint, *others, loss, elsewhere]).known.best.keys == {loss.key}
+    assert frozenset({elsewhere.key}) not in world.fitted
 
 
 def test_the_far_side_of_a_joint_is_a_place_beside_that_joint_alone() -> None:
