@@ -168,6 +168,7 @@ def main(arguments: list[str] | None = None) -> None:
     warnings.showwarning = _show_warning
     given = list(sys.argv[1:] if arguments is None else arguments)
     os.environ["MPLBACKEND"] = "agg"  # figures become files; a backend that does not exist would end the import
+    os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # it would look through all that is installed for them
     if isinstance(sys.stdout, io.TextIOWrapper):  # what the terminal's encoding does not have is written as an escape
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
