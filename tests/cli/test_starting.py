@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 
 NEVER = {
@@ -22,7 +24,9 @@ NEVER = {
     "scipy",
     "xarray",
 }
-"""Packages that a run does without."""
+"""Packages that neither help nor a run needs."""
+RUNNING = {"blocks", "casadi", "diagnosis", "engine.model", "fmu", "numpy", "ruamel", "scenarios"}
+"""What reads and runs a scenario."""
 
 
 def imported(folder: Path, *given: str) -> set[str]:
@@ -36,6 +40,13 @@ def imported(folder: Path, *given: str) -> set[str]:
     done = subprocess.run(run, cwd=folder, env=environment, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     return set((folder / "modules").read_text().split())
+
+
+@pytest.mark.parametrize("given", [["--help"], ["--version"], ["diagnose", "--help"]])
+def test_help_imports_nothing_that_reads_or_runs(tmp_path: Path, given: list[str]) -> None:
+    found = imported(tmp_path, *given)
+    assert "flexarm.cli" in found
+    assert not found & (NEVER | RUNNING)
 
 
 def test_a_run_imports_its_own_blocks_alone(tmp_path: Path) -> None:
