@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,6 +75,11 @@ def fastest(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> Fast
     return found
 
 
+def eigenvalues(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> list[NDArray[np.complex128]]:
+    """Eigenvalues (1/s) at ``x`` and inputs ``u``, joints sliding, with switches open, then closed to either side."""
+    return [values for values, _ in _spectra(model, p, x, u)]
+
+
 def _spectra(
     model: Model, p: Vector, x: Vector, u: Vector | None
 ) -> Iterator[tuple[NDArray[np.complex128], NDArray[np.float64]]]:
@@ -106,10 +111,11 @@ def stiffest(model: Model, p: Vector, states: NDArray[np.float64]) -> Vector:
     """
     e = model.equations
     inputs, memories, jacobian = np.zeros(e.u.numel()), np.zeros(e.d.numel()), model.at("jacobian")
-    sizes = [[np.linalg.norm(jacobian(0.0, x, inputs, memories, m, p)) for m in _modes(model)] for x in states]
+    rates = (jacobian.along(states, 1, 0.0, states[0], inputs, memories, m, p) for m in _modes(model))
+    sizes = [np.sqrt(np.einsum("ij,ij->i", rows, rows)) for rows in rates]
     # Where a rate is not finite it tells no step.
-    known = np.nan_to_num(np.array(sizes, dtype=float), nan=0.0, posinf=0.0)
-    return np.asarray(states[int(np.argmax(known.max(axis=1)))])
+    known = np.nan_to_num(np.array(sizes), nan=0.0, posinf=0.0)
+    return np.asarray(states[int(np.argmax(known.max(axis=0)))])
 
 
 def lasting_step(values: NDArray[np.complex128], stop: float) -> float:
@@ -147,11 +153,16 @@ def internal_step(
     Given the length of the run (s), it also follows every lightly damped mode to its end; see `lasting_step`. Modes
     that there are only while a contact is closed are resolved, and not followed: they last no longer than the contact.
     """
-    found, spectra = step, list(_spectra(model, p, x, u))
-    for values, _ in spectra:
-        found = min(found, rule.longest(values))
+    return step_for(eigenvalues(model, p, x, u), step, stop, rule)
+
+
+def step_for(
+    spectra: Sequence[NDArray[np.complex128]], step: float, stop: float | None = None, rule: StepRule = FOLLOWED
+) -> float:
+    """The same for eigenvalues that are known, as of `eigenvalues`."""
+    found = min((step, *(rule.longest(values) for values in spectra)))
     if stop is not None and spectra:
-        found = min(found, lasting_step(spectra[0][0], stop))
+        found = min(found, lasting_step(spectra[0], stop))
     return found
 
 
