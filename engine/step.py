@@ -64,10 +64,11 @@ class Fastest:
 def fastest(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> Fastest:
     """The fastest mode at ``x`` and inputs ``u``, joints sliding, over switches open and closed to either side."""
     found = Fastest(0.0, "")
-    for values, shares in _spectra(model, p, x, u):
+    for values, vectors, matrix in _spectra(model, p, x, u):
         sizes = np.abs(values)
         rate = float(sizes.max())
         if rate > found.rate:
+            shares = np.abs(vectors) * np.linalg.norm(matrix, axis=0)[:, None]
             # Which of several equal eigenvalues comes first, and which of equal shares is larger, is rounding.
             share = shares[:, sizes >= (1 - SAME) * rate].max(axis=1)
             lead = model.states[int(np.argmax(share >= (1 - SAME) * share.max()))].name
@@ -77,13 +78,13 @@ def fastest(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> Fast
 
 def eigenvalues(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> list[NDArray[np.complex128]]:
     """Eigenvalues (1/s) at ``x`` and inputs ``u``, joints sliding, with switches open, then closed to either side."""
-    return [values for values, _ in _spectra(model, p, x, u)]
+    return [values for values, _, _ in _spectra(model, p, x, u)]
 
 
 def _spectra(
     model: Model, p: Vector, x: Vector, u: Vector | None
-) -> Iterator[tuple[NDArray[np.complex128], NDArray[np.float64]]]:
-    """Eigenvalues with switches open, then closed to either side; and the states' shares in each, one column each."""
+) -> Iterator[tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]]:
+    """Eigenvalues, eigenvectors and the Jacobian with switches open, then closed to either side."""
     e = model.equations
     inputs = np.zeros(e.u.numel()) if u is None else u
     for m in _modes(model):
@@ -94,8 +95,7 @@ def _spectra(
             values, vectors = np.linalg.eig(matrix)
         except np.linalg.LinAlgError:  # numbers too large or too small; the run itself reports what fails
             continue
-        size = np.linalg.norm(matrix, axis=0)
-        yield values, np.abs(vectors) * size[:, None]
+        yield values, vectors, matrix
 
 
 def _modes(model: Model) -> list[list[float]]:
@@ -168,4 +168,4 @@ def step_for(
 
 def following_step(model: Model, p: Vector, x: Vector, stop: float, u: Vector | None = None) -> float:
     """The longest step (s) that follows every lightly damped mode to the end of a run; infinite if there is none."""
-    return next((lasting_step(values, stop) for values, _ in _spectra(model, p, x, u)), np.inf)
+    return next((lasting_step(values, stop) for values, _, _ in _spectra(model, p, x, u)), np.inf)
