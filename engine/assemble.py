@@ -36,7 +36,7 @@ from engine.relations import Relation
 from engine.stamps import Input, ModelParameter, Motion
 from engine.symbol_misuse import explained
 from engine.system import System, bypass
-from engine.wiring import Wiring, hash_symbol
+from engine.wiring import Wiring, hash_symbol, symbolic
 
 
 def build(
@@ -329,7 +329,7 @@ class _Assembly:
         """
         skip = ("t", "x", "u", "d", "m", "p", "fire", "stored")
         rows = [getattr(equations, f.name) for f in fields(equations) if f.name not in skip]
-        read = {hash_symbol(symbol) for symbol in ca.symvar(ca.vertcat(*[ca.vec(ca.SX(row)) for row in rows]))}
+        read = {hash_symbol(symbol) for row in rows for symbol in ca.symvar(symbolic(row))}
         kept = [entry for entry in self.net.parameters.values() if hash_symbol(entry.symbol) in read]
         others = [entry for entry in self.net.parameters.values() if hash_symbol(entry.symbol) not in read]
         self.looked.parameters.update(entry.name for entry in others)

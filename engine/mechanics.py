@@ -122,9 +122,14 @@ class Mechanics:
         """Replace the motions' angles and speeds by combinations of the coordinates."""
         if not self.net.motions:
             return expression
+        return ca.substitute(expression, *self._whole_substitution)
+
+    @functools.cached_property
+    def _whole_substitution(self) -> tuple[Expression, Expression]:
+        """Angles and speeds of the motions, and speeds of the velocities, and what stands for them."""
         old, new = self._substitution
         old = ca.vertcat(old, *[velocity.speed for velocity in self.net.velocities])
-        return ca.substitute(expression, old, ca.vertcat(new, *self._recursion[1]))
+        return old, ca.vertcat(new, *self._recursion[1])
 
     @functools.cached_property
     def _substitution(self) -> tuple[Expression, Expression]:
