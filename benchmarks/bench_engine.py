@@ -256,11 +256,11 @@ def many() -> Iterator[Row]:
         return time.perf_counter() - started
 
     def alone() -> float:
-        made, lanes._lanes[model.signature] = lanes.lanes_of(model), lanes.Lanes(model, possible=False)
+        made, lanes._lanes[model.law] = lanes.lanes_of(model), lanes.Lanes(model, possible=False)
         try:
             return timed(work)()
         finally:
-            lanes._lanes[model.signature] = made
+            lanes._lanes[model.law] = made
 
     native.entry(model)
     lanes.lanes_of(model).make(model)

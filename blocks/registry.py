@@ -25,6 +25,9 @@ _REPLACED = {
 }
 """Type names of earlier versions: what to write now."""
 
+_MODULES = {name: module for module, names in SHIPPED.items() for name in names.split()}
+"""Type name -> module below `blocks`."""
+
 
 @functools.cache
 def registry() -> dict[str, type[Block]]:
@@ -32,10 +35,7 @@ def registry() -> dict[str, type[Block]]:
 
     A registered block that cannot be imported, is not a `Block`, or takes a name in use is left out with a warning.
     """
-    found: dict[str, type[Block]] = {}
-    for module, names in SHIPPED.items():
-        loaded = importlib.import_module(f"blocks.{module}")
-        found.update({name: getattr(loaded, name) for name in names.split()})
+    found = {name: _shipped(name) for name in _MODULES}
     for entry in entry_points(group=GROUP):
         problem = _add(found, entry)
         if problem:
@@ -57,12 +57,23 @@ def _add(found: dict[str, type[Block]], entry: EntryPoint) -> str:
     return ""
 
 
+def _shipped(name: str) -> type[Block]:
+    made: type[Block] = getattr(importlib.import_module(f"blocks.{_MODULES[name]}"), name)
+    return made
+
+
 def find(name: str) -> type[Block]:
     """The block of a type name.
+
+    Of a shipped block only its module is imported. The whole registry would take a seventh of ``flexarm run``: it
+    imports the library and looks through what is installed for blocks of other packages, none of which can have a
+    shipped block's name.
 
     Raises:
         ParameterError: there is none; the message names the nearest.
     """
+    if name in _MODULES:
+        return _shipped(name)
     try:
         return registry()[name]
     except KeyError:

@@ -26,7 +26,7 @@ from engine.model import Model
 from engine.ports import MOTION
 from engine.quantity import convert
 from engine.start import start_values
-from engine.step import FOLLOWED, StepRule, fastest, internal_step, stiffest
+from engine.step import FOLLOWED, StepRule, eigenvalues, internal_step, step_for, stiffest
 from scenarios.amend import Edit
 from scenarios.load import Scenario
 from scenarios.variant import edited, renamed
@@ -239,10 +239,10 @@ def resolved(made: Problem, x: Array) -> Problem | None:
     finest = step
     for changed in sorted(settings):
         p = model.parameter_vector({**values, **dict(changed)})
-        start = start_values(model, p)
-        if fastest(model, p, start).rate * least > FITTING.stable:
+        spectra = eigenvalues(model, p, start_values(model, p))
+        if any(float(np.abs(rates).max()) * least > FITTING.stable for rates in spectra):
             return None
-        finest = min(finest, internal_step(model, p, start, step, rule=made.steps))
+        finest = min(finest, step_for(spectra, step, rule=made.steps))
     return replace(made, internal_step=max(finest, least))
 
 

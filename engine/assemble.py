@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from types import MappingProxyType
@@ -11,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from engine.alike import Assembled, Looked, form, keep, known
 from engine.block import Block
 from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
 from engine.mechanics import Mechanics
@@ -23,24 +23,29 @@ from engine.model import (
     External,
     Mode,
     Model,
-    ParameterVariable,
     SampleClock,
     TableData,
     Variable,
+    parameter_variables,
 )
 from engine.names import check_text
 from engine.net import Net
+from engine.parameters import Parameters
 from engine.ports import MOTION, Expression
-from engine.quantity import Parameter
 from engine.relations import Relation
 from engine.stamps import Input, ModelParameter, Motion
 from engine.symbol_misuse import explained
-from engine.system import Formula, System, bypass
-from engine.wiring import Wiring, hash_symbol
+from engine.system import System, bypass
+from engine.wiring import Wiring, hash_symbol, symbolic
 
 
 def build(
-    system: System, inputs: list[str] | None = None, outputs: list[str] | None = None, *, energy: bool = False
+    system: System,
+    inputs: list[str] | None = None,
+    outputs: list[str] | None = None,
+    *,
+    energy: bool = False,
+    variant: bool = False,
 ) -> Model:
     """The model of a system.
 
@@ -50,6 +55,8 @@ def build(
         outputs: signals to output; all of them if None.
         energy: add states and outputs of the energy balance: ``energy.stored``, ``energy.supplied``,
             ``energy.dissipated`` and ``energy.residual`` (J). The residual is zero except for the integration error.
+        variant: one of many systems that are alike: what is worked out from equations is shared by those that differ in
+            the values of parameters alone. For as long as laws stay what they are: see `engine.alike`.
 
     Raises:
         FlexarmError: a wrong connection, an algebraic loop, a massless motion, a closed loop of ties or frictions.
@@ -60,7 +67,16 @@ def build(
         *(("block", b) for b in system.blocks),
     ):
         check_text(f"the system's {what}" if what != "block" else f"the block name {text!r}", text)
-    return _Assembly(system, list(inputs or []), outputs, energy).model()
+    driven = list(inputs or [])
+    key = form(system, driven, outputs, energy) if variant else None
+    if key is not None and (found := known(key, system)) is not None:
+        return found
+    made = _Assembly(system, driven, outputs, energy)
+    model = made.model()
+    if key is not None and not model.externals:  # what Python does may depend on any value
+        decisive = {name: made.net.parameters[name].value for name in made.looked.parameters}
+        keep(key, Assembled(model, tuple(made.system.blocks), made.looked, decisive, made.mechanics.sound))
+    return model
 
 
 class _Assembly:
@@ -68,14 +84,18 @@ class _Assembly:
         self.system = bypass(system, inputs, outputs or ())[0] if inputs else system
         self.free_names, self.wanted, self.energy = inputs, outputs, energy
         self.net = Net()
-        self.unbounded: set[str] = set()  # parameters that so far only formulas read, which no block bounds
+        self.parameters = Parameters(self.system)
+        self.net.parameters = self.parameters.entries
+        self.looked = Looked()
         self.flanges = self._join()
         self._stamp()
         self.p = self._stack([p.symbol for p in self.net.parameters.values()])
         self.values = np.array([p.value for p in self.net.parameters.values()])
         self.free = {name: self.net.inputs[name].symbol for name in inputs}
         self.wiring = Wiring(self.system, self.net, self.flanges, self.free)
-        self.mechanics = Mechanics(self.system, self.net, self.wiring, self.flanges, self.p, self.values)
+        self.mechanics = Mechanics(
+            self.system, self.net, self.wiring, self.flanges, self.p, self.values, self.looked.note
+        )
 
     @staticmethod
     def _stack(symbols: list[Expression]) -> Expression:
@@ -157,7 +177,7 @@ class _Assembly:
         for name, block in self.system.blocks.items():
             bound: dict[str, Any] = dict(block.options and {o: block.values[o] for o in block.options})
             for declared in block.parameters.values():
-                bound[declared.name] = self._parameter(name, declared.name)
+                bound[declared.name] = self.parameters.of(name, declared.name)
             for attribute, port_name in block._port_attributes.items():
                 port = block.ports[port_name]
                 if port.role == "flange":
@@ -168,9 +188,10 @@ class _Assembly:
                     bound[attribute] = self.net.inputs[endpoint].symbol
             try:
                 self.net.begin(name, physical=block.is_physical())
+                asked = self.looked.at(name, block)
                 with explained(name, type(block).__name__):
-                    block.bind(bound).stamp(self.net)
-                self._relate(block, bound)
+                    asked.bind(bound).stamp(self.net)
+                self._relate(asked, bound)
             except FlexarmError as error:
                 place = self.system.place(name)
                 raise (error.at(place) if place else error) from None
@@ -186,49 +207,6 @@ class _Assembly:
             # What is calculated from other parameters has no name of its own that an importer could set.
             if both and first.is_symbolic() and second.is_symbolic():
                 self.net.relations.append(replace(relation, first=first.name(), second=second.name()))
-
-    def _parameter(self, block_name: str, name: str) -> Any:
-        block = self.system.blocks[block_name]
-        declared, value = block.parameters[name], block.values[name]
-        if declared.structural:
-            return value
-        alias = block.same_as(name)
-        if alias is not None:
-            return self._parameter(block_name, alias)
-        if declared.unit == "*":
-            declared = replace(declared, unit=block.unit_of(name))
-        own = f"{block_name}.{name}"
-        common = self.system.shared.get(block_name, {}).get(name)
-        if declared.size:
-            return ca.vertcat(*[self._symbol(f"{own}[{i + 1}]", v, declared, own) for i, v in enumerate(value)])
-        if isinstance(common, Formula):
-            return common.law({name: self._argument(name, *given, own) for name, given in common.arguments.items()})
-        return self._symbol(common or own, value, declared, own)
-
-    def _argument(self, name: str, unit: str, value: float, user: str) -> Expression:
-        """The symbol of a parameter that a formula reads: that of a block which has it too, or one without bounds."""
-        known = self.net.parameters.get(name)
-        if known is None:
-            self.unbounded.add(name)
-            made = ModelParameter(name, ca.SX.sym(name), value, Parameter(name, unit, ..., "parameter of the scenario"))
-            known = self.net.parameters[name] = made
-        if not math.isclose(known.value, value, rel_tol=1e-12):
-            raise ConnectionProblem(f"parameter '{name}' is {known.value} in {known.users[0]} but {value} in {user}")
-        known.users.append(user)
-        return known.symbol
-
-    def _symbol(self, name: str, value: float, declared: Any, user: str) -> Expression:
-        known = self.net.parameters.get(name)
-        if known is None:
-            known = ModelParameter(name, ca.SX.sym(name), float(value), declared.signed(float(value)))
-            self.net.parameters[name] = known
-        elif name in self.unbounded and math.isclose(known.value, value, rel_tol=1e-12):
-            known.value, known.declared = float(value), declared.signed(float(value))
-            self.unbounded.discard(name)
-        elif known.value != value:
-            raise ConnectionProblem(f"parameter '{name}' is {known.value} in {known.users[0]} but {value} in {user}")
-        known.users.append(user)
-        return known.symbol
 
     # -- the model --------------------------------------------------------------------------------------------------
 
@@ -302,9 +280,7 @@ class _Assembly:
             inputs=inputs,
             tables=tuple(TableData(t.name, t.unit, tuple(t.times), tuple(t.values), t.hold) for t in net.tables),
             outputs=tuple(variable for variable, _ in outputs),
-            parameters=tuple(
-                ParameterVariable(entry.name, entry.value, entry.declared, tuple(entry.users)) for entry in parameters
-            ),
+            parameters=parameter_variables(parameters),
             memories=tuple(Variable(entry.name, entry.unit) for entry in net.memories),
             clocks=tuple(SampleClock(clock.period, clock.offset) for clock in net.clocks),
             memory_clock=tuple(entry.clock.index for entry in net.memories),
@@ -353,9 +329,10 @@ class _Assembly:
         """
         skip = ("t", "x", "u", "d", "m", "p", "fire", "stored")
         rows = [getattr(equations, f.name) for f in fields(equations) if f.name not in skip]
-        read = {hash_symbol(symbol) for symbol in ca.symvar(ca.vertcat(*[ca.vec(ca.SX(row)) for row in rows]))}
+        read = {hash_symbol(symbol) for row in rows for symbol in ca.symvar(symbolic(row))}
         kept = [entry for entry in self.net.parameters.values() if hash_symbol(entry.symbol) in read]
         others = [entry for entry in self.net.parameters.values() if hash_symbol(entry.symbol) not in read]
+        self.looked.parameters.update(entry.name for entry in others)
         symbols, values = self._stack([entry.symbol for entry in others]), ca.DM([entry.value for entry in others])
         stored = ca.substitute(equations.stored, symbols, values) if others else equations.stored
         return replace(equations, p=self._stack([entry.symbol for entry in kept]), stored=stored), kept

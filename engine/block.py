@@ -18,7 +18,8 @@ On an ordinary instance ``block.inertia`` is a number; inside ``stamp`` it is a 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+import functools
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -134,6 +135,7 @@ class Block:
     ports: Mapping[str, Port] = MappingProxyType({})
     _port_attributes: Mapping[str, str] = MappingProxyType({})
     _bound: dict[str, Any] | None = None
+    _differs: Callable[[str, float], bool] | None = None
 
     # What the block is, for tools that ask what its model leaves out (`flexarm diagnose`). Each names declared
     # parameters, options or flanges; a subclass inherits them. None is needed for a simulation.
@@ -298,6 +300,32 @@ class Block:
         """The parameter whose value ``name`` takes by its default `SameAs`, if ``name`` was not given; else None."""
         return self._aliases.get(name)
 
+    def differs(self, name: str, other: float = 0.0) -> bool:
+        """Whether a parameter's value is another than that at which the law does without a part, such as a stiffness.
+
+        A law that asks this way shares its equations among blocks whose answers agree; one that reads `values` shares
+        them among blocks of equal values.
+        """
+        return self._differs(name, other) if self._differs is not None else bool(self.values[name] != other)
+
+    @functools.cached_property
+    def _form(self) -> Hashable:
+        """Equal for blocks that differ in the values of parameters alone, those that are structural apart.
+
+        Whoever keeps more than values, such as what a file says, or reads a file is like itself alone.
+        """
+        if vars(self).keys() - _KEPT or getattr(type(self), "files", None):
+            return self
+        cls = type(self)
+        fixed = [*cls.options, *(name for name, declared in cls.parameters.items() if declared.structural)]
+        try:
+            values = tuple(_plain(self.values[name]) for name in fixed)
+        except TypeError:
+            return self
+        sizes = tuple(len(self.values[name]) for name, declared in cls.parameters.items() if declared.size)
+        names = (tuple(self._aliases.items()), tuple(self._units.items()), tuple(sorted(self.given)))
+        return cls, values, sizes, names, tuple(vars(self).get("ports", {}).items())
+
     def _shown_unit(self, name: str) -> str:
         unit = self.unit_of(name)
         return "" if unit in ("", "1", "*") else f" {unit}"
@@ -336,6 +364,23 @@ class Block:
     def __repr__(self) -> str:
         given = ", ".join(f"{name}={value!r}" for name, value in self.values.items())
         return f"{type(self).__name__}({given})"
+
+
+_KEPT = {"given", "values", "_aliases", "_units", "ports", "_port_attributes"}
+"""What every block keeps."""
+
+
+def _plain(value: Any) -> Hashable:
+    """A value by which forms are compared.
+
+    Raises:
+        TypeError: it is not made of numbers and texts.
+    """
+    if isinstance(value, tuple | list):
+        return tuple(_plain(item) for item in value)
+    if not isinstance(value, bool | int | float | str | None):
+        raise TypeError
+    return type(value).__name__, repr(value)
 
 
 def _move_to_slide(cls: type[Block], given: Mapping[str, str | None], keeps: tuple[str, ...]) -> None:

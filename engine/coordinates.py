@@ -7,6 +7,7 @@ efficiency scales the balance of the motions on one side of a gear: rows of ``E`
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -69,8 +70,14 @@ class _Basis:
     ties costs, and its products share, in proportion to its length.
     """
 
-    def __init__(self, net: Net, symbols: Expression, values: NDArray[np.float64]) -> None:
-        self.net = net
+    def __init__(
+        self,
+        net: Net,
+        symbols: Expression,
+        values: NDArray[np.float64],
+        note: Callable[[Expression], object],
+    ) -> None:
+        self.net, self._note = net, note
         self.symbols, self.values = symbols, values
         self.names: dict[int, str] = {m.index: m.name for m in net.motions}
         self.kinds: dict[int, str] = {m.index: m.kind for m in net.motions}
@@ -80,6 +87,7 @@ class _Basis:
     def number(self, expression: Expression) -> float:
         if expression.is_constant():
             return float(expression)
+        self._note(expression)
         function = ca.Function("value", [self.symbols], [expression])
         return float(function(self.values))
 
@@ -135,18 +143,21 @@ class _Basis:
         return min(candidates, key=cost)
 
 
-def choose(net: Net, symbols: Expression, values: NDArray[np.float64]) -> Coordinates:
+def choose(
+    net: Net, symbols: Expression, values: NDArray[np.float64], note: Callable[[Expression], object]
+) -> Coordinates:
     """Eliminate the ties and make every friction edge a coordinate.
 
     Args:
         net: what the blocks stamped.
         symbols: the parameter vector.
         values: its nominal values; they decide only what is structurally zero.
+        note: told each expression whose value decides.
 
     Raises:
         StructureError: ties that close a loop, or a friction edge that would.
     """
-    basis = _Basis(net, symbols, values)
+    basis = _Basis(net, symbols, values, note)
     for tie in net.ties:
         form = basis.reduce(tie.terms)
         if not form:

@@ -6,6 +6,7 @@ takes 2 us to work out. Here the function reads and writes arrays where they lie
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ class Evaluation:
         self._function = function
         rows, columns = function.sparsity_out(0).get_triplet()
         self._where = np.array(rows, dtype=np.intp), np.array(columns, dtype=np.intp)
+        self._shape = function.size_out(0)
         self._free: list[_Places] = []
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -48,14 +50,37 @@ class Evaluation:
         Args:
             *arguments: of as many numbers as the function's.
         """
+        places = self._filled(arguments)
+        places.work()
+        made = np.zeros(self._shape)
+        made[self._where] = places.result
+        self._free.append(places)
+        return made
+
+    def along(self, rows: NDArray[np.float64], k: int, *arguments: ArrayLike) -> NDArray[np.float64]:
+        """The result for each of several values of one argument, shape (rows, nonzeros), zeros left out.
+
+        Args:
+            rows: of argument ``k``, one a row.
+            k: which argument.
+            *arguments: as of a call; that of ``k`` counts for nothing.
+        """
+        places = self._filled(arguments)
+        given, work, result = places.given[k], places.work, places.result
+        made = np.empty((len(rows), result.size))
+        for row, there in zip(rows, made, strict=True):
+            given[:] = row
+            work()
+            there[:] = result
+        self._free.append(places)
+        return made
+
+    def _filled(self, arguments: Sequence[ArrayLike]) -> _Places:
+        """Places of this call's own, with its arguments."""
         try:
             places = self._free.pop()
         except IndexError:
             places = _Places(self._function)
         for array, argument in zip(places.given, arguments, strict=True):
-            array[:] = np.ravel(argument)
-        places.work()
-        made = np.zeros(self._function.size_out(0))
-        made[self._where] = places.result
-        self._free.append(places)
-        return made
+            array[:] = argument if type(argument) is np.ndarray and argument.ndim == 1 else np.ravel(argument)
+        return places

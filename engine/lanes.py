@@ -183,8 +183,8 @@ _lanes_lock = threading.Lock()
 def lanes_of(model: Model) -> Lanes:
     """The lanes of a model, kept from batch to batch."""
     with _lanes_lock:
-        found = _lanes.setdefault(model.signature, Lanes(model))
-        _lanes.move_to_end(model.signature)
+        found = _lanes.setdefault(model.law, Lanes(model))
+        _lanes.move_to_end(model.law)
         while len(_lanes) > MOST:
             _lanes.popitem(last=False)
     return found

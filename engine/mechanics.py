@@ -12,6 +12,8 @@ static friction.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,6 +30,39 @@ from engine.system import System
 from engine.wiring import Wiring, hash_symbol
 
 
+class Masses:
+    """The mass matrix of a mechanism.
+
+    Args:
+        function: the matrix and the rows of C, from coordinates, parameters and what else it depends on.
+    """
+
+    def __init__(self, function: Any) -> None:
+        self._function = function
+
+    def lacking(self, values: NDArray[np.float64]) -> tuple[int, str] | None:
+        """A coordinate that has no inertia where all else is zero, and in which way; None if each has.
+
+        Args:
+            values: of the parameters.
+        """
+        first, _, other = (np.zeros(self._function.numel_in(k)) for k in range(3))
+        found = self._function(first, values, other)
+        numbers = recursion.condense(*(matrix.full() for matrix in found))
+        diagonal = np.diag(numbers)
+        for i, value in enumerate(diagonal):
+            if value <= 0:
+                return i, "has no inertia"
+        scale = 1 / np.sqrt(diagonal)
+        scaled = scale[:, None] * numbers * scale[None, :]
+        if not (np.isfinite(diagonal).all() and np.isfinite(scaled).all()):
+            return int(np.argmin(np.isfinite(scaled).all(axis=1))), "has no finite inertia"
+        eigenvalues, vectors = np.linalg.eigh(scaled)
+        if len(eigenvalues) and eigenvalues[0] < 1e-12:
+            return int(np.argmax(np.abs(vectors[:, 0]))), "has no inertia of its own"
+        return None
+
+
 class Mechanics:
     """Accelerations of a stamped net.
 
@@ -37,6 +72,10 @@ class Mechanics:
         wiring: resolves the signals inside the forces.
         flanges: (block, port) -> motion.
         p: parameter vector (symbols) and ``values``, its nominal values.
+        note: told each expression of parameters whose value shapes the equations.
+
+    Attributes:
+        sound: tells whether each motion has inertia at other values; None without motions.
     """
 
     def __init__(
@@ -47,10 +86,12 @@ class Mechanics:
         flanges: dict[tuple[str, str], Motion],
         p: Expression,
         values: NDArray[np.float64],
+        note: Callable[[Expression], object],
     ) -> None:
         self.system, self.net, self.wiring, self.flanges = system, net, wiring, flanges
-        self.p, self.values = p, values
-        self.coordinates = choose(net, p, values)
+        self.p, self.values, self._note = p, values, note
+        self.sound: Masses | None = None
+        self.coordinates = choose(net, p, values, note)
         self.free = [c for c in range(len(self.coordinates.names)) if c not in self.coordinates.prescribed]
         self.count = len(self.free)
         self.q = ca.SX.sym("q", self.count)
@@ -81,9 +122,14 @@ class Mechanics:
         """Replace the motions' angles and speeds by combinations of the coordinates."""
         if not self.net.motions:
             return expression
+        return ca.substitute(expression, *self._whole_substitution)
+
+    @functools.cached_property
+    def _whole_substitution(self) -> tuple[Expression, Expression]:
+        """Angles and speeds of the motions, and speeds of the velocities, and what stands for them."""
         old, new = self._substitution
         old = ca.vertcat(old, *[velocity.speed for velocity in self.net.velocities])
-        return ca.substitute(expression, old, ca.vertcat(new, *self._recursion[1]))
+        return old, ca.vertcat(new, *self._recursion[1])
 
     @functools.cached_property
     def _substitution(self) -> tuple[Expression, Expression]:
@@ -184,6 +230,7 @@ class Mechanics:
         force = forward_level = backward_level = power = ca.SX(0)
         for entry, scale in self.coordinates.frictions[coordinate]:
             size = ca.fabs(scale)
+            self._note(scale)
             positive = float(ca.Function("s", [self.p], [scale])(self.values)) > 0
             moving = mode if positive else -mode
             ahead, behind = (moving > 0) * entry.forward, (moving < 0) * entry.backward
@@ -268,19 +315,10 @@ class Mechanics:
         known = {hash_symbol(s) for s in ca.symvar(ca.vertcat(self.q, self.p))}
         others = [s for s in ca.symvar(ca.veccat(mass, steps)) if hash_symbol(s) not in known]
         function = ca.Function("mass", [self.q, self.p, ca.vertcat(*others)], [ca.densify(mass), ca.densify(steps)])
-        found = function(np.zeros(self.q.numel()), self.values, np.zeros(len(others)))
-        numbers = recursion.condense(*(matrix.full() for matrix in found))
-        diagonal = np.diag(numbers)
-        for i, value in enumerate(diagonal):
-            if value <= 0:
-                raise self._massless(i, "has no inertia")
-        scale = 1 / np.sqrt(diagonal)
-        scaled = scale[:, None] * numbers * scale[None, :]
-        if not (np.isfinite(diagonal).all() and np.isfinite(scaled).all()):
-            raise self._massless(int(np.argmin(np.isfinite(scaled).all(axis=1))), "has no finite inertia")
-        eigenvalues, vectors = np.linalg.eigh(scaled)
-        if len(eigenvalues) and eigenvalues[0] < 1e-12:
-            raise self._massless(int(np.argmax(np.abs(vectors[:, 0]))), "has no inertia of its own")
+        self.sound = Masses(function)
+        wrong = self.sound.lacking(self.values)
+        if wrong is not None:
+            raise self._massless(*wrong)
 
     def _massless(self, coordinate: int, what: str) -> StructureError:
         rows = zip(self.net.motions, self.coordinates.rows, strict=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -19,6 +19,7 @@ from engine.evaluation import Evaluation
 from engine.ports import Expression
 from engine.quantity import Parameter
 from engine.relations import Relation
+from engine.stamps import ModelParameter
 
 MOST_VECTORS = 8
 """Parameter vectors that a model keeps: those of the runs under way."""
@@ -58,6 +59,11 @@ class ParameterVariable:
     def unit(self) -> str:
         """Coherent SI unit."""
         return self.declared.unit
+
+
+def parameter_variables(entries: Iterable[ModelParameter]) -> tuple[ParameterVariable, ...]:
+    """Parameters as a model has them."""
+    return tuple(ParameterVariable(entry.name, entry.value, entry.declared, tuple(entry.users)) for entry in entries)
 
 
 @dataclass(frozen=True)
@@ -194,6 +200,21 @@ class Equations:
         return [self.t, self.x, self.u, self.d, self.m, self.p]
 
 
+_OF_EQUATIONS = (
+    "functions",
+    "law",
+    "shaping",
+    "shapes",
+    "_derived",
+    "_evaluations",
+    "_parameter_positions",
+    "begun",
+    "directions",
+    "seeds",
+)
+"""What models of the same equations, names and initial values share."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """Equations with names. The model is frozen; a simulation may replace parameter values and initial values.
@@ -241,6 +262,14 @@ class Model:
     def __repr__(self) -> str:
         sizes = counts(states=len(self.states), inputs=len(self.inputs), outputs=len(self.outputs))
         return f"<model '{self.name}': {sizes}, {counts(parameters=len(self.parameters), modes=len(self.modes))}>"
+
+    def with_parameters(self, entries: Iterable[ModelParameter]) -> Model:
+        """The model with other values of its parameters; what follows from the equations alone is worked out once."""
+        made = replace(self, parameters=parameter_variables(entries))
+        made.__dict__.update({name: getattr(self, name) for name in _OF_EQUATIONS})
+        if "stiffens" in self.__dict__:
+            made.__dict__["stiffens"] = self.stiffens
+        return made
 
     @property
     def parameter_values(self) -> Vector:
@@ -411,6 +440,18 @@ class Model:
     def operations(self) -> int:
         """Operations of the right-hand side."""
         return int(self.functions["derivative"].n_instructions())
+
+    @functools.cached_property
+    def law(self) -> str:
+        """Hash of all that code is made of: equal for models that differ in the values of parameters alone."""
+        digest = hashlib.sha256()
+        for name, function in self.functions.items():
+            digest.update(name.encode())
+            digest.update(str(function.serialize()).encode())
+        sizes = (self.coordinates, len(self.states), len(self.inputs), len(self.outputs), len(self.parameters))
+        digest.update(repr((sizes, self.modes, self.tables, self.clocks, self.memories, self.memory_clock)).encode())
+        digest.update(repr((self.lines, [(e.name, e.clock, e.identity) for e in self.externals])).encode())
+        return digest.hexdigest()
 
     @functools.cached_property
     def signature(self) -> str:

@@ -166,9 +166,9 @@ def entry(model: Model) -> Any:
 
 
 def _source(model: Model) -> str:
-    source = _sources.get(model.signature)
+    source = _sources.get(model.law)
     if source is None:
-        source = _sources[model.signature] = simulation_source(model)
+        source = _sources[model.law] = simulation_source(model)
     return source
 
 
@@ -314,7 +314,7 @@ def way_of(model: Model) -> Way:
         CompilerUnavailable: no compiler runs.
     """
     return way(
-        model.signature,
+        model.law,
         lambda: Way(lambda: translated(bytecode.simulation_code(model)), lambda: _source(model), _loaded, known),
     )
 

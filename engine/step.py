@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,10 +64,11 @@ class Fastest:
 def fastest(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> Fastest:
     """The fastest mode at ``x`` and inputs ``u``, joints sliding, over switches open and closed to either side."""
     found = Fastest(0.0, "")
-    for values, shares in _spectra(model, p, x, u):
+    for values, vectors, matrix in _spectra(model, p, x, u):
         sizes = np.abs(values)
         rate = float(sizes.max())
         if rate > found.rate:
+            shares = np.abs(vectors) * np.linalg.norm(matrix, axis=0)[:, None]
             # Which of several equal eigenvalues comes first, and which of equal shares is larger, is rounding.
             share = shares[:, sizes >= (1 - SAME) * rate].max(axis=1)
             lead = model.states[int(np.argmax(share >= (1 - SAME) * share.max()))].name
@@ -75,10 +76,15 @@ def fastest(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> Fast
     return found
 
 
+def eigenvalues(model: Model, p: Vector, x: Vector, u: Vector | None = None) -> list[NDArray[np.complex128]]:
+    """Eigenvalues (1/s) at ``x`` and inputs ``u``, joints sliding, with switches open, then closed to either side."""
+    return [values for values, _, _ in _spectra(model, p, x, u)]
+
+
 def _spectra(
     model: Model, p: Vector, x: Vector, u: Vector | None
-) -> Iterator[tuple[NDArray[np.complex128], NDArray[np.float64]]]:
-    """Eigenvalues with switches open, then closed to either side; and the states' shares in each, one column each."""
+) -> Iterator[tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.float64]]]:
+    """Eigenvalues, eigenvectors and the Jacobian with switches open, then closed to either side."""
     e = model.equations
     inputs = np.zeros(e.u.numel()) if u is None else u
     for m in _modes(model):
@@ -89,8 +95,7 @@ def _spectra(
             values, vectors = np.linalg.eig(matrix)
         except np.linalg.LinAlgError:  # numbers too large or too small; the run itself reports what fails
             continue
-        size = np.linalg.norm(matrix, axis=0)
-        yield values, np.abs(vectors) * size[:, None]
+        yield values, vectors, matrix
 
 
 def _modes(model: Model) -> list[list[float]]:
@@ -106,10 +111,11 @@ def stiffest(model: Model, p: Vector, states: NDArray[np.float64]) -> Vector:
     """
     e = model.equations
     inputs, memories, jacobian = np.zeros(e.u.numel()), np.zeros(e.d.numel()), model.at("jacobian")
-    sizes = [[np.linalg.norm(jacobian(0.0, x, inputs, memories, m, p)) for m in _modes(model)] for x in states]
+    rates = (jacobian.along(states, 1, 0.0, states[0], inputs, memories, m, p) for m in _modes(model))
+    sizes = [np.sqrt(np.einsum("ij,ij->i", rows, rows)) for rows in rates]
     # Where a rate is not finite it tells no step.
-    known = np.nan_to_num(np.array(sizes, dtype=float), nan=0.0, posinf=0.0)
-    return np.asarray(states[int(np.argmax(known.max(axis=1)))])
+    known = np.nan_to_num(np.array(sizes), nan=0.0, posinf=0.0)
+    return np.asarray(states[int(np.argmax(known.max(axis=0)))])
 
 
 def lasting_step(values: NDArray[np.complex128], stop: float) -> float:
@@ -147,14 +153,19 @@ def internal_step(
     Given the length of the run (s), it also follows every lightly damped mode to its end; see `lasting_step`. Modes
     that there are only while a contact is closed are resolved, and not followed: they last no longer than the contact.
     """
-    found, spectra = step, list(_spectra(model, p, x, u))
-    for values, _ in spectra:
-        found = min(found, rule.longest(values))
+    return step_for(eigenvalues(model, p, x, u), step, stop, rule)
+
+
+def step_for(
+    spectra: Sequence[NDArray[np.complex128]], step: float, stop: float | None = None, rule: StepRule = FOLLOWED
+) -> float:
+    """The same for eigenvalues that are known, as of `eigenvalues`."""
+    found = min((step, *(rule.longest(values) for values in spectra)))
     if stop is not None and spectra:
-        found = min(found, lasting_step(spectra[0][0], stop))
+        found = min(found, lasting_step(spectra[0], stop))
     return found
 
 
 def following_step(model: Model, p: Vector, x: Vector, stop: float, u: Vector | None = None) -> float:
     """The longest step (s) that follows every lightly damped mode to the end of a run; infinite if there is none."""
-    return next((lasting_step(values, stop) for values, _ in _spectra(model, p, x, u)), np.inf)
+    return next((lasting_step(values, stop) for values, _, _ in _spectra(model, p, x, u)), np.inf)

@@ -63,7 +63,7 @@ def _entry(source: str) -> Any:
 
 def _way(model: Model, indices: tuple[int, ...], directions: int) -> native.Way:
     return native.way(
-        (model.signature, indices, directions),
+        (model.law, indices, directions),
         lambda: native.Way(
             lambda: native.translated(bytecode.tangent_code(model, indices, directions), bytecode.room_for(directions)),
             lambda: tangent_source(model, indices, directions),

@@ -268,7 +268,8 @@ class Wiring:
 
     def _resolution(self, expression: Expression) -> Step[Expression]:
         old, new = [], []
-        for symbol in ca.symvar(ca.SX(expression)):
+        expression = symbolic(expression)
+        for symbol in ca.symvar(expression):
             key = hash_symbol(symbol)
             if key in self._input_of:
                 old.append(symbol)
@@ -280,7 +281,7 @@ class Wiring:
                 self.accelerations()
                 old.append(symbol)
                 new.append(self._reactions()[self._reaction_of[key]])
-        return _replace(ca.SX(expression), old, new)
+        return _replace(expression, old, new)
 
     def _input(self, name: str) -> Step[Expression]:
         if name in self.free:
@@ -410,6 +411,11 @@ class _Step:
 def _replace(expression: Expression, old: list[Expression], new: list[Expression]) -> Expression:
     """Substitute all at once."""
     return ca.substitute(expression, ca.vertcat(*old), ca.densify(ca.vertcat(*new))) if old else expression
+
+
+def symbolic(expression: Expression | float) -> Expression:
+    """An expression as it is, a number as one: to make an expression of an expression copies all of it."""
+    return expression if isinstance(expression, ca.SX) else ca.SX(expression)
 
 
 def hash_symbol(symbol: Expression) -> int:

@@ -78,13 +78,15 @@ def application(given: Sequence[str] | None = None) -> typer.Typer:
         help="Flexible-link robot arms and servo drives: simulate, linearise, export, compare, diagnose.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
+        rich_markup_mode=None,  # boxes and colours: importing what draws them takes longer than all else of --help
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     made.callback()(_all)
     called = [command for command in COMMANDS if given and command.__name__ == given[0]]
     listed = given is not None and not any(word[:1] != "-" for word in given) and not completing()
     for command in COMMANDS if completing() else called or COMMANDS:
-        made.command()(_named(command) if listed else command)
+        about = (command.__doc__ or "").partition("\n\n")[0]  # as a whole; typer cuts it to a line of the list
+        made.command(short_help=about)(_named(command) if listed else command)
     return made
 
 
@@ -168,6 +170,7 @@ def main(arguments: list[str] | None = None) -> None:
     warnings.showwarning = _show_warning
     given = list(sys.argv[1:] if arguments is None else arguments)
     os.environ["MPLBACKEND"] = "agg"  # figures become files; a backend that does not exist would end the import
+    os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # it would look through all that is installed for them
     if isinstance(sys.stdout, io.TextIOWrapper):  # what the terminal's encoding does not have is written as an escape
         sys.stdout.reconfigure(errors="backslashreplace")
     try:

@@ -109,6 +109,7 @@ class Scenario:
         *,
         energy: bool = False,
         system: System | None = None,
+        variant: bool = False,
     ) -> Model:
         """The model: see `engine.assemble.build`.
 
@@ -117,6 +118,7 @@ class Scenario:
             outputs: signals to output; those the file records if None.
             energy: also keep the energy balance.
             system: build this variant of the scenario's system instead.
+            variant: this is one of many that are alike.
 
         Raises:
             FlexarmError: a wrong connection; the place in the file is named.
@@ -128,7 +130,7 @@ class Scenario:
         wanted = None if outputs is None else [self.resolve(name) for name in outputs]
         free = [self.resolve(name) for name in inputs]
         try:
-            model = build(system or self.system, inputs=free, outputs=wanted, energy=energy)
+            model = build(system or self.system, inputs=free, outputs=wanted, energy=energy, variant=variant)
         except FlexarmError as error:
             self._check_ends()
             raise error.at(self._named(error.signal) or Where(self.document.file)) from None

@@ -48,10 +48,10 @@ class Bridge(Block):
 
         duty = held("modulation", self.duty, ("full reverse", "inside", "full forward"))
         out = duty * v
-        if self.values["dead_time"] > 0:
+        if self.differs("dead_time"):
             lost = v * self.dead_time / self.switching_period
             out = out - lost * held("dead_time", i / self.ripple_current, ("negative", "within the ripple", "positive"))
-        if self.values["on_resistance"] > 0:
+        if self.differs("on_resistance"):
             out = out - self.on_resistance * i
         net.supply(duty * v * i - out * i)
         net.dissipate(duty * v * i - out * i)

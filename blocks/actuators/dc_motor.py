@@ -50,7 +50,7 @@ class DCMotor(Block):
 
     def stamp(self, net: Net) -> None:
         speed, resistance, km = self.shaft.speed, self.resistance, self.back_emf_constant
-        if self.values["inductance"] == 0:
+        if not self.differs("inductance"):
             current = (self.voltage - km * speed) / resistance
         else:
             current = net.state("winding.current", "A", doc="current in the winding")

@@ -65,7 +65,7 @@ class _Friction(Block):
 
     def _sticks(self) -> bool:
         """Whether any level is given: with all of them 0 nothing ever sticks."""
-        return any(value for name, value in self.values.items() if name.startswith(("coulomb", "static")))
+        return any(self.differs(name) for name in self.values if name.startswith(("coulomb", "static")))
 
     def _level(self, direction: str) -> tuple[Any, Expression]:
         """Sliding friction as a function of velocity, and the static level, of one direction."""

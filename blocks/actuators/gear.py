@@ -64,7 +64,7 @@ class Gear(Block):
 
     def check(self) -> None:
         """What needs elasticity must have it."""
-        if self.values["stiffness"] == 0:
+        if not self.differs("stiffness"):
             elastic_only = ("damping", "backdriving_efficiency", "error_waves")
             given = next((name for name in elastic_only if name in self.given), "")
             if given:
@@ -75,9 +75,9 @@ class Gear(Block):
 
     def stamp(self, net: Net) -> None:
         a, b, n, eta = self.input, self.output, self.ratio, self.efficiency
-        lossy = self.values["efficiency"] != 1
+        lossy = self.differs("efficiency", 1)
         net.inertia(b, self.inertia)
-        if self.values["stiffness"] == 0:
+        if not self.differs("stiffness"):
             net.tie({a: 1, b: -n}, (a, b, eta) if lossy else None)
             net.output(self.torque, 0.0)
             return
@@ -90,5 +90,5 @@ class Gear(Block):
         net.store(self.stiffness * twist**2 / 2)
         net.dissipate(self.damping * rate**2)
         net.output(self.torque, torque)
-        if lossy or self.values["backdriving_efficiency"] != 1:
+        if lossy or self.differs("backdriving_efficiency", 1):
             directed_loss(net, a, torque * share, eta, self.backdriving_efficiency)

@@ -55,7 +55,7 @@ class HarmonicDrive(Block):
 
     def stamp(self, net: Net) -> None:
         a, b, n, eta = self.input, self.output, self.ratio, self.efficiency
-        lossy = self.values["efficiency"] != 1
+        lossy = self.differs("efficiency", 1)
         angle, share = kinematic_error.meshed(self, a)
         twist, rate = angle - b.angle, share * a.speed - b.speed
         torque = self.stiffness * twist + self.damping * rate

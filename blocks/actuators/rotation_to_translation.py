@@ -48,7 +48,7 @@ class _RotationToTranslation(Block):
 
     def check(self) -> None:
         """What needs elasticity must have it."""
-        if self.values["stiffness"] == 0:
+        if not self.differs("stiffness"):
             given = next((name for name in self._elastic_only if name in self.given), "")
             if given:
                 raise ParameterError(
@@ -64,8 +64,8 @@ class _RotationToTranslation(Block):
         a, b, h = self.shaft, self.slide, self._travel()
         net.inertia(a, self.inertia)
         eta, eta_b = self.efficiency, self.backdriving_efficiency
-        lossy = self.values["efficiency"] != 1 or self.values["backdriving_efficiency"] != 1
-        if self.values["stiffness"] == 0:
+        lossy = self.differs("efficiency", 1) or self.differs("backdriving_efficiency", 1)
+        if not self.differs("stiffness"):
             net.tie({b: 1, a: -h}, (a, b, eta) if lossy else None)
             net.output(self.force, 0.0)
             return

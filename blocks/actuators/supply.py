@@ -55,7 +55,7 @@ class Supply(Block):
 
     def stamp(self, net: Net) -> None:
         source, resistance, drawn = self.source_voltage, self.resistance, self.current
-        if self.values["capacitance"] == 0 and self.values["time_constant"] == 0:
+        if not self.differs("capacitance") and not self.differs("time_constant"):
             given = drawn
             v = source - resistance * given
         else:
@@ -68,7 +68,7 @@ class Supply(Block):
                     lambda mode: (choose(mode > 0, v - source, source - v), -1),
                 )
                 given = choose(feeding > 0, given, 0.0)
-            capacitance = self.time_constant / resistance if self.values["time_constant"] else self.capacitance
+            capacitance = self.time_constant / resistance if self.differs("time_constant") else self.capacitance
             net.derivative(v, (given - drawn) / capacitance)
             net.store(capacitance * v**2 / 2)
         net.supply(source * given - v * drawn)

@@ -56,7 +56,7 @@ class ThermalDCMotor(Block):
         housing = net.state("housing.temperature", "K", start=self.start_temperature, doc="temperature of the housing")
         resistance = self.resistance * (1 + self.resistance_coefficient * (winding - t0))
         k = self.torque_constant * (1 + self.magnet_coefficient * (housing - t0))
-        if self.values["inductance"] == 0:
+        if not self.differs("inductance"):
             current = (self.voltage - k * speed) / resistance
         else:
             current = net.state("winding.current", "A", doc="current in the winding")

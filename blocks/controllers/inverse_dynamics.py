@@ -75,7 +75,7 @@ class InverseDynamics(Block):
             torque, motion = self.load(net, motion)
             angle, speed, acceleration = (n * value for value in motion[:3])
             torque = torque / n + self.rotor_inertia * acceleration + self.viscous_friction * speed
-            if self.values["coulomb_friction"] > 0:
+            if self.differs("coulomb_friction"):
                 torque += self.coulomb_friction * self._direction(net, speed)
             voltage = self.resistance / (self.efficiency * self.torque_constant) * torque
             voltage += self.back_emf_constant * speed

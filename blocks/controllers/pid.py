@@ -86,12 +86,12 @@ class PID(SignalBlock):
         return surplus / (self.integral_gain * self.tracking_time) if self.anti_windup == "back_calculation" else 0.0
 
     def _continuous(self, net: Net, error: Expression) -> None:
-        integrates = self.values["integral_gain"] != 0
+        integrates = self.differs("integral_gain")
         v = self.proportional_gain * error
         if integrates:
             x = net.state("integral", "*", start=self.start, doc="integral of the error")
             v += self.integral_gain * x
-        if self.values["derivative_gain"] != 0:
+        if self.differs("derivative_gain"):
             source = error if self.derivative_on == "error" else -self.measurement
             f = net.state("filtered", "*", doc="filtered signal of the derivative")
             net.derivative(f, self.derivative_corner * (source - f))
@@ -119,12 +119,12 @@ class PID(SignalBlock):
 
     def _sampled(self, net: Net, error: Expression) -> None:
         ticks = clock(net, self)
-        integrates = self.values["integral_gain"] != 0
+        integrates = self.differs("integral_gain")
         v = self.proportional_gain * error
         if integrates:
             x = net.memory("integral", "*", ticks, start=self.start)
             v += self.integral_gain * x
-        if self.values["derivative_gain"] != 0:
+        if self.differs("derivative_gain"):
             source = error if self.derivative_on == "error" else -self.measurement
             f = net.memory("filtered", "*", ticks)
             change = (1 - exp(-self.derivative_corner * self.period)) * (source - f)

@@ -37,6 +37,6 @@ class TwoMassFeedForward(InverseDynamics):
 
     def load(self, net: Net, p: Sequence[Expression]) -> tuple[Expression, Sequence[Expression]]:
         torques = [self.load_inertia * p[k + 2] + self.load_viscous_friction * p[k + 1] for k in range(3)]
-        if self.values["damping"] == 0:
+        if not self.differs("damping"):
             return torques[0], [p[k] + torques[k] / self.stiffness for k in range(3)]
         return torques[0], before_spring(net, "twist_rate", p, torques, self.stiffness, self.damping)

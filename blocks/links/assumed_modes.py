@@ -91,7 +91,7 @@ class AssumedModesLink(Block):
 
     def _tip_mass(self) -> Expression:
         """The payload; a plain zero where there is none, which keeps the modes' mass matrix diagonal."""
-        return self.payload if self.values["payload"] else 0.0
+        return self.payload if self.differs("payload") else 0.0
 
     def _added_inertia(self, alpha: list[Motion]) -> Expression:
         """What the deflection adds to the moment of inertia about the hub."""

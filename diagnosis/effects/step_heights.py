@@ -8,11 +8,13 @@ simulated one by one.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 import scipy.fft
+from numpy.typing import NDArray
 
 from diagnosis.effects.linear_answer import LinearAnswer, white, whitened
 from diagnosis.effects.orders import Left
@@ -38,6 +40,10 @@ LOOKED_AT = 8
 
 APART = 1.03
 """Factor between two heights that are proposed."""
+
+_LAST = int(WAVES * LEVELS / NEAR)
+_COUNT = BINS * _LAST
+"""Waves of a period that is looked at, and bins of it."""
 
 WORTH = 30.0
 """What a height must explain, in variances of the noise: the best of thousands explains twenty by chance."""
@@ -98,7 +104,7 @@ def standing_out(left: Sequence[_LeftOver], size: float) -> list[float]:
         score = np.zeros(first)
         for wave in waves:
             # The k-th wave of the saw is (-1)^k s / (pi k) sin(2 pi k u / s).
-            parts = [(-1) ** k / k * wave[k * numbers % len(wave)] for k in range(1, WAVES + 1)]
+            parts = [(-1) ** k / k * wave[k * numbers] for k in range(1, WAVES + 1)]
             pull = np.sum(parts, axis=0)
             usual = float(np.mean(pull**2))
             score += np.maximum(pull, 0.0) ** 2 / usual if usual else 0.0
@@ -108,11 +114,16 @@ def standing_out(left: Sequence[_LeftOver], size: float) -> list[float]:
 
 
 def _waves(one: _LeftOver, period: float) -> Array:
-    """What each wave in the command, sin(2 pi m u / period), would pull: shape (numbers m,)."""
-    count = int(WAVES * BINS * LEVELS / NEAR)
-    at = np.floor(one.command / period * count).astype(int) % count
-    half_a_bin = np.exp(-1j * np.pi * np.arange(count) / count)
-    return np.asarray(-(scipy.fft.fft(np.bincount(at, weights=one.wanted, minlength=count)) * half_a_bin).imag)
+    """What each wave in the command, sin(2 pi m u / period), would pull, up to the last that is looked at."""
+    at = np.floor(one.command / period * _COUNT).astype(int) % _COUNT
+    spectrum = scipy.fft.rfft(np.bincount(at, weights=one.wanted, minlength=_COUNT))[:_LAST]
+    return np.asarray(-(spectrum * _half_a_bin()).imag)
+
+
+@functools.cache
+def _half_a_bin() -> NDArray[np.complex128]:
+    """The phase of each wave from the edge of a bin to its middle."""
+    return np.asarray(np.exp(-1j * np.pi * np.arange(_LAST) / _COUNT))
 
 
 class _LeftOver:

@@ -39,3 +39,14 @@ def test_a_result_is_the_callers_own() -> None:
 
 def test_a_function_without_results() -> None:
     assert Evaluation(ca.Function("none", [ca.SX.sym("x")], [ca.SX(0, 1)]))(1.0).shape == (0, 1)
+
+
+def test_along_one_argument_it_is_what_calls_give() -> None:
+    x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
+    matrix = ca.vertcat(ca.horzcat(x[0] * p, 0), ca.horzcat(ca.sin(x[1]), x[0] / x[1]))
+    found = Evaluation(ca.Function("matrix", [x, p], [ca.sparsify(matrix)]))
+    rows = np.array([[1.0, 2.0], [-0.3, 0.0], [4.0, 1e-3]])
+    along = found.along(rows, 0, rows[0], 3.0)
+    assert along.shape == (3, 3)
+    for row, values in zip(rows, along, strict=True):
+        assert np.array_equal(np.sort(values), np.sort(found(row, 3.0)[[0, 1, 1], [0, 0, 1]]))

@@ -182,7 +182,7 @@ def test_a_block_that_says_nothing_of_its_winding_gets_none(
     Which block drives a node only orders its sides: a node is cut whoever drives it.
     """
     silent = type("DCMotor", (DCMotor,), {trait: ()})
-    monkeypatch.setitem(registry(), "DCMotor", silent)
+    monkeypatch.setattr("blocks.actuators.dc_motor.DCMotor", silent)
     path = rig(
         tmp_path,
         "  motor: {type: DCMotor, resistance: 2 ohm, torque_constant: 0.05 N.m/A, rotor_inertia: 1e-3 kg.m2}\n"
