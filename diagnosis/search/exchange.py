@@ -14,8 +14,7 @@ def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tupl
     """The recordings with a held-out one moved to training, where only held-out data show a mismatch.
 
     An effect that no training recording excites cannot be fitted, such as an amplifier that saturates in the held-out
-    recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it. It has to
-    show twice what any training recording does: every recording shows something of a nuisance.
+    recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it.
 
     Args:
         fitter: of the study.
@@ -23,12 +22,11 @@ def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tupl
         price: what a further effect costs.
     """
     base, x, problem = fitter.base, model.fit.x, model.fit.problem
-    if len(base.held_out) < 2:
+    if len(base.held_out) < 2 or problem.leftover(x, problem.training).unexplained > price:
         return None
     shown = {e.name: problem.leftover(x, [e]).unexplained for e in problem.held_out}
-    known = max(problem.leftover(x, [e]).unexplained for e in problem.training)
     worst = max(shown, key=lambda name: shown[name])
-    if shown[worst] < max(2 * known, price + SEARCH.effort):
+    if shown[worst] < price + SEARCH.effort:
         return None
     told = f"'{worst}' shows a mismatch that the training recordings do not show: "
     if any(left > price for name, left in shown.items() if name != worst):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -209,47 +208,6 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
         "large (held-out part)": "hold_out",
     }
     assert "every other 0.5 s" in told
-
-
-@dataclass(frozen=True)
-class Logged:
-    """Stands for a recording, in which a model leaves something unexplained."""
-
-    name: str
-    role: str
-    unexplained: float
-
-    def split(self, part: float) -> None:
-        """It is too short."""
-
-
-@pytest.mark.parametrize(
-    ("trained", "held_out", "moved"),
-    [
-        ((0.0, 0.0), (0.0, 30.0), False),  # nothing else shows it, and it cannot be split
-        ((0.0, 0.0), (20.0, 30.0), True),
-        ((0.0, 0.0), (3.0, 4.0), False),  # less than an effect costs
-        ((12.0, 14.0), (20.0, 30.0), True),  # a nuisance, and something else
-        ((12.0, 19.0), (20.0, 30.0), False),  # training recordings show it as well
-    ],
-)
-def test_what_held_out_recordings_show_is_to_be_twice_what_others_do(
-    trained: Sequence[float], held_out: Sequence[float], moved: bool
-) -> None:
-    """Every recording shows something of a nuisance."""
-    fitted = [Logged(f"fitted {k}", "train", value) for k, value in enumerate(trained)]
-    held = [Logged(f"held out {k}", "hold_out", value) for k, value in enumerate(held_out)]
-    posed = SimpleNamespace(
-        training=fitted,
-        held_out=held,
-        leftover=lambda x, rows: SimpleNamespace(unexplained=sum(r.unexplained for r in rows)),
-    )
-    model: Any = SimpleNamespace(fit=SimpleNamespace(x=None, problem=posed))
-    fitter: Any = SimpleNamespace(base=posed, recordings=[*fitted, *held])
-    found = exchanged(fitter, model, 5.0)
-    assert (found is not None) == moved
-    if found:
-        assert [r.name for r in found[0] if r.role == "train"] == ["fitted 0", "fitted 1", "held out 1"]
 
 
 def test_what_was_fitted_of_a_held_out_recording_is_reported_of_the_same_recordings(
