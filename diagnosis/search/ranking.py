@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 from diagnosis.effects.effect import Candidate
+
+T = TypeVar("T")
 
 
 def best_ways(ranked: Sequence[Candidate]) -> list[Candidate]:
@@ -14,6 +17,14 @@ def best_ways(ranked: Sequence[Candidate]) -> list[Candidate]:
     for c in ranked:
         found.setdefault(c.key, c)
     return list(found.values())
+
+
+def place_by_place(ranked: Sequence[T], place: Callable[[T], str]) -> list[T]:
+    """The first at each place before all others: laws at one place are alike, and would take all turns."""
+    found: dict[str, T] = {}
+    for one in ranked:
+        found.setdefault(place(one), one)
+    return [*found.values(), *(one for one in ranked if found[place(one)] is not one)]
 
 
 def related(effect: Candidate, others: Sequence[Candidate]) -> bool:

@@ -18,7 +18,7 @@ from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import drawn_back, ended, place_of, standing
 from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, probabilities, strained
-from diagnosis.search.ranking import best_ways, cut, ranked, related, spoken_for
+from diagnosis.search.ranking import best_ways, cut, place_by_place, ranked, related, spoken_for
 from diagnosis.search.readings import taken_otherwise
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, together
@@ -476,7 +476,8 @@ class _Search:
             among: effects to put in.
         """
         parents = _begun_from(than)
-        able = best_ways(self._screened(self._origins(kept, than, parents), _able_beside(kept, among)))[:most]
+        ways = best_ways(self._screened(self._origins(kept, than, parents), _able_beside(kept, among)))
+        able = place_by_place(ways[:most], lambda c: c.place)
         for few in range(0, len(able), SEARCH.few):
             tasks = [((*kept, c), parents) for c in able[few : few + SEARCH.few]]
             found = self.known.fit(tasks, 1, near=than)

@@ -9,7 +9,7 @@ from diagnosis.effects.effect import Candidate, cuts, together
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, ended
 from diagnosis.search.posterior import complete, misses, price, prices, told_as, value
-from diagnosis.search.ranking import related
+from diagnosis.search.ranking import place_by_place, related
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
@@ -216,7 +216,7 @@ class TriedModels:
     def _able(self, partials: Sequence[PartialFit]) -> list[PartialFit]:
         """Partial fits, those first that leave least, as of white noise and as of coloured noise by turns.
 
-        The first of each place go before all others: laws that contain one another are alike, and would take all turns.
+        They go place by place.
         """
 
         def coloured(partial: PartialFit) -> float:
@@ -225,10 +225,7 @@ class TriedModels:
 
         orders = (sorted(partials, key=lambda partial: partial.point.cost), sorted(partials, key=coloured))
         found = list({id(p): p for both in zip(*orders, strict=True) for p in both}.values())
-        leading: dict[str, PartialFit] = {}
-        for partial in found:
-            leading.setdefault(partial.effects[-1].place, partial)
-        return [*leading.values(), *(p for p in found if leading[p.effects[-1].place] is not p)]
+        return place_by_place(found, lambda partial: partial.effects[-1].place)
 
     def _has_meaning(self, made: ScoredModel) -> bool:
         """Whether blocks take the sizes at which a fit ended: it moves them without asking again."""

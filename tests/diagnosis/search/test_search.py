@@ -406,6 +406,21 @@ def test_frequencies_are_those_of_what_a_model_leaves_over() -> None:
     assert not OperatingScales(nominal).residual(e).any()
 
 
+def test_laws_at_one_place_leave_their_turn_beside_another_effect_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three laws of a joint promise most and gain nothing; what explains all the rest acts elsewhere."""
+    joints = [effect(name, "motor.shaft -> gear.in") for name in ("hysteresis", "hardening_spring", "backlash")]
+    payload = effect("payload", "link")
+    world = World(by({LAG.key: 1e5, payload.key: 8e5, f"{LAG.key} + {payload.key}": 0.0}))
+
+    def courses(origin: Any, c: Candidate) -> list[Any]:
+        alone = 900.0 if c is LAG else -1.0
+        return [SimpleNamespace(likelihood=(700.0 if c is payload else 800.0) if origin.effects else alone)]
+
+    monkeypatch.setattr(searching, "courses", courses)
+    found = run(world, [LAG, *joints, payload], 2)
+    assert found.known.best.keys == {LAG.key, payload.key}
+
+
 def test_where_a_joint_leaves_much_the_blocks_joined_there_are_looked_at() -> None:
     """Twenty effects promise more than the loss of a belt, which explains all where a joint at its end gains much."""
     joint, loss = effect("joint_flexibility", "gear.out -> load.shaft"), effect("structural_damping", "belt")
