@@ -22,6 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import oracle, reference
+from benchmarks.diagnosing import diagnoses
 from engine import lanes, native
 from engine.batch import Case, Failure, batch
 from engine.compile import FLAGS, version
@@ -334,17 +335,18 @@ def main() -> None:
     """Measure, print and write the results."""
     rows: list[Row] = []
     busy = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
-    for part in (against_hand, derivatives, readiness, many, command_line, growth, against_scipy):
+    for part in (against_hand, derivatives, readiness, many, command_line, growth, against_scipy, diagnoses):
         for row in part():
             rows.append(row)
             print(" | ".join(row), flush=True)
     lines = [
-        "# Costs of the engine",
+        "# Costs of the engine and of a diagnosis",
         "",
         "Written by `make bench` (`benchmarks/bench_engine.py`). What is compared ran in turns in one process, and the",
         "least processor time of each counts. The loops in `benchmarks/reference` were written by hand for the values",
         "of the reference models, their constants worked out beforehand and, in A and B, without the payload, zero",
         "there; flexarm's code keeps every parameter tunable. Both are compiled with the same compiler and flags.",
+        "Diagnoses (`benchmarks/diagnosing.py`) are of cases of the proof with one effect of ten detection thresholds.",
         "",
         f"{platform.machine()}, {os.cpu_count()} cores, {version().splitlines()[0]}, `{' '.join(FLAGS[1:5])}`,"
         f" Python {platform.python_version()}; begun at a load of {busy:.1f}, from which times suffer",
