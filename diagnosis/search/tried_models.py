@@ -108,7 +108,7 @@ class TriedModels:
 
         Args:
             wanted: effects, and parameters to begin from.
-            finish: how many are fitted to the end.
+            finish: how many are fitted to the end, but for the two that lead.
             whole: as of `finished`.
             near: model that recordings are made coarse around; the user's own, if None.
         """
@@ -135,9 +135,10 @@ class TriedModels:
                     self.failures.append(found)
                 if self.progress:
                     self.progress("trying effects", done, len(tasks))
-        able = self._able(partials)
-        self.dropped += able[finish:]
-        return self.finished(able[:finish], whole=whole)
+        leaders, others = self._able(partials)
+        count = max(finish - len(leaders), 0)
+        self.dropped += others[count:]
+        return self.finished([*leaders, *others[:count]], whole=whole)
 
     def finished(self, partials: Sequence[PartialFit], *, whole: bool = False) -> list[ScoredModel]:
         """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.
@@ -213,10 +214,11 @@ class TriedModels:
         """Forget all models but some."""
         self._models = {m.keys: m for m in models}
 
-    def _able(self, partials: Sequence[PartialFit]) -> list[PartialFit]:
-        """Partial fits, those first that leave least, as of white noise and as of coloured noise by turns.
+    def _able(self, partials: Sequence[PartialFit]) -> tuple[list[PartialFit], list[PartialFit]]:
+        """Of partial fits, those that leave least as of white noise and as of coloured noise, and the others by turns.
 
-        They go place by place.
+        With white noise a fit leads out of hollows, with coloured noise it is judged: where one model has a turn, each
+        has. The others go place by place.
         """
 
         def coloured(partial: PartialFit) -> float:
@@ -225,7 +227,9 @@ class TriedModels:
 
         orders = (sorted(partials, key=lambda partial: partial.point.cost), sorted(partials, key=coloured))
         found = list({id(p): p for both in zip(*orders, strict=True) for p in both}.values())
-        return place_by_place(found, lambda partial: partial.effects[-1].place)
+        leaders = [p for p in found if any(p is order[0] for order in orders)]
+        others = [p for p in found if not any(p is leader for leader in leaders)]
+        return leaders, place_by_place(others, lambda partial: partial.effects[-1].place)
 
     def _has_meaning(self, made: ScoredModel) -> bool:
         """Whether blocks take the sizes at which a fit ended: it moves them without asking again."""

@@ -464,6 +464,25 @@ def test_what_does_as_well_alone_is_tried_beside_the_second_effect_too() -> None
     assert odds[frozenset({sensor.key, gain.key})] == pytest.approx(0.5, abs=0.01)
 
 
+def test_where_one_model_has_a_turn_both_that_lead_after_a_few_steps_have_one() -> None:
+    """Beside a strong effect, one leaves less of the largest errors, and one bends the parameters less."""
+    strong, bending, right = effect("dead_zone", "u"), effect("extra_mode", "drive"), effect("payload", "link")
+    world = World(by({f"{strong.key} + {right.key}": 0.0, f"{strong.key} + {bending.key}": 30.0}))
+    begun = world.partial_fit
+
+    def partial_fit(effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
+        made = begun(effects, parents)
+        white = 10.0 if right in effects else 1.0
+        return replace(made, point=replace(made.point, cost=white))
+
+    world.partial_fit = partial_fit  # type: ignore[method-assign]
+    known = tried_models.TriedModels(world, world.refit, 20)  # type: ignore[arg-type]
+    tasks: list[Any] = [((strong, c), [{}]) for c in (bending, right, *OTHERS)]
+    made = known.fit(tasks, 1)
+    assert {m.keys for m in made} == {frozenset({strong.key, c.key}) for c in (bending, right)}
+    assert len(known.dropped) == len(OTHERS)
+
+
 def test_at_last_each_effect_is_taken_away_once_more() -> None:
     """A pair came from elsewhere, and one of its effects explains nothing beside the other: that one alone is told."""
     zone = effect("dead_zone", "u")
