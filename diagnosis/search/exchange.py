@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.posterior import misses
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import SEARCH
 
@@ -14,19 +15,24 @@ def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tupl
     """The recordings with a held-out one moved to training, where only held-out data show a mismatch.
 
     An effect that no training recording excites cannot be fitted, such as an amplifier that saturates in the held-out
-    recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it.
+    recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it. Nuisances
+    show in all recordings: where the fitted ones leave no more than a sensor's noise may be taken for, one shows more
+    that leaves more.
 
     Args:
         fitter: of the study.
         model: the best one.
         price: what a further effect costs.
     """
-    base, x, problem = fitter.base, model.fit.x, model.fit.problem
-    if len(base.held_out) < 2 or problem.leftover(x, problem.training).unexplained > price:
+    x, problem = model.fit.x, model.fit.problem
+    fitted = problem.leftover(x, problem.training)
+    noisy = fitted.unexplained > price
+    if noisy and misses(fitted):
         return None
-    shown = {e.name: problem.leftover(x, [e]).unexplained for e in problem.held_out}
-    worst = max(shown, key=lambda name: shown[name])
-    if shown[worst] < price + SEARCH.effort:
+    lefts = {e.name: problem.leftover(x, [e]) for e in problem.held_out}
+    shown = {name: left.unexplained for name, left in lefts.items() if misses(left) or not noisy}
+    worst = max(shown, key=lambda name: shown[name], default="")
+    if not worst or shown[worst] < price + SEARCH.effort:
         return None
     told = f"'{worst}' shows a mismatch that the training recordings do not show: "
     if any(left > price for name, left in shown.items() if name != worst):

@@ -189,11 +189,19 @@ def limited(t: Any) -> dict[str, Any]:
     }
 
 
+def hum(monkeypatch: pytest.MonkeyPatch, size: float) -> None:
+    """Add a hum of 7 Hz (rad/s), which nobody looks for, to all recordings; noise has 0.3 rad/s."""
+    own = plants.speed
+    monkeypatch.setattr(plants, "speed", lambda t, u, **more: own(t, u, **more) + size * np.sin(2 * np.pi * 7 * t))
+
+
+@pytest.mark.parametrize("size", [0.0, 0.3])
 def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: float
 ) -> None:
-    """An amplifier that gives at most 1 V: only the large input meets it."""
+    """An amplifier that gives at most 1 V: only the large input meets it, beside a hum that is less than the noise."""
     plants.limit_amplifier(monkeypatch, limited)
+    hum(monkeypatch, size)
     scenario = load(case(tmp_path, seed=5))
     fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
     exchange = exchanged(fitter, fitter.refit, math.log(40))
@@ -208,6 +216,17 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
         "large (held-out part)": "hold_out",
     }
     assert "every other 0.5 s" in told
+
+
+def test_where_fitted_recordings_leave_more_than_noise_no_other_is_fitted_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hum of twice the noise's power is to be explained first."""
+    plants.limit_amplifier(monkeypatch, limited)
+    hum(monkeypatch, 0.6)
+    scenario = load(case(tmp_path, seed=5))
+    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    assert exchanged(fitter, fitter.refit, math.log(40)) is None
 
 
 def test_what_was_fitted_of_a_held_out_recording_is_reported_of_the_same_recordings(
