@@ -15,7 +15,8 @@ from diagnosis.binding import find_recording, verify
 from diagnosis.effects.catalogue import candidates, check_names
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
-from diagnosis.estimation.least_squares import Fit, with_held_out_starts
+from diagnosis.estimation.held_out_starts import with_held_out_starts
+from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.least_squares import fit as fit_problem
 from diagnosis.planning.experiment import own_run, recorded
 from diagnosis.planning.plan import MULTIPLES, Plan

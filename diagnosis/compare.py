@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diagnosis.binding import bind, bind_table, find_recording, row_interval, starting_unit
-from diagnosis.estimation.least_squares import with_held_out_starts
+from diagnosis.estimation.held_out_starts import with_held_out_starts
 from diagnosis.estimation.time_experiment import over_time
 from diagnosis.frequency_response.periodic_solver import PeriodicSolver
 from diagnosis.problems import problem

@@ -5,6 +5,8 @@ What is left over is compared with the answers to many waves or inputs at once, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.fft
 
@@ -28,12 +30,13 @@ class LinearAnswer:
         problem: the model.
         x: its search vector, as fitted.
         target: a flange, or a driven input.
+        beside: further variables whose answers follow those of the sensors.
 
     Raises:
         FlexarmError: the model cannot be linearised there.
     """
 
-    def __init__(self, problem: Problem, x: Array, target: str) -> None:
+    def __init__(self, problem: Problem, x: Array, target: str, beside: Sequence[str] = ()) -> None:
         system, driven = problem.scenario.system, [v.name for v in problem.model.inputs]
         if target in driven:
             first, inputs = driven.index(target), driven
@@ -49,7 +52,7 @@ class LinearAnswer:
                 system.places,
             )
             first, inputs = 0, [f"probe.{effort}", *driven]
-        model = build(system, inputs=inputs, outputs=[v.name for v in problem.model.outputs])
+        model = build(system, inputs=inputs, outputs=[*(v.name for v in problem.model.outputs), *beside])
         sliding = {mode.name: "sliding forward" for mode in model.modes if mode.kind == "friction"}
         known = {p.name for p in model.parameters}
         fitted = {name: value for name, value in problem.values(x)[0].items() if name in known}
@@ -59,13 +62,15 @@ class LinearAnswer:
 
     def response(self, count: int, interval: float) -> Array:
         """Outputs per input at the frequencies of a discrete transform, shape (count, outputs); none at rest."""
-        w = 2j * np.pi * scipy.fft.fftfreq(count, interval)
-        half = w[1 : count // 2 + 1]
-        gains = self.C @ np.linalg.solve(half[:, None, None] * np.eye(len(self.A)) - self.A, self.B) + self.D
         made = np.zeros((count, len(self.C)), dtype=complex)
-        made[1 : count // 2 + 1] = gains[:, :, 0]
+        made[1 : count // 2 + 1] = self.gains(2 * np.pi * scipy.fft.fftfreq(count, interval)[1 : count // 2 + 1])
         made[count // 2 + 1 :] = made[1 : (count + 1) // 2][::-1].conj()
         return made
+
+    def gains(self, frequencies: Array) -> Array:
+        """Outputs per input at frequencies (rad/s), shape (frequencies, outputs)."""
+        shifted = 1j * frequencies[:, None, None] * np.eye(len(self.A)) - self.A
+        return np.asarray(self.C @ np.linalg.solve(shifted, self.B) + self.D)[:, :, 0]
 
 
 def white(e: TimeExperiment, residual: Array) -> Array:

@@ -347,26 +347,3 @@ def with_covariance(made: Fit, left: float) -> Fit:
     """
     found, weak, flat = covariance(made.problem, made.x, left)
     return replace(made, covariance=found, weak=weak, flat=flat)
-
-
-def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20, noise: Noise = "stated") -> Array:
-    """The search vector with the starting values of held-out recordings fitted, everything else frozen.
-
-    No other recording determines the state in which a held-out one begins, so that state is fitted to the whole of it:
-    a few numbers, against thousands of samples. Fits with coloured noise go by way of white noise, as all do.
-
-    Args:
-        problem: with experiments of all roles.
-        x: search vector.
-        iterations: at most, per experiment.
-        noise: as of `descend`.
-    """
-    x = x.copy()
-    for e in problem.held_out:
-        mine = [i for i, f in enumerate(problem.free) if f.recording == e.name]
-        if mine:
-            ways: Sequence[Noise] = ("white", "coloured") if noise == "coloured" else (noise,)
-            with Threads(1) as pool:
-                for way in ways:
-                    x = descend(problem, x, [e], pool, only=mine, iterations=iterations, noise=way)[0]
-    return x

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes, together
+from diagnosis.estimation.growing import grown
 from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array
@@ -24,7 +25,6 @@ from diagnosis.problems import followed, problem, resolved, variant
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.coarse import as_coarse, coarse
 from diagnosis.search.evidence import ChosenSize
-from diagnosis.search.growing import grown
 from diagnosis.search.nearby import Nearby
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of, standing
 from diagnosis.search.scored_model import ScoredModel, scored

@@ -16,7 +16,8 @@ import numpy as np
 
 from diagnosis.binding import jumping
 from diagnosis.estimation.experiment import Experiment
-from diagnosis.estimation.least_squares import Fit, descend, fit, with_held_out_starts
+from diagnosis.estimation.held_out_starts import with_held_out_starts
+from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.leftover import left_by
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import over_time

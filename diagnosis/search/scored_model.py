@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.effects.effect import Candidate
-from diagnosis.estimation.least_squares import Fit, with_held_out_starts
+from diagnosis.estimation.held_out_starts import with_held_out_starts
+from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.leftover import Leftover, Noise
 from diagnosis.search.evidence import ChosenSize, evidence
 

@@ -18,10 +18,10 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes
+from diagnosis.estimation.growing import beginning, raced
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.whitened import WhitenedResiduals
-from diagnosis.search.growing import beginning, raced
 from diagnosis.search.partial_fit import Builder, StartingPoint
 from diagnosis.thresholds import SEARCH
 from engine.errors import SimulationError

@@ -182,7 +182,7 @@ def uncertain(
     Raises:
         FlexarmError: no sample, or as of the linear models.
     """
-    from diagnosis.estimation.least_squares import with_held_out_starts
+    from diagnosis.estimation.held_out_starts import with_held_out_starts
 
     if samples < 1:
         raise ParameterError(f"{samples} samples are no family", remedy="give 1 or more")

@@ -177,6 +177,16 @@ def test_the_order_of_a_cogging_stands_out(tmp_path: Path, order: int) -> None:
     assert order in found[:3]
 
 
+@pytest.mark.parametrize("order", [36, 90])
+def test_an_encoder_behind_a_spring_tells_the_angle_of_a_model_that_turns_too_fast(tmp_path: Path, order: int) -> None:
+    """The motor's angle runs ahead by many waves; the load's encoder says by how much, but for the twist."""
+    made, _ = cogging(tmp_path, order, 3e-4)
+    x = np.array([1.0 if f.name == "motor.resistance" else 0.0 for f in made.free])
+    apart = [made.simulate(x, e)[-1] - e.measured[-1] for e in made.training]
+    assert max(abs(rows[1]) for rows in apart) * 14 * order > 2 * math.pi
+    assert standing_out(made, x, "motor.shaft", range(13, 101), 5)[0] == order
+
+
 def test_cogging_is_proposed_where_something_drives(tmp_path: Path) -> None:
     """Not at the gear or the load behind the spring; and of orders that a torque ripple does not have."""
     _, path = cogging(tmp_path, 36, 3e-4)

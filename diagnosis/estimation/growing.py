@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.least_squares import descend
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
@@ -22,15 +23,19 @@ def beginning(made: Problem, share: float) -> Problem:
     return replace(made, experiments=tuple(e.cut(share) for e in made.experiments))
 
 
-def grown(made: Problem, x: Array) -> Array:
+def grown(
+    made: Problem, x: Array, experiments: Sequence[Experiment] | None = None, only: Sequence[int] | None = None
+) -> Array:
     """The search vector fitted to the beginning of each recording, and then to twice as much until it is nearly whole.
 
     Args:
         made: what is fitted.
         x: where to begin.
+        experiments: to fit to, those of the training recordings if None.
+        only: numbers of the search variables that may move; all if None.
     """
     for share in _shares():
-        x, _ = _fitted(made, x, share)
+        x, _ = _fitted(made, x, share, experiments, only)
     return x
 
 
@@ -58,9 +63,15 @@ def _shares() -> Iterator[float]:
         share *= 2
 
 
-def _fitted(made: Problem, x: Array, share: float) -> tuple[Array, float]:
+def _fitted(
+    made: Problem,
+    x: Array,
+    share: float,
+    experiments: Sequence[Experiment] | None = None,
+    only: Sequence[int] | None = None,
+) -> tuple[Array, float]:
     """A few steps on the beginning of each recording: search vector and cost."""
-    begun = beginning(made, share)
+    begun = [e.cut(share) for e in (made.training if experiments is None else experiments)]
     with Threads(1) as pool:
-        x, cost, _ = descend(begun, x, begun.training, pool, iterations=SEARCH.first_steps, noise="white")
+        x, cost, _ = descend(made, x, begun, pool, only=only, iterations=SEARCH.first_steps, noise="white")
     return x, cost

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from diagnosis.search import growing
+from diagnosis.estimation import growing
 from diagnosis.thresholds import SEARCH
 
 
@@ -18,7 +18,7 @@ def test_half_of_the_models_is_dropped_at_each_doubling_once_the_recordings_tell
     """Model 5 is the right one: it looks worst over the first instants, and best from an eighth on."""
     tried: dict[float, list[int]] = {}
 
-    def fitted(made: Any, x: NDArray[np.float64], share: float) -> tuple[NDArray[np.float64], float]:
+    def fitted(made: Any, x: NDArray[np.float64], share: float, *_: Any) -> tuple[NDArray[np.float64], float]:
         tried.setdefault(share, []).append(made)
         early = share < SEARCH.telling
         return x + 1, float((9 if early else -1) if made == 5 else made)
