@@ -6,31 +6,39 @@ from dataclasses import replace
 
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.posterior import misses
+from diagnosis.search.posterior import excess, misses
 from diagnosis.search.scored_model import ScoredModel
-from diagnosis.thresholds import SEARCH
+from diagnosis.thresholds import EVIDENCE, SEARCH
 
 
-def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tuple[list[Recorded], str] | None:
+def exchanged(
+    fitter: CandidateFitter, model: ScoredModel, price: float, *, beside_nuisances: bool = True
+) -> tuple[list[Recorded], str] | None:
     """The recordings with a held-out one moved to training, where only held-out data show a mismatch.
 
     An effect that no training recording excites cannot be fitted, such as an amplifier that saturates in the held-out
     recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it. Nuisances
     show in all recordings: where the fitted ones leave no more than a sensor's noise may be taken for, one shows more
-    that leaves more.
+    that leaves more, and most of what the user's model leaves.
 
     Args:
         fitter: of the study.
         model: the best one.
         price: what a further effect costs.
+        beside_nuisances: whether the fitted ones may show nuisances. A model that fits them best may be one that
+            held-out recordings refute: what it leaves of those says nothing, unless it leaves nothing of the others.
     """
     x, problem = model.fit.x, model.fit.problem
     fitted = problem.leftover(x, problem.training)
     noisy = fitted.unexplained > price
-    if noisy and misses(fitted):
+    if noisy and (misses(fitted) or not beside_nuisances):
         return None
-    lefts = {e.name: problem.leftover(x, [e]) for e in problem.held_out}
-    shown = {name: left.unexplained for name, left in lefts.items() if misses(left) or not noisy}
+    refit, shown = fitter.refit.fit, dict[str, float]()
+    given = {e.name: e for e in refit.problem.held_out}
+    for e in problem.held_out:
+        left, before = problem.leftover(x, [e]), refit.problem.leftover(refit.x, [given[e.name]])
+        if not noisy or (misses(left) and excess(left) > EVIDENCE.most * excess(before)):
+            shown[e.name] = left.unexplained
     worst = max(shown, key=lambda name: shown[name], default="")
     if not worst or shown[worst] < price + SEARCH.effort:
         return None

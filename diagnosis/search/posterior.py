@@ -114,12 +114,12 @@ def _one_of_several(model: ScoredModel, simpler: ScoredModel) -> bool:
     It is asked of the whole model at each step to a simpler one: a richer law and the law itself may each leave much of
     what the other takes away.
     """
-    return not misses(simpler.unseen) or _excess(model) > EVIDENCE.several * _excess(simpler)
+    return not misses(simpler.unseen) or excess(model.left) > EVIDENCE.several * excess(simpler.left)
 
 
-def _excess(model: ScoredModel) -> float:
-    """What a model leaves over of all recordings beyond the sensors' noise."""
-    return float(np.sum(model.left.energy - model.left.noise * model.left.count))
+def excess(left: Leftover) -> float:
+    """What is left over of recordings beyond the sensors' noise."""
+    return float(np.sum(left.energy - left.noise * left.count))
 
 
 def complete(model: ScoredModel, refit: ScoredModel) -> bool:
@@ -128,7 +128,7 @@ def complete(model: ScoredModel, refit: ScoredModel) -> bool:
     What a fit that did not converge leaves is not missing physics, unless it is much.
     """
     least = EVIDENCE.share if model.fit.converged else EVIDENCE.rough
-    return bool(model.effects) and _excess(model) < least * (energy(refit) - energy(model))
+    return bool(model.effects) and excess(model.left) < least * (energy(refit) - energy(model))
 
 
 def misses(left: Leftover) -> bool:
@@ -225,6 +225,6 @@ def relieved(refit: ScoredModel, model: ScoredModel) -> float:
 
 def explained(refit: ScoredModel, model: ScoredModel) -> float:
     """Share of the held-out excess that a model explains, or of `relieved` if that is more."""
-    excess = refit.hold_out - floor(model)
-    of_excess = (refit.hold_out - model.hold_out) / excess if excess > 0 else 0.0
+    beyond = refit.hold_out - floor(model)
+    of_excess = (refit.hold_out - model.hold_out) / beyond if beyond > 0 else 0.0
     return min(max(of_excess, relieved(refit, model), 0.0), 1.0)

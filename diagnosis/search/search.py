@@ -69,8 +69,11 @@ def study(
     search.run(most)
     found = search.known
     # What is missing in held-out recordings alone may hide there what training recordings have shown.
-    turns = () if told or fitter.tables else (found.best, found.best_fitted)
-    swapped = next((made for m in turns if (made := exchanged(fitter, m, found.price))), None)
+    swapped = None
+    if not told and not fitter.tables:
+        swapped = exchanged(fitter, found.best, found.price) or exchanged(
+            fitter, found.best_fitted, found.price, beside_nuisances=False
+        )
     if swapped:
         return study(
             fitter.again(swapped[0]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -227,6 +228,24 @@ def test_where_fitted_recordings_leave_more_than_noise_no_other_is_fitted_too(
     scenario = load(case(tmp_path, seed=5))
     fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
     assert exchanged(fitter, fitter.refit, math.log(40)) is None
+
+
+def test_beside_a_hum_no_other_is_fitted_of_which_most_is_explained_or_for_a_model_that_it_refutes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The large input leaves a third of what a model leaves of it that hardly turns at all."""
+    plants.limit_amplifier(monkeypatch, limited)
+    hum(monkeypatch, 0.3)
+    scenario = load(case(tmp_path, seed=5))
+    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    model, price = fitter.refit, math.log(40)
+    assert exchanged(fitter, model, price) is not None
+    assert exchanged(fitter, model, price, beside_nuisances=False) is None
+    far = model.fit.x.copy()
+    number = [f.name for f in model.fit.problem.free].index("motor.torque_constant")
+    far[number] = model.fit.problem.free[number].position(0.02 * model.fit.problem.free[number].start)
+    fitter.__dict__["refit"] = replace(model, fit=replace(model.fit, x=far))
+    assert exchanged(fitter, model, price) is None
 
 
 def test_what_was_fitted_of_a_held_out_recording_is_reported_of_the_same_recordings(
