@@ -159,7 +159,7 @@ def write(proof: Proof, page: Path, causes: Mapping[str, str], hard: Mapping[str
     parts = [HEAD + _ran(proof, every, rows), _table(rows), _outcomes(rows), _coverage(rows)]
     reliability(rows, page.with_name(FIGURE))
     parts += [_reliability(rows), _failures(rows, causes)]
-    parts.append(_hard(of(proof.rows, "hard"), hard))
+    parts.append(_hard(of(proof.rows, "hard"), hard, causes))
     with writing(page, (".md",)) as temporary:
         temporary.write_text("\n".join(parts), encoding="utf-8")
 
@@ -268,14 +268,22 @@ def _errors(row: Score) -> str:
     return f"{row.errors[1]:.3g} -> {row.errors[2]:.3g}" if row.errors else "-"
 
 
-def _hard(rows: Sequence[Score], hard: Mapping[str, str]) -> str:
+def _hard(rows: Sequence[Score], hard: Mapping[str, str], causes: Mapping[str, str]) -> str:
     ran = [r for r in rows if r.outcome != "not run"]
     right = sum(r.right for r in ran)
     listed = [
-        [f"`{r.plant}`", hard.get(r.plant, ""), _told(r), r.outcome, _said(r), _errors(r)]
+        [
+            f"`{r.plant}`",
+            hard.get(r.plant, ""),
+            _told(r),
+            r.outcome,
+            _said(r),
+            _errors(r),
+            "" if r.right else cause(r, causes),
+        ]
         for r in sorted(ran, key=lambda r: r.plant)
     ]
     known = {r.plant for r in ran}
-    listed += [[f"`{name}`", what, "", "not run yet", "", ""] for name, what in hard.items() if name not in known]
-    head = ["case", "what it is", "concealed", "outcome", "verdict", "refit -> amended, held out"]
+    listed += [[f"`{name}`", what, "", "not run yet", "", "", ""] for name, what in hard.items() if name not in known]
+    head = ["case", "what it is", "concealed", "outcome", "verdict", "refit -> amended, held out", "cause, where known"]
     return HARD + f"{right} right of {len(ran)} that ran.\n\n" + table(head, listed)
