@@ -17,16 +17,18 @@ def exchanged(
     """The recordings with a held-out one moved to training, where only held-out data show a mismatch.
 
     An effect that no training recording excites cannot be fitted, such as an amplifier that saturates in the held-out
-    recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it. Nuisances
-    show in all recordings: where the fitted ones leave no more than a sensor's noise may be taken for, one shows more
-    that leaves more, and most of what the user's model leaves.
+    recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it.
+
+    Nuisances are in all recordings. Where the fitted ones show some, they must leave no more than a sensor's noise may
+    be taken for. A held-out recording then counts if the model leaves more than that of it, and more than half of what
+    the user's model leaves.
 
     Args:
         fitter: of the study.
         model: the best one.
         price: what a further effect costs.
-        beside_nuisances: whether the fitted ones may show nuisances. A model that fits them best may be one that
-            held-out recordings refute: what it leaves of those says nothing, unless it leaves nothing of the others.
+        beside_nuisances: whether the fitted ones may show some. Not for a model that the fitted recordings alone chose:
+            held-out ones may leave much because they refute it.
     """
     x, problem = model.fit.x, model.fit.problem
     fitted = problem.leftover(x, problem.training)

@@ -108,7 +108,7 @@ class TriedModels:
 
         Args:
             wanted: effects, and parameters to begin from.
-            finish: how many are fitted to the end, but for the two that lead.
+            finish: how many are fitted to the end; at least the leader by each noise.
             whole: as of `finished`.
             near: model that recordings are made coarse around; the user's own, if None.
         """

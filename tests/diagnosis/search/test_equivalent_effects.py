@@ -196,15 +196,20 @@ def hum(monkeypatch: pytest.MonkeyPatch, size: float) -> None:
     monkeypatch.setattr(plants, "speed", lambda t, u, **more: own(t, u, **more) + size * np.sin(2 * np.pi * 7 * t))
 
 
+def limited_beside_a_hum(folder: Path, monkeypatch: pytest.MonkeyPatch, size: float) -> CandidateFitter:
+    """An amplifier that gives at most 1 V, which only the large input meets."""
+    plants.limit_amplifier(monkeypatch, limited)
+    hum(monkeypatch, size)
+    scenario = load(case(folder, seed=5))
+    return CandidateFitter(scenario, gather(scenario, [], []), 1)
+
+
 @pytest.mark.parametrize("size", [0.0, 0.3])
 def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: float
 ) -> None:
-    """An amplifier that gives at most 1 V: only the large input meets it, beside a hum that is less than the noise."""
-    plants.limit_amplifier(monkeypatch, limited)
-    hum(monkeypatch, size)
-    scenario = load(case(tmp_path, seed=5))
-    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    """The limit is found beside a hum that is less than the noise, too."""
+    fitter = limited_beside_a_hum(tmp_path, monkeypatch, size)
     exchange = exchanged(fitter, fitter.refit, math.log(40))
     assert exchange is not None
     moved, told = exchange
@@ -219,14 +224,20 @@ def test_what_one_held_out_recording_alone_shows_is_fitted_and_judged_on_it(
     assert "every other 0.5 s" in told
 
 
+def test_the_only_held_out_recording_is_fitted_in_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = limited
+    monkeypatch.setitem(globals(), "limited", lambda t: {k: v for k, v in own(t).items() if k != "small"})
+    fitter = limited_beside_a_hum(tmp_path, monkeypatch, 0.0)
+    exchange = exchanged(fitter, fitter.refit, math.log(40))
+    assert exchange is not None
+    assert [r.name for r in exchange[0] if r.role == "hold_out"] == ["large (held-out part)"]
+
+
 def test_where_fitted_recordings_leave_more_than_noise_no_other_is_fitted_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A hum of twice the noise's power is to be explained first."""
-    plants.limit_amplifier(monkeypatch, limited)
-    hum(monkeypatch, 0.6)
-    scenario = load(case(tmp_path, seed=5))
-    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    fitter = limited_beside_a_hum(tmp_path, monkeypatch, 0.6)
     assert exchanged(fitter, fitter.refit, math.log(40)) is None
 
 
@@ -234,10 +245,7 @@ def test_beside_a_hum_no_other_is_fitted_of_which_most_is_explained_or_for_a_mod
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The large input leaves a third of what a model leaves of it that hardly turns at all."""
-    plants.limit_amplifier(monkeypatch, limited)
-    hum(monkeypatch, 0.3)
-    scenario = load(case(tmp_path, seed=5))
-    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    fitter = limited_beside_a_hum(tmp_path, monkeypatch, 0.3)
     model, price = fitter.refit, math.log(40)
     assert exchanged(fitter, model, price) is not None
     assert exchanged(fitter, model, price, beside_nuisances=False) is None
