@@ -119,8 +119,8 @@ def even_time(time: Vector, *, evenly: bool = False) -> tuple[Vector, tuple[str,
     jitter = float(np.abs(time - mean * np.arange(intervals + 1)).max())
     if jitter <= ROUNDING * mean:
         return time, ()
-    if jitter <= JITTER * mean:
-        interval, ticks, strays = _clock(time)
+    interval, ticks, strays = _clock(time)
+    if strays <= JITTER * interval and ticks[-1] == intervals:
         note = f"samples jitter by up to {strays:.2g} s and are taken to be {interval:g} s apart"
         return np.asarray(interval * ticks), (note,)
     steps = np.diff(time)

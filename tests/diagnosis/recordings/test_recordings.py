@@ -210,8 +210,8 @@ def test_a_jitter_of_the_clock_is_told_and_ignored(tmp_path: Path) -> None:
 
 def test_a_clock_that_jitters_has_the_interval_it_was_set_to_whatever_its_last_stamp_says(tmp_path: Path) -> None:
     """Rows of a simulation then meet the samples: an acceleration beside a step of the drive is on the right side."""
-    jitter = np.random.default_rng(1).uniform(-5e-6, 5e-6, 1090)
-    for last in (-5e-6, 5e-6):
+    jitter = np.random.default_rng(1).uniform(-9e-6, 9e-6, 1090)
+    for last in (-9e-6, 9e-6):
         jitter[[0, -1]] = 0.0, last
         time, notes = even_time(0.01 * np.arange(1090) + jitter)
         np.testing.assert_array_equal(time, 0.01 * np.arange(1090))
