@@ -128,6 +128,9 @@ class CandidateFitter:
     def closest(self, model: ScoredModel, richer: Sequence[ScoredModel] = ()) -> ScoredModel:
         """A model at its least squared error, unless all recordings together are then followed less closely.
 
+        Nor where parameters that a likelihood leaves near their values have to be bent for it: what an amended model
+        leaves over are nuisances, and parameters that follow these are not the machine's.
+
         The user's own is begun from several starts too, as `flexarm fit` begins it, on coarse recordings. Its error may
         be millions of times the noise, and is fitted to the digits that are told.
 
@@ -156,7 +159,8 @@ class CandidateFitter:
         marks = " ".join(_mark(x) for x in (point.x, *begun))
         kept = self._kept(f"closest {model.label} {marks}", model.effects, compute)
         found = self._trial(kept, "stated")
-        closer = found.left.energy.sum() <= model.left.energy.sum()
+        bends = bool(model.effects) and found.bent and not model.bent
+        closer = not bends and found.left.energy.sum() <= model.left.energy.sum()
         return replace(found, log_evidence=model.log_evidence) if closer else model
 
     def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:

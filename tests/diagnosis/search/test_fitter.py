@@ -212,6 +212,28 @@ def test_a_model_that_is_compared_with_a_richer_one_is_begun_from_its_end_too(
     assert end.fit.chi2 <= model.fit.chi2 * (1 + 1e-9)
 
 
+def test_an_amended_model_is_not_told_with_parameters_that_follow_a_nuisance(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A slow drift counts little by likelihood; at the least squared error it bends what recordings say little of."""
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    refit = fitter.refit
+    model = fitter.finish(fitter.partial_fit((zone,), [standing(refit.fit)]))
+    own = np.array([9.0 if f.prior and not f.recording else 0.0 for f in model.fit.problem.free])
+    left = replace(model.left, energies=0.9 * model.left.energies)
+    closer = replace(model, left=left)
+    bent = replace(closer, fit=replace(model.fit, x=model.fit.x + own))
+    assert bent.bent
+    assert not model.bent
+    for end, told in ((closer, closer), (bent, model)):
+        monkeypatch.setattr(fitter, "_trial", lambda *_, end=end: end)
+        assert fitter.closest(model).fit is told.fit
+        assert (fitter.closest(model).left is left) == (end is closer)
+    monkeypatch.setattr(fitter, "_trial", lambda *_: bent)
+    assert fitter.closest(replace(model, fit=bent.fit)).left is left
+    assert fitter.closest(refit).left is left  # the user's own model bends where an effect is missing
+
+
 def test_a_bent_parent_does_not_take_the_turn_of_the_given_values(
     fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
