@@ -9,12 +9,15 @@ with the input, and a controller that reads first has logged it before.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.binding import jumping
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import beside
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.held_out_starts import with_held_out_starts
 from diagnosis.estimation.least_squares import Fit, descend, fit
@@ -26,10 +29,11 @@ from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Assumed, Recorded, Recording
 from diagnosis.search.evidence import evidence
 from diagnosis.search.fitter import CandidateFitter, end_of
-from diagnosis.search.partial_fit import place_of, standing
+from diagnosis.search.partial_fit import ended, place_of, standing
 from diagnosis.search.posterior import value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
+from diagnosis.search.tried_models import TriedModels
 from diagnosis.thresholds import SEARCH
 from engine.threads import Threads
 from scenarios.load import Scenario
@@ -157,6 +161,27 @@ def _described(given: Recorded, taken: Recorded) -> Recorded:
         return taken
     kept = {place: said for place, said in taken.assumed.items() if place not in moved}
     return replace(taken, drive=given.drive, sampled=given.sampled, assumed=kept)
+
+
+def near(described: CandidateFitter, taken: Study) -> bool:
+    """Whether what was found with another reading of the inputs, or that and a delay, comes near it without.
+
+    The readings of an input are less than a sample apart. So a delay makes one of them good for the other, whatever
+    else is missing; where it does not, a search of the recordings as they were described would be in vain.
+
+    Args:
+        described: of the recordings as they were described.
+        taken: a study of the same with the other reading.
+    """
+    chosen = taken.chosen
+    kept = tuple(ended(chosen, c) for c in chosen.effects)
+    others = tuple(c for c in kept if c.effect != "delay")
+    late = [able for c in candidates(taken.scales) if c.effect == "delay" and (able := beside(others, c)) is not None]
+    known = TriedModels(described, described.refit, taken.tried)
+    alike = [kept, *((*others, c) for c in late)]
+    made = known.fit([(effects, [standing(chosen.fit)]) for effects in alike], len(alike), whole=True)
+    best = max((known.worth(m) for m in made), default=math.inf)  # where nothing can be fitted, nothing is told
+    return best > known.worth(chosen) - known.price - SEARCH.effort
 
 
 def likelier(described: Study, taken: Study) -> bool:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,8 +16,11 @@ from diagnosis.api import fit as fit_to
 from diagnosis.effects.catalogue import EFFECTS
 from diagnosis.problems import problem
 from diagnosis.recordings.time_axis import even_instants
-from diagnosis.recordings.types import Recording
+from diagnosis.recordings.types import Recorded, Recording
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.readings import as_they_were_taken
+from diagnosis.search.search import study
+from diagnosis.search.study import Study
 from scenarios.amend import with_readings
 from scenarios.load import load
 
@@ -181,7 +186,22 @@ def test_an_odd_first_sample_does_not_tell_it(tmp_path: Path) -> None:
     assert found.assumed == {}
 
 
-def test_a_force_that_comes_late_is_no_row_that_was_read_first(tmp_path: Path) -> None:
+@pytest.fixture
+def searched(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[Recorded]]:
+    """The recordings of each search of a diagnosis."""
+    rows: list[Sequence[Recorded]] = []
+
+    def studied(fitter: CandidateFitter, **given: Any) -> Study:
+        rows.append(fitter.recordings)
+        return study(fitter, **given)
+
+    monkeypatch.setattr("diagnosis.api.study", studied)
+    return rows
+
+
+def test_a_force_that_comes_late_is_no_row_that_was_read_first(
+    tmp_path: Path, searched: list[Sequence[Recorded]]
+) -> None:
     """By 0.8 of an interval: the acceleration of a row is that of the step before, and the position tells the rest."""
     path = jerked(tmp_path, first=False, late=0.8)
     scenario = load(path)
@@ -191,18 +211,21 @@ def test_a_force_that_comes_late_is_no_row_that_was_read_first(tmp_path: Path) -
     tried = {"delay", "lag", "sensor_lag", "coulomb_friction"}
     found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - tried))
     (finding,) = found.findings
-    assert (found.verdict, finding["effect"]) == ("named", "delay")
+    assert (found.verdict, finding["effect"], len(searched)) == ("named", "delay", 2)
     assert finding["parameters"]["delay"]["value"] == pytest.approx(0.8 * INTERVAL, rel=0.02)
     assert found.study.chosen.fit.problem.assumed == {}
     assert found.study.chosen.fit.parameters()["table.mass"] == pytest.approx(MASS, rel=5e-3)
 
 
-def test_a_row_that_was_read_first_stays_so_beside_an_effect(tmp_path: Path) -> None:
-    """Friction that the model lacks does not make another time of the input."""
+def test_a_row_that_was_read_first_stays_so_beside_an_effect(
+    tmp_path: Path, searched: list[Sequence[Recorded]]
+) -> None:
+    """Friction that the model lacks does not make another time of the input, and is not sought with one again."""
     path = jerked(tmp_path, first=True)
     path.write_text(path.read_text(encoding="utf-8").replace("0.48 N.s/m", "1 mN.s/m"), encoding="utf-8")
     found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - {"viscous_friction", "coulomb_friction", "delay"}))
     assert found.verdict in {"named", "wrong_parameter", "tie"}
+    assert len(searched) == 1
     assert found.study.chosen.fit.problem.assumed == {("recordings", "swing", "sampled"): "before_input"}
 
 
