@@ -48,6 +48,8 @@ def _true_value(concealed: dict[str, Any], key: str, place: str, answer: dict[st
     parameters = concealed["parameters"]
     if (concealed["effect"], key) == ("gravity", "mass"):  # the tool's radius is 1 m
         value = parameters["moment"] / GRAVITY
+    elif (concealed["effect"], key) == ("outside_vibration", "frequency"):  # the tool's is in rad/s, the truth's in Hz
+        value = 2 * math.pi * parameters["frequency"]
     elif isinstance(parameters.get(key), int | float):
         value = float(parameters[key])
     else:
