@@ -326,6 +326,8 @@ class _Search:
         for best in parents[:1]:
             # What promised little beside the user's model may promise most beside the best one.
             self._extend(best, self.listed)
+            if not self._enough(count + 1):
+                self._finish_beside(best)
         if count == 2 and not self._enough(count + 1):
             # Two that hide each other promise little one by one; they are sought once no other pair explains all.
             self._pairs()
@@ -426,6 +428,13 @@ class _Search:
             made = self.known.finished(akin[few : few + SEARCH.few])
             if all(self.known.worth(m) < self.known.reach for m in made):
                 return
+
+    def _finish_beside(self, model: ScoredModel) -> None:
+        """Fit to the end what was put in beside a model and had no turn: a few steps do not tell what gains most."""
+        more = [p for p in self.known.dropped if model.keys < {c.key for c in p.effects}]
+        self.known.dropped = [p for p in self.known.dropped if not any(p is other for other in more)]
+        for partial in more:
+            self.known.finished([partial])
 
     def _moved(self, model: ScoredModel) -> None:
         """Put each effect of a model elsewhere, with the sizes that it has anywhere, such as a vibration's frequency.

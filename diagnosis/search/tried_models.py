@@ -107,8 +107,8 @@ class TriedModels:
         A model with an effect on one side of a cut that is not in it is another one, and is left out.
 
         Args:
-            wanted: effects, and parameters to begin from.
-            finish: how many are fitted to the end; at least the leader by each noise.
+            wanted: effects, those that promise most first, and parameters to begin from.
+            finish: how many are fitted to the end; at least the leader by each noise, and the first.
             whole: as of `finished`.
             near: model that recordings are made coarse around; the user's own, if None.
         """
@@ -218,7 +218,11 @@ class TriedModels:
         """Of partial fits, those that leave least as of white noise and as of coloured noise, and the others by turns.
 
         With white noise a fit leads out of hollows, with coloured noise it is judged: where one model has a turn, each
-        has. The others go place by place.
+        has. So has the first, which promised most: a few steps may not have kept that promise yet. The others go place
+        by place.
+
+        Args:
+            partials: those that promised most first.
         """
 
         def coloured(partial: PartialFit) -> float:
@@ -227,7 +231,7 @@ class TriedModels:
 
         orders = (sorted(partials, key=lambda partial: partial.point.cost), sorted(partials, key=coloured))
         found = list({id(p): p for both in zip(*orders, strict=True) for p in both}.values())
-        leaders = [p for p in found if any(p is order[0] for order in orders)]
+        leaders = [p for p in found if any(p is order[0] for order in (*orders, partials))]
         others = [p for p in found if not any(p is leader for leader in leaders)]
         return leaders, place_by_place(others, lambda partial: partial.effects[-1].place)
 

@@ -12,6 +12,7 @@ from benchmarks.proof.suites import Spec
 TRUTH = {
     "dead_zone": ("source.out -> motor.voltage", [], {"lower": -0.1, "upper": 0.2}),
     "coulomb_friction": ("motor.shaft", ["gear.input", "gear.output"], {"coulomb_friction": 2e-4}),
+    "outside_vibration": ("motor.shaft", [], {"frequency": 2.5}),  # Hz
 }
 INPUT = TRUTH["dead_zone"][0]
 

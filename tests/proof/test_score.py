@@ -128,6 +128,14 @@ def test_intervals_compare_the_same_quantity(tmp_path: Path) -> None:
     assert hits == {k: (("coulomb_friction.coulomb_friction", hit),) for k, hit in ((1, True), (2, True), (3, False))}
 
 
+def test_the_frequency_of_a_vibration_is_compared_in_radians(tmp_path: Path) -> None:
+    for seed, ends in ((1, (15.6, 15.8)), (2, (2.4, 2.6))):
+        found = finding("outside_vibration", "motor.shaft", frequency=ends)
+        put(tmp_path, ["outside_vibration"], [found], seed=seed)
+    hits = {r.spec["seed"]: r.covered for r in scores(tmp_path)}
+    assert hits == {k: (("outside_vibration.frequency", hit),) for k, hit in ((1, True), (2, False))}
+
+
 def test_errors_are_over_the_true_floor(tmp_path: Path) -> None:
     put(tmp_path, findings=[ZONE], errors=(50.0, 8.0, 4.0), sigma_error=0.5)
     assert only(tmp_path).errors == pytest.approx((12.5, 2.0, 1.0))

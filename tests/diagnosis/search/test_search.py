@@ -457,7 +457,7 @@ def test_what_does_as_well_alone_is_tried_beside_the_second_effect_too() -> None
     sensor, gain = effect("sensor_lag", "sensor"), effect("uneven_gain", "v")
     left = {LAG.key: 1e5, sensor.key: 1e5, gain.key: 8e5}
     left |= {f"{c.key} + {gain.key}": 0.0 for c in (LAG, sensor)}
-    world = World(by(left), {c.key: 60.0 for c in OTHERS})
+    world = World(by(left), {c.key: 60.0 for c in OTHERS} | {gain.key: 65.0})
     found = run(world, [LAG, sensor, gain, *OTHERS[: SEARCH.exchanged + 1]])
     odds = probabilities(told_as(found.known.models, world.refit), 20)
     assert odds[frozenset({LAG.key, gain.key})] == pytest.approx(0.5, abs=0.01)
@@ -481,6 +481,26 @@ def test_where_one_model_has_a_turn_both_that_lead_after_a_few_steps_have_one() 
     made = known.fit(tasks, 1)
     assert {m.keys for m in made} == {frozenset({strong.key, c.key}) for c in (bending, right)}
     assert len(known.dropped) == len(OTHERS)
+
+
+def test_what_promised_most_has_a_turn_whatever_a_few_steps_have_brought() -> None:
+    strong, quick, right = effect("dead_zone", "u"), effect("gravity", "link"), effect("offset", "u")
+    world = World(by({f"{strong.key} + {quick.key}": 30.0}))
+    known = tried_models.TriedModels(world, world.refit, 20)  # type: ignore[arg-type]
+    tasks: list[Any] = [((strong, c), [{}]) for c in (right, quick, *OTHERS)]
+    made = known.fit(tasks, 1)
+    assert {m.keys for m in made} == {frozenset({strong.key, c.key}) for c in (right, quick)}
+
+
+def test_where_no_pair_explains_all_those_that_had_no_turn_beside_the_best_are_fitted_to_the_end() -> None:
+    """A dead zone beside backlash: after a few steps another effect leaves less, and gains little more."""
+    gap, zone, quick = effect("backlash", "joint"), effect("dead_zone", "u"), effect("hysteresis", "gear")
+    pair = f"{gap.key} + {zone.key}"
+    left = {c.key: 4e5 + 1e4 * k for k, c in enumerate(OTHERS[:8])}
+    left |= {gap.key: 3e5, pair: 2.8e5, f"{gap.key} + {quick.key}": 2.5e5}
+    world = World(by(left), {OTHERS[0].key: 70.0, zone.key: 60.0})
+    world.excess_at_end = by(left | {pair: 0.0})
+    assert run(world, [gap, zone, quick, *OTHERS], 2).known.best.keys == {gap.key, zone.key}
 
 
 def test_at_last_each_effect_is_taken_away_once_more() -> None:
