@@ -571,7 +571,7 @@ class Search:
     lines: int = number(
         3,
         "frequencies",
-        "Frequencies of what is left over that are tried as a vibration from outside.",
+        "Frequencies of what is left over that are tried as a vibration from outside, and as a further mode.",
         "the rules drawn together on 100 cases (ea5630f)",
     )
     part: float = number(

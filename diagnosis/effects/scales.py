@@ -55,7 +55,8 @@ class OperatingScales:
         torque: flange -> size of the torques that act there.
         speed, angle: flange -> size of its motion.
         inertia: flange -> inertia felt there.
-        lines: frequencies (rad/s) that stand out in what the model leaves over to which effects are added.
+        lines: frequencies (rad/s) of the largest peaks of what the model leaves over to which effects are added.
+        tones: frequencies (rad/s) that stand out there in all recordings alike; see `diagnosis.estimation.tones`.
         fitted: the nominal problem's parameters in that model, as a search vector, if there is one yet.
         left: what it leaves over: training recording -> residual, shape (samples, signals).
     """
@@ -70,6 +71,7 @@ class OperatingScales:
     angle: dict[str, float] = field(default_factory=dict)
     inertia: dict[str, float] = field(default_factory=dict)
     lines: list[float] = field(default_factory=list)
+    tones: list[float] = field(default_factory=list)
     fitted: Array | None = None
     left: Mapping[str, Array] = field(default_factory=dict)
 

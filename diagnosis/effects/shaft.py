@@ -53,14 +53,16 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         EffectParameter("inertia", inertia),
     )
     swing = math.sqrt(torque / (inertia * angle))
+    tones = scales.tones or [3 * swing]
     yield from at_flange(
         place,
         "outside_vibration",
         "Vibration",
-        combinations(amplitude=[0.02 * torque], frequency=scales.lines or [3 * swing], phase=PHASES),
+        combinations(amplitude=shares(torque, 1e-3, 0.02), frequency=tones, phase=PHASES),
         EffectParameter("amplitude", torque),
-        EffectParameter("frequency", max([swing, *scales.lines]), signed=True, anywhere=True),
+        EffectParameter("frequency", max([swing, *scales.tones]), signed=True, anywhere=True),
         EffectParameter("phase", 1.0, signed=True),
+        wave=Wave("amplitude", "phase", combinations(frequency=tones, amplitude=[HARDLY * torque], phase=[0.0])),
     )
     swings = [
         *scales.lines,

@@ -12,6 +12,7 @@ from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate, all_beside, beside, cuts
 from diagnosis.effects.places import node
 from diagnosis.effects.scales import OperatingScales, operating_scales
+from diagnosis.estimation.tones import tones
 from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
@@ -98,7 +99,7 @@ def _seen_beside(scales: OperatingScales, model: ScoredModel) -> OperatingScales
     for e in problem.training:
         found |= e.lines(left[e.name], SEARCH.lines)
     lines = sorted(found, key=lambda w: -found[w])[: SEARCH.lines]
-    return replace(scales, lines=lines, fitted=fitted, left=left)
+    return replace(scales, lines=lines, tones=tones(problem.training, left, SEARCH.lines), fitted=fitted, left=left)
 
 
 class _Search:
