@@ -30,6 +30,7 @@ from diagnosis.search.reported import as_reported
 from diagnosis.search.search import study
 from diagnosis.search.spare_channels import settled_by_spare_channels
 from diagnosis.search.tried_models import Progress
+from diagnosis.thresholds import SEARCH
 from diagnosis.verdict.recording_checks import screen
 from diagnosis.verdict.verdict import Diagnosis, judge
 from engine.compile import version as compiler_version
@@ -248,7 +249,8 @@ def diagnose(
         fitter = fitter.again(found.recordings)  # the search may have read them anew, or fitted a held-out one
         if (anew := taken_otherwise(fitter, found.chosen)) is not None:
             fitter = fitter.again(anew)
-            found = study(fitter, without=how.without, progress=how.progress, told=found.notes)
+            known = found.trials[: SEARCH.finished]
+            found = study(fitter, without=how.without, progress=how.progress, told=found.notes, known=known)
         fitter = fitter.again(found.recordings)
         return judge(as_reported(fitter, settled_by_spare_channels(fitter, found)), how.seed)
 

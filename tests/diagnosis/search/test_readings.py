@@ -19,7 +19,7 @@ from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.readings import as_they_were_taken
-from diagnosis.search.search import study
+from diagnosis.search.search import _Search, study
 from diagnosis.search.study import Study
 from scenarios.amend import with_readings
 from scenarios.load import load
@@ -184,6 +184,26 @@ def test_an_odd_first_sample_does_not_tell_it(tmp_path: Path) -> None:
     (found,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
     assert isinstance(found, Recording)
     assert found.assumed == {}
+
+
+def test_what_was_found_is_fitted_again_where_a_reading_turns_out_to_be_another_at_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It explains all there too: nothing is sought again."""
+    path = jerked(tmp_path, first=False)
+    path.write_text(path.read_text(encoding="utf-8").replace("0.48 N.s/m", "1 mN.s/m"), encoding="utf-8")
+    begun: list[int] = []
+    first = _Search._first
+
+    def counted(search: _Search) -> None:
+        begun.append(len(search.known.models))
+        first(search)
+
+    monkeypatch.setattr(_Search, "_first", counted)
+    monkeypatch.setattr("diagnosis.api.taken_otherwise", lambda fitter, model: list(fitter.recordings))
+    found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - {"viscous_friction", "coulomb_friction"}))
+    assert found.study.chosen.effects
+    assert begun == [1]
 
 
 @pytest.fixture
