@@ -583,6 +583,30 @@ class Search:
 
 
 @dataclass(frozen=True)
+class Tones:
+    """Which frequencies stand out in what is left over."""
+
+    finer: int = number(
+        4,
+        "1",
+        "Lines of a padded spectrum for one of the plain spectrum.",
+        "an oscillation is followed through a recording only from a fraction of a line away (random rig 8703)",
+    )
+    around: int = number(
+        16,
+        "lines",
+        "Lines of the plain spectrum, at least, whose median is what is around one of them; else a third of an octave.",
+        "a median of fewer is raised by a tone itself, which is four lines wide",
+    )
+    apart: int = number(
+        2,
+        "lines",
+        "Lines of the plain spectrum by which two tones differ at least, and the lowest one from a drift.",
+        "half the width of a peak behind a window of Hann's",
+    )
+
+
+@dataclass(frozen=True)
 class Recovery:
     """How a missing force is recovered without a name."""
 
@@ -857,6 +881,7 @@ INTERVALS = Intervals()
 COARSE = Coarse()
 EVIDENCE = Evidence()
 SEARCH = Search()
+TONES = Tones()
 RECOVERY = Recovery()
 WORDING = Wording()
 RECORDING_CHECKS = RecordingChecks()
@@ -870,6 +895,7 @@ GROUPS = (
     COARSE,
     EVIDENCE,
     SEARCH,
+    TONES,
     RECOVERY,
     WORDING,
     RECORDING_CHECKS,

@@ -17,16 +17,7 @@ import scipy.fft
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.time_experiment import over_time
-from diagnosis.thresholds import NOISE
-
-FINER = 4
-"""Lines of a padded spectrum for one of the plain spectrum: between them less than a fiftieth of a peak is lost."""
-
-AROUND = 16
-"""Lines of the plain spectrum, at least, whose median is what is around one of them; else a third of an octave."""
-
-APART = 2
-"""Lines of the plain spectrum by which two tones differ at least: as wide as the window makes a peak."""
+from diagnosis.thresholds import NOISE, TONES
 
 
 def tones(experiments: Sequence[Experiment], left: Mapping[str, Array], most: int) -> list[float]:
@@ -45,14 +36,14 @@ def tones(experiments: Sequence[Experiment], left: Mapping[str, Array], most: in
     count = int(max(rate * len(found) for rate, found in spectra) / finest)
     grid = finest * np.arange(count)
     total = np.sum([np.interp(grid, rate * np.arange(len(p)), p, right=0.0) for rate, p in spectra], axis=0)
-    width = FINER * APART  # what falls from the lowest lines on is a drift
+    width = TONES.finer * TONES.apart  # what falls from the lowest lines on is a drift
     peaks = [k for k in range(width, count - width) if total[k] == total[k - width : k + width + 1].max() > 0]
     return [float(grid[k]) for k in sorted(peaks, key=lambda k: -total[k])[:most]]
 
 
 def _prominence(r: Array, interval: float) -> tuple[float, Array]:
     """How many times what is around it a residual's power is, over its signals, and the distance of lines (rad/s)."""
-    length = scipy.fft.next_fast_len(FINER * len(r), real=True)
+    length = scipy.fft.next_fast_len(TONES.finer * len(r), real=True)
     windowed = (r - r.mean(axis=0)) * np.hanning(len(r))[:, None]
     power = np.abs(scipy.fft.rfft(windowed, length, axis=0)) ** 2
     ratios = power / np.maximum(_around(power), np.finfo(float).tiny)
@@ -61,9 +52,9 @@ def _prominence(r: Array, interval: float) -> tuple[float, Array]:
 
 def _around(power: Array) -> Array:
     """The median of the power around each line of a padded spectrum, shape (lines, signals)."""
-    edges = [FINER]
+    edges = [TONES.finer]
     while edges[-1] < len(power):
-        edges.append(min(len(power), max(edges[-1] + FINER * AROUND, round(edges[-1] * 2 ** (1 / 3)))))
+        edges.append(min(len(power), max(edges[-1] + TONES.finer * TONES.around, round(edges[-1] * 2 ** (1 / 3)))))
     bands = [slice(a, b) for a, b in itertools.pairwise(edges)]
     middles = [0.5 * math.log(b.start * b.stop) for b in bands]
     place = np.log(np.maximum(np.arange(len(power)), 1))

@@ -27,6 +27,7 @@ from diagnosis.search.coarse import as_coarse, coarse
 from diagnosis.search.evidence import ChosenSize
 from diagnosis.search.nearby import Nearby
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, place_of, standing
+from diagnosis.search.posterior import misses
 from diagnosis.search.scored_model import ScoredModel, scored
 from diagnosis.search.screening import Origin, begun
 from diagnosis.search.wave_starts import solved
@@ -128,8 +129,8 @@ class CandidateFitter:
     def closest(self, model: ScoredModel, richer: Sequence[ScoredModel] = ()) -> ScoredModel:
         """A model at its least squared error, unless all recordings together are then followed less closely.
 
-        Nor where parameters that a likelihood leaves near their values have to be bent for it: what an amended model
-        leaves over are nuisances, and parameters that follow these are not the machine's.
+        Nor where parameters that a likelihood leaves near their values have to be bent for it, and an amended model
+        leaves no more than noise: then these follow nuisances, and are not the machine's.
 
         The user's own is begun from several starts too, as `flexarm fit` begins it, on coarse recordings. Its error may
         be millions of times the noise, and is fitted to the digits that are told.
@@ -159,7 +160,7 @@ class CandidateFitter:
         marks = " ".join(_mark(x) for x in (point.x, *begun))
         kept = self._kept(f"closest {model.label} {marks}", model.effects, compute)
         found = self._trial(kept, "stated")
-        bends = bool(model.effects) and found.bent and not model.bent
+        bends = bool(model.effects) and found.bent and not model.bent and not misses(model.left)
         closer = not bends and found.left.energy.sum() <= model.left.energy.sum()
         return replace(found, log_evidence=model.log_evidence) if closer else model
 

@@ -232,6 +232,8 @@ def test_an_amended_model_is_not_told_with_parameters_that_follow_a_nuisance(
     monkeypatch.setattr(fitter, "_trial", lambda *_: bent)
     assert fitter.closest(replace(model, fit=bent.fit)).left is left
     assert fitter.closest(refit).left is left  # the user's own model bends where an effect is missing
+    far = replace(model, left=replace(model.left, energies=9 * model.left.energies))
+    assert fitter.closest(far).left is left  # so does one that leaves much: the closest is asked for
 
 
 def test_a_bent_parent_does_not_take_the_turn_of_the_given_values(
