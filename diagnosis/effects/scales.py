@@ -56,7 +56,7 @@ class OperatingScales:
         speed, angle: flange -> size of its motion.
         inertia: flange -> inertia felt there.
         lines: frequencies (rad/s) of the largest peaks of what the model leaves over to which effects are added.
-        tones: frequencies (rad/s) that stand out there in all recordings alike; see `diagnosis.estimation.tones`.
+        tones: frequencies (rad/s) that stand out there of what is around them; see `diagnosis.estimation.tones`.
         fitted: the nominal problem's parameters in that model, as a search vector, if there is one yet.
         left: what it leaves over: training recording -> residual, shape (samples, signals).
     """

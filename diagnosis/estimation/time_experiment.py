@@ -460,9 +460,15 @@ def _mean_drive(drive: Drive, interval: float, stop: float) -> Drive:
     return Drive(edges[:-1], np.column_stack(columns), "zero_order")
 
 
-def power_spectrum(r: Array) -> Array:
-    """Squared magnitude of the Fourier transform of windowed columns without their mean, shape (lines, columns)."""
-    return np.asarray(np.abs(np.fft.rfft((r - r.mean(axis=0)) * np.hanning(len(r))[:, None], axis=0)) ** 2)
+def power_spectrum(r: Array, length: int | None = None) -> Array:
+    """Squared magnitude of the Fourier transform of windowed columns without their mean, shape (lines, columns).
+
+    Args:
+        r: shape (samples, columns).
+        length: samples of the transform, zeros behind those given; as many as those if None.
+    """
+    windowed = (r - r.mean(axis=0)) * np.hanning(len(r))[:, None]
+    return np.asarray(np.abs(np.fft.rfft(windowed, length, axis=0)) ** 2)
 
 
 def _typical(squares: Array, pieces: int) -> float:

@@ -1,4 +1,4 @@
-"""Tones: frequencies at which residuals have more power than around them, in all recordings alike.
+"""Tones: frequencies at which residuals have more power than around them, taken over all recordings together.
 
 What vibrates from outside has one frequency, whatever the input is. A resonance or a wrong law leaves more power, but
 over a band. So power is compared with the median of what is around it, and added up over signals and recordings. The
@@ -16,7 +16,7 @@ import scipy.fft
 
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
-from diagnosis.estimation.time_experiment import over_time
+from diagnosis.estimation.time_experiment import over_time, power_spectrum
 from diagnosis.thresholds import NOISE, TONES
 
 
@@ -44,8 +44,7 @@ def tones(experiments: Sequence[Experiment], left: Mapping[str, Array], most: in
 def _prominence(r: Array, interval: float) -> tuple[float, Array]:
     """How many times what is around it a residual's power is, over its signals, and the distance of lines (rad/s)."""
     length = scipy.fft.next_fast_len(TONES.finer * len(r), real=True)
-    windowed = (r - r.mean(axis=0)) * np.hanning(len(r))[:, None]
-    power = np.abs(scipy.fft.rfft(windowed, length, axis=0)) ** 2
+    power = power_spectrum(r, length)
     ratios = power / np.maximum(_around(power), np.finfo(float).tiny)
     return 2 * math.pi / (length * interval), np.asarray(ratios.sum(axis=1))
 

@@ -129,8 +129,8 @@ class CandidateFitter:
     def closest(self, model: ScoredModel, richer: Sequence[ScoredModel] = ()) -> ScoredModel:
         """A model at its least squared error, unless all recordings together are then followed less closely.
 
-        Nor where parameters that a likelihood leaves near their values have to be bent for it, and an amended model
-        leaves no more than noise: then these follow nuisances, and are not the machine's.
+        An amended model that leaves no more than noise stays as its likelihood has it where only the least squared
+        error bends its parameters: they would follow nuisances there.
 
         The user's own is begun from several starts too, as `flexarm fit` begins it, on coarse recordings. Its error may
         be millions of times the noise, and is fitted to the digits that are told.

@@ -163,11 +163,12 @@ def _described(given: Recorded, taken: Recorded) -> Recorded:
     return replace(taken, drive=given.drive, sampled=given.sampled, assumed=kept)
 
 
-def near(described: CandidateFitter, taken: Study) -> bool:
-    """Whether what was found with another reading of the inputs, or that and a delay, comes near it without.
+def comes_near(described: CandidateFitter, taken: Study) -> bool:
+    """Whether recordings as they were described may be followed as well as with another reading of their inputs.
 
-    The readings of an input are less than a sample apart. So a delay makes one of them good for the other, whatever
-    else is missing; where it does not, a search of the recordings as they were described would be in vain.
+    The readings of an input are less than a sample apart, and a delay makes up for that, whatever else is missing. So
+    what was found with the other reading is fitted to the recordings as described, with a delay and without one. Where
+    neither comes near, to search these recordings would be in vain.
 
     Args:
         described: of the recordings as they were described.
@@ -180,7 +181,7 @@ def near(described: CandidateFitter, taken: Study) -> bool:
     known = TriedModels(described, described.refit, taken.tried)
     alike = [kept, *((*others, c) for c in late)]
     made = known.fit([(effects, [standing(chosen.fit)]) for effects in alike], len(alike), whole=True)
-    best = max((known.worth(m) for m in made), default=math.inf)  # where nothing can be fitted, nothing is told
+    best = max((known.worth(m) for m in made), default=math.inf)  # if none can be fitted, a search alone can tell
     return best > known.worth(chosen) - known.price - SEARCH.effort
 
 

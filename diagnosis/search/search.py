@@ -434,7 +434,7 @@ class _Search:
         """Fit to the end what was put in beside a model and had no turn: a few steps do not tell what gains most."""
         more = [p for p in self.known.dropped if model.keys < {c.key for c in p.effects}]
         self.known.dropped = [p for p in self.known.dropped if not any(p is other for other in more)]
-        for partial in more:
+        for partial in more:  # one by one: that some come nowhere near the best says nothing of the others
             self.known.finished([partial])
 
     def _moved(self, model: ScoredModel) -> None:
