@@ -402,6 +402,7 @@ def test_frequencies_are_those_of_what_a_model_leaves_over() -> None:
     nominal: Any = SimpleNamespace(free=(), residual=lambda x, e: 0 * left[e.name])
     scales = searching._seen_beside(OperatingScales(nominal), model)
     assert scales.lines[0] == pytest.approx(2 * math.pi * 3.0, rel=0.02)
+    assert scales.tones[0] == pytest.approx(2 * math.pi * 3.0, rel=0.02)
     assert scales.residual(e) is left["run"]
     assert not OperatingScales(nominal).residual(e).any()
 
