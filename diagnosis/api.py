@@ -25,7 +25,7 @@ from diagnosis.problems import problem
 from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.dask_fitter import DaskFitter
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.readings import as_described, as_they_were_taken, comes_near, likelier, taken_otherwise
+from diagnosis.search.readings import as_described, as_they_were_taken, likelier, near_as_described, taken_otherwise
 from diagnosis.search.reported import as_reported
 from diagnosis.search.search import study
 from diagnosis.search.spare_channels import settled_by_spare_channels
@@ -242,8 +242,10 @@ def diagnose(
             how.warn([remark.text for remark in screen(fitter.base)])
         found = study(fitter, without=how.without, progress=how.progress)
         described = as_described(as_given, recorded) if found.chosen.effects else None
-        if described is not None and comes_near(again := fitter.again(described), found):
-            other = study(again, without=how.without, progress=how.progress)
+        again = fitter if described is None else fitter.again(described)
+        if described is not None and (near := near_as_described(again, found)) is not None:
+            began = [*near, *found.trials[: SEARCH.finished]]
+            other = study(again, without=how.without, progress=how.progress, known=began)
             if likelier(other, found):
                 fitter, found = again, other
         fitter = fitter.again(found.recordings)  # the search may have read them anew, or fitted a held-out one

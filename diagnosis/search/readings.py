@@ -9,7 +9,6 @@ with the input, and a controller that reads first has logged it before.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -163,16 +162,19 @@ def _described(given: Recorded, taken: Recorded) -> Recorded:
     return replace(taken, drive=given.drive, sampled=given.sampled, assumed=kept)
 
 
-def comes_near(described: CandidateFitter, taken: Study) -> bool:
-    """Whether recordings as they were described may be followed as well as with another reading of their inputs.
+def near_as_described(described: CandidateFitter, taken: Study) -> list[ScoredModel] | None:
+    """Models that follow recordings as they were described as well as with another reading of their inputs, or nearly.
 
     The readings of an input are less than a sample apart, and a delay makes up for that, whatever else is missing. So
-    what was found with the other reading is fitted to the recordings as described, with a delay and without one. Where
-    neither comes near, to search these recordings would be in vain.
+    what was found with the other reading is fitted to the recordings as described, with a delay and without one. A
+    search of these recordings begins there. Where neither comes near, it would be in vain.
 
     Args:
         described: of the recordings as they were described.
         taken: a study of the same with the other reading.
+
+    Returns:
+        The models, empty if none can be fitted, so that a search alone can tell; None if none comes near.
     """
     chosen = taken.chosen
     kept = tuple(ended(chosen, c) for c in chosen.effects)
@@ -181,8 +183,8 @@ def comes_near(described: CandidateFitter, taken: Study) -> bool:
     known = TriedModels(described, described.refit, taken.tried)
     alike = [kept, *((*others, c) for c in late)]
     made = known.fit([(effects, [standing(chosen.fit)]) for effects in alike], len(alike), whole=True)
-    best = max((known.worth(m) for m in made), default=math.inf)  # if none can be fitted, a search alone can tell
-    return best > known.worth(chosen) - known.price - SEARCH.effort
+    near = [m for m in made if known.worth(m) > known.worth(chosen) - known.price - SEARCH.effort]
+    return near if near or not made else None
 
 
 def likelier(described: Study, taken: Study) -> bool:

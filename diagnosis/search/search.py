@@ -13,6 +13,7 @@ from diagnosis.effects.effect import Candidate, all_beside, beside, cuts
 from diagnosis.effects.places import node
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.estimation.tones import tones
+from diagnosis.recordings.types import Recorded
 from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
@@ -67,15 +68,12 @@ def study(
     if anew := taken_otherwise(fitter, search.known.best):
         # How a file is to be read was told by a model without the effect, and all that follows hangs on it.
         return study(fitter.again(anew), most=most, without=without, progress=progress, told=told, known=known)
-    search.run(most)
-    found = search.known
-    # What is missing in held-out recordings alone may hide there what training recordings have shown.
-    swapped = None
-    if not told and not fitter.tables:
-        swapped = exchanged(fitter, found.best, found.price) or exchanged(
-            fitter, found.best_fitted, found.price, beside_nuisances=False
-        )
+    swapped = _exchanged(search, told)
+    if not swapped:
+        search.run(most)
+        swapped = _exchanged(search, told)
     if swapped:
+        found = search.known
         return study(
             fitter.again(swapped[0]),
             most=most,
@@ -86,6 +84,20 @@ def study(
         )
     named = search.study(before, scales, told)
     return search.study(before, scales, told) if search.add_curves(named) else named
+
+
+def _exchanged(search: _Search, told: Sequence[str]) -> tuple[list[Recorded], str] | None:
+    """The recordings with a held-out one moved to training, once; see `exchanged`.
+
+    What is missing in held-out recordings alone may hide there what training recordings have shown. It is asked after
+    the first effect, too: where that leaves nothing of the fitted recordings, no second effect can be learned there.
+    """
+    fitter, found = search.fitter, search.known
+    if told or fitter.tables:
+        return None
+    return exchanged(fitter, found.best, found.price) or exchanged(
+        fitter, found.best_fitted, found.price, beside_nuisances=False
+    )
 
 
 def _seen_beside(scales: OperatingScales, model: ScoredModel) -> OperatingScales:
@@ -398,15 +410,19 @@ class _Search:
         self._put_in_place_of_equals(model)
 
     def _put_in_place_of_equals(self, model: ScoredModel) -> None:
-        """Put in the place of some effects of a model those that did as well as these without the others.
+        """Put in the place of some effects of a model those that did as well as these without the others, no better.
 
         What could not be told apart alone may tie beside the others too, and is no rival before it was tried there.
+        What did far better alone does so by what the others explain.
         """
         for part in (m for m in self.known.models if m.effects and m.keys < model.keys):
             kept = [ended(model, c) for c in model.effects if c.key not in part.keys]
-            least = self.known.worth(part) - SEARCH.effort
-            equals = [m for m in self.known.models if len(m.effects) == len(part.effects) and m.keys != part.keys]
-            equals = sorted((m for m in equals if self.known.worth(m) > least), key=self.known.worth, reverse=True)
+            apart = {
+                m.keys: abs(self.known.worth(m) - self.known.worth(part))
+                for m in self.known.models
+                if len(m.effects) == len(part.effects) and m.keys != part.keys
+            }
+            equals = [self.known[keys] for keys in sorted(apart, key=apart.__getitem__) if apart[keys] < SEARCH.effort]
             tasks: list[tuple[tuple[Candidate, ...], list[Values]]] = []
             for m in equals[: SEARCH.exchanged]:
                 both = all_beside(kept, [ended(m, c) for c in m.effects])

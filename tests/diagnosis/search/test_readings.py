@@ -237,6 +237,25 @@ def test_a_force_that_comes_late_is_no_row_that_was_read_first(
     assert found.study.chosen.fit.parameters()["table.mass"] == pytest.approx(MASS, rel=5e-3)
 
 
+def test_a_search_of_recordings_as_described_begins_with_what_was_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two lags were, which do not explain all there; the delay is found beside them."""
+    path = jerked(tmp_path, first=False, late=0.8)
+    begun: list[list[str]] = []
+    first = _Search._first
+
+    def counted(search: _Search) -> None:
+        begun.append(sorted({c.effect for m in search.known.models for c in m.effects}))
+        first(search)
+
+    monkeypatch.setattr(_Search, "_first", counted)
+    tried = {"delay", "lag", "sensor_lag", "coulomb_friction"}
+    found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - tried))
+    assert [c.effect for c in found.study.chosen.effects] == ["delay"]
+    assert begun == [[], ["lag", "sensor_lag"]]
+
+
 def test_a_row_that_was_read_first_stays_so_beside_an_effect(
     tmp_path: Path, searched: list[Sequence[Recorded]]
 ) -> None:

@@ -674,3 +674,48 @@ def test_why_effects_were_refused_is_told_in_their_order(monkeypatch: pytest.Mon
     made: Any = searching._Search(world, world.refit, [friction, joint, same, LAG], None)  # type: ignore[arg-type]
     made._screened([origin], made.listed)
     assert made.known.failures == [(friction.key, "no speed"), (LAG.key, "too fast")]
+
+
+def test_what_did_far_better_alone_is_no_equal_of_the_weaker_effect_of_a_pair() -> None:
+    """A lag explains most, and all laws of a joint that mimic it do nearly as well: none of them ties with the drag."""
+    drag, bias = effect("quadratic_drag", "shaft"), effect("sensor_bias", "sensor")
+    mimics = [effect(law, "joint") for law in ("hysteresis", "joint_flexibility", "hardening_spring")]
+    world = World(by({LAG.key: 1e5, drag.key: 9e5, bias.key: 9e5} | {c.key: 1.1e5 for c in mimics}))
+    made: Any = searching._Search(world, world.refit, [], None)  # type: ignore[arg-type]
+    for c in (LAG, drag, bias, *mimics):
+        made.known.keep(world.made((c,)))
+    world.excess_at_end = by({f"{LAG.key} + {drag.key}": 0.0})
+    made.known.keep(pair := world.made((LAG, drag), after=world.excess_at_end))
+    made._put_in_place_of_equals(pair)
+    assert world.fitted == [frozenset({LAG.key, bias.key})]
+
+
+@pytest.mark.parametrize("begun", [True, False])
+def test_a_held_out_recording_that_alone_shows_what_is_missing_is_asked_for_before_and_after_the_search(
+    monkeypatch: pytest.MonkeyPatch, begun: bool
+) -> None:
+    """Where the first effect leaves nothing of the fitted recordings, no second one can be learned from them."""
+    world: Any = World(by({FRICTION.key: 1e5, f"{FRICTION.key} + {LAG.key}": 0.0}))
+    world.base = SimpleNamespace(free=(), training=(), held_out=(), chi2=lambda x, e: 1.0)
+    world.again = lambda recordings: world
+
+    def exchanged(fitter: Any, model: Any, price: float, **how: Any) -> Any:
+        return ([], "rec3 was fitted too") if begun or len(model.keys) == 2 else None
+
+    monkeypatch.setattr(searching, "operating_scales", lambda base: None)
+    monkeypatch.setattr(searching, "_seen_beside", lambda scales, model: scales)
+    monkeypatch.setattr(searching, "candidates", lambda scales, without: [FRICTION, LAG, *OTHERS])
+    monkeypatch.setattr(searching, "taken_otherwise", lambda fitter, model: None)
+    monkeypatch.setattr(searching, "exchanged", exchanged)
+    monkeypatch.setattr(searching._Search, "study", lambda self, before, scales, told: SimpleNamespace(notes=told))
+    monkeypatch.setattr(searching._Search, "add_curves", lambda self, named: False)
+    counted: list[int] = []
+    run_all = searching._Search.run
+
+    def run(self: Any, most: int) -> None:
+        counted.append(most)
+        run_all(self, most)
+
+    monkeypatch.setattr(searching._Search, "run", run)
+    assert list(searching.study(world).notes) == ["rec3 was fitted too"]
+    assert len(counted) == (1 if begun else 2)
