@@ -275,7 +275,8 @@ class TimeExperiment(Experiment):
             for name, share in self.begin.follows[follower].items():
                 if name in names:
                     slopes[:, names.index(name)] += share * slopes[:, len(names) + k]
-        own = slopes[:, : len(names)] * np.array([free[i].slope(x[i]) for i in mine])
+        with np.errstate(over="ignore"):  # it is beyond the bounds
+            own = slopes[:, : len(names)] * np.array([free[i].slope(x[i]) for i in mine])
         # NaN is not within bounds either.
         if own.size and not (own.max() <= FITTING.huge**2 and own.min() >= -(FITTING.huge**2)):
             raise SimulationError("the sensitivities grow without bound")

@@ -402,25 +402,20 @@ class CandidateFitter:
         Raises:
             SimulationError: as of `finish`.
         """
-        ends, why = [], SimulationError("")
-        for there in _apart([self._coloured(there, reach) for there in self._in_step(partial)]):
-            try:
-                ends.append(self._whole(partial, there, reach))
-            except SimulationError as error:
-                why = error
-        if not ends:
-            raise why
-        return self._likelier(ends)
+        return self._whole(partial, self._coloured(self._in_step(partial), reach), reach)
 
-    def _in_step(self, partial: PartialFit) -> list[PartialFit]:
-        """The partial fit fitted with white noise; from the beginning of the recordings too, if that leaves much."""
+    def _in_step(self, partial: PartialFit) -> PartialFit:
+        """The partial fit fitted with white noise; from the beginning of the recordings, if that leaves less.
+
+        It is tried where much is left, and given up where it would not come as low.
+        """
         there = self._descended(partial, noise="white")
         made = there.point.problem
         if self.tables or made.chi2(there.point.x, made.training) < EVIDENCE.stated:
-            return [there]
+            return there
         begun = replace(partial.point, x=grown(partial.point.problem, partial.point.x), cost=math.inf)
-        again = self._descended(replace(partial, point=begun), noise="white")
-        return _apart([there, again]) if math.isfinite(again.point.cost) else [there]
+        again = self._descended(replace(partial, point=begun), noise="white", reach=there.point.cost)
+        return again if again.point.cost < there.point.cost else there
 
     def _coloured(self, there: PartialFit, reach: float) -> PartialFit:
         """A fit with white noise fitted with coloured noise, sizes that are only chosen too.
@@ -450,7 +445,12 @@ class CandidateFitter:
         for end in (finer, partial):
             whole = self._descended(end, whole=True, reach=reach)
             if whole is not end:
-                return self._back_in_step(end, whole, reach)
+                whole = self._back_in_step(end, whole, reach)
+                if whole.point.cost > reach:
+                    return whole
+                # What coarse recordings say of a size is right near the model that they are made coarse around.
+                closer = self._refined(whole, noise="coloured")
+                return whole if closer is whole else self._descended(closer, whole=True, reach=reach)
         # Coarse recordings have fewer samples to leave something over of: a model judged on them would win.
         raise SimulationError("it follows coarse recordings only, at sizes at which it cannot follow the whole ones")
 
@@ -518,41 +518,44 @@ class CandidateFitter:
         return partial
 
     def _closer(self, partial: PartialFit, k: int, noise: Noise) -> PartialFit:
-        """The partial fit with such a size of the k-th effect at the best of ever finer values, if that is better."""
+        """The partial fit with such a size of the k-th effect at the best of ever finer values, if that is better.
+
+        The parameters follow by the tangents of the fit as it is, which hold near it: where what they promise is not
+        kept, it is looked for within half the distance.
+        """
         best, finer = partial.point, partial.effects[k].finer
+        whole = not any(e.coarse for e in best.problem.experiments)
         assert finer is not None
+
+        def built(sizes: Sizes) -> Problem:
+            made = self.build(partial.effects, _with(best.built, k, sizes), whole=whole)
+            return replace(made, internal_step=best.problem.internal_step)
 
         with Threads(1) as pool:
             try:
                 near = Nearby(best.problem, best.x, pool, noise=noise)
             except SimulationError:
                 return partial
-            x, least, sizes = best.x, near.cost, best.sizes[k]
-            for share in SEARCH.finer:
-                costs = []
-                for other in finer(sizes, share):
-                    moved, cost = near.fitted(self.build(partial.effects, _with(best.built, k, other)))
-                    costs.append(cost)
-                    if cost < least:
-                        x, least, sizes = moved, cost, other
-                # Between two that are worse by less, a parabola is lower by an eighth of that at most.
-                if len(costs) > 1 and max(costs) - least < SEARCH.slow:
+            for begun in range(len(SEARCH.finer)):
+                x, least, sizes = best.x, near.cost, best.sizes[k]
+                for share in SEARCH.finer[begun:]:
+                    costs = []
+                    for other in finer(sizes, share):
+                        moved, cost = near.fitted(built(other))
+                        costs.append(cost)
+                        if cost < least:
+                            x, least, sizes = moved, cost, other
+                    # Between two that are worse by less, a parabola is lower by an eighth of that at most.
+                    if len(costs) > 1 and max(costs) - least < SEARCH.slow:
+                        break
+                if sizes == best.sizes[k]:
                     break
-            if sizes == best.sizes[k]:
-                return partial
-            built = _with(best.built, k, sizes)
-            made = self.build(partial.effects, built)
-            x, cost, converged = descend(made, x, made.training, pool, iterations=SEARCH.first_steps, noise=noise)
-        if not cost < best.cost:
-            return partial
-        point = StartingPoint(cost, made, x, _with(best.sizes, k, sizes), built)
-        return replace(partial, point=point, converged=converged)
-
-
-def _apart(ends: Sequence[PartialFit]) -> list[PartialFit]:
-    """The first of two ends of a fit, and the second if it is another: where they meet, one of them goes on."""
-    first, *others = ends
-    return [first, *(end for end in others if abs(end.point.cost - first.point.cost) >= SEARCH.effort)]
+                made = built(sizes)
+                x, cost, converged = descend(made, x, made.training, pool, iterations=SEARCH.first_steps, noise=noise)
+                if cost < best.cost:
+                    point = StartingPoint(cost, made, x, _with(best.sizes, k, sizes), _with(best.built, k, sizes))
+                    return replace(partial, point=point, converged=converged)
+        return partial
 
 
 def _with(kept: tuple[Sizes, ...], k: int, sizes: Sizes) -> tuple[Sizes, ...]:

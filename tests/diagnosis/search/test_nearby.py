@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,12 +13,15 @@ from scipy.signal import lfilter
 
 from diagnosis.api import gather
 from diagnosis.effects.catalogue import candidates
-from diagnosis.effects.effect import Candidate
+from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import descend
+from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.problem import Problem
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nearby import Nearby
-from diagnosis.search.partial_fit import ended, standing
+from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, standing
+from diagnosis.thresholds import COARSE, EVIDENCE
 from engine.threads import Threads
 from scenarios.load import load
 from tests.diagnosis.plants import case
@@ -87,3 +93,71 @@ def test_a_delay_is_found_to_a_twentieth_of_a_sample(tmp_path: Path) -> None:
     made = fitter.finish(fitter.partial_fit((delay,), [standing(fitter.refit.fit)]))
     assert made.sizes[0]["delay"] == pytest.approx(0.004, abs=1e-4)
     assert made.hold_out < 1.1
+
+
+def begun_late(fitter: CandidateFitter, delay: Candidate, wait: float, *, whole: bool) -> PartialFit:
+    """A model with a delay, its parameters fitted."""
+    made = fitter.build((delay,), ({"delay": wait},), whole=whole)
+    with Threads(1) as pool:
+        x, cost, _ = descend(made, np.zeros(len(made.free)), made.training, pool)
+    return PartialFit((delay,), StartingPoint(cost, made, x, ({"delay": wait},), ({"delay": wait},)), True)
+
+
+def test_where_tangents_promise_too_much_a_size_is_looked_for_closer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A resistance bent tenfold answers to a step of the delay by far more than its tangent says (random rig 8721)."""
+    fitter = late(tmp_path)
+    delay = listed(fitter)["delay"]
+    assert delay.finer is not None
+    finer, told, asked = delay.finer, Nearby.fitted, list[float]()
+
+    def asking(sizes: Sizes, share: float) -> Sequence[Sizes]:
+        rows = finer(sizes, share)
+        asked.extend(row["delay"] for row in rows)
+        return rows
+
+    def fitted(near: Nearby, other: Problem) -> tuple[Array, float]:
+        moved, cost = told(near, other)
+        return moved, -1e9 if asked.pop(0) > 0.0046 else cost
+
+    monkeypatch.setattr(Nearby, "fitted", fitted)
+    found = fitter._refined(begun_late(fitter, replace(delay, finer=asking), 0.0037, whole=True), noise="coloured")
+    assert found.point.sizes[0]["delay"] == pytest.approx(0.004, abs=1e-4)
+
+
+def test_a_size_is_looked_for_on_the_whole_recordings_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coarse ones are corrected by a model that lacks the delay."""
+    monkeypatch.setattr("diagnosis.search.coarse.COARSE", replace(COARSE, samples=800))
+    fitter = late(tmp_path)
+    assert fitter.coarse is not fitter.base
+    partial = begun_late(fitter, listed(fitter)["delay"], 0.003, whole=False)
+    monkeypatch.setattr(CandidateFitter, "_coloured", lambda self, there, reach: there)
+    assert fitter.finish(partial).sizes[0]["delay"] == pytest.approx(0.004, abs=1e-4)
+
+
+def test_of_two_ends_of_a_fit_the_one_that_leaves_less_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the beginning of the recordings it ends elsewhere here, and higher."""
+    fitter = late(tmp_path)
+    partial = begun_late(fitter, listed(fitter)["delay"], 0.0005, whole=True)
+    assert partial.point.problem.chi2(partial.point.x, partial.point.problem.training) > EVIDENCE.stated
+    ends: list[PartialFit] = []
+    began: list[PartialFit] = []
+    descended, whole = CandidateFitter._descended, CandidateFitter._whole
+
+    def fitted(self: CandidateFitter, partial: PartialFit, **how: Any) -> PartialFit:
+        if how.get("noise") != "white":
+            return descended(self, partial, **how)
+        first = began[0].point if began else None
+        began.append(partial if first is None else replace(partial, point=replace(first, cost=first.cost + 100)))
+        return began[-1]
+
+    def counted(self: CandidateFitter, partial: PartialFit, end: PartialFit, reach: float) -> PartialFit:
+        ends.append(end)
+        return whole(self, partial, end, reach)
+
+    monkeypatch.setattr(CandidateFitter, "_coloured", lambda self, there, reach: there)
+    monkeypatch.setattr(CandidateFitter, "_descended", fitted)
+    monkeypatch.setattr(CandidateFitter, "_whole", counted)
+    fitter.finish(partial)
+    assert (len(began), len(ends)) == (2, 1)
