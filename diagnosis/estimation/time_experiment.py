@@ -275,7 +275,7 @@ class TimeExperiment(Experiment):
             for name, share in self.begin.follows[follower].items():
                 if name in names:
                     slopes[:, names.index(name)] += share * slopes[:, len(names) + k]
-        with np.errstate(over="ignore"):  # it is beyond the bounds
+        with np.errstate(over="ignore"):  # what overflows is beyond the bounds below
             own = slopes[:, : len(names)] * np.array([free[i].slope(x[i]) for i in mine])
         # NaN is not within bounds either.
         if own.size and not (own.max() <= FITTING.huge**2 and own.min() >= -(FITTING.huge**2)):
@@ -291,7 +291,8 @@ class TimeExperiment(Experiment):
         rows = self.sampled(simulated)
         if any(self.from_first):
             rows = rows - np.where(self.from_first, rows[0], 0.0)
-        made = np.asarray((self.measured - rows) / self._sigmas)
+        with np.errstate(over="ignore"):  # a run that nearly diverges: its residual is bounded by whoever asks
+            made = np.asarray((self.measured - rows) / self._sigmas)
         return made if np.isfinite(made).all() else np.nan_to_num(made, nan=0.0)
 
     @functools.cached_property
