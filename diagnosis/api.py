@@ -242,12 +242,14 @@ def diagnose(
             how.warn([remark.text for remark in screen(fitter.base)])
         found = study(fitter, without=how.without, progress=how.progress)
         described = as_described(as_given, recorded) if found.chosen.effects else None
-        again = fitter if described is None else fitter.again(described)
-        if described is not None and (near := near_as_described(again, found)) is not None:
-            began = [*near, *found.trials[: SEARCH.finished]]
-            other = study(again, without=how.without, progress=how.progress, known=began)
-            if likelier(other, found):
-                fitter, found = again, other
+        if described is not None:
+            again = fitter.again(described)
+            near = near_as_described(again, found)
+            if near is not None:
+                began = [*near, *found.trials[: SEARCH.finished]]
+                other = study(again, without=how.without, progress=how.progress, known=began)
+                if likelier(other, found):
+                    fitter, found = again, other
         fitter = fitter.again(found.recordings)  # the search may have read them anew, or fitted a held-out one
         if (anew := taken_otherwise(fitter, found.chosen)) is not None:
             fitter = fitter.again(anew)

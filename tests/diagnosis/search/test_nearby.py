@@ -106,7 +106,7 @@ def begun_late(fitter: CandidateFitter, delay: Candidate, wait: float, *, whole:
 def test_where_tangents_promise_too_much_a_size_is_looked_for_closer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A resistance bent tenfold answers to a step of the delay by far more than its tangent says (random rig 8721)."""
+    """As where a resistance made up for a part of the delay (random rig 8721); here the promise is made up."""
     fitter = late(tmp_path)
     delay = listed(fitter)["delay"]
     assert delay.finer is not None
