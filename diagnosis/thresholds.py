@@ -98,6 +98,24 @@ class Fitting:
         "A step that gains this share of what the linear model promises is not bent, and the next may be longer.",
         "99 fits of random rigs 7400 to 7417: as many at the bottom as with 0.75, with less work",
     )
+    held_over: float = number(
+        0.1,
+        "tolerances",
+        "Distance over which a run's tangents must foretell how it changes, as a step of a fit that still gains does.",
+        "four random rigs: of smooth models tangents miss less than 1 % there, where contacts bounce more than all",
+    )
+    foretold: float = number(
+        0.5,
+        "1",
+        "Share of a change, in squares, that tangents may miss: else they point elsewhere.",
+        "half of a change is foretold by nothing",
+    )
+    secants: tuple[float, ...] = number(
+        (0.5, 0.12, 0.03),
+        "tolerances",
+        "Distances to either side over which secants are taken, the next one where no step gains any more.",
+        "random rig 550449: a distance of 1 and of 0.25 come to the same place, 0.1 alone does not come near",
+    )
     first_horizon: float = number(
         0.25,
         "1",

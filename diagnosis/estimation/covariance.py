@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.slopes import linearised
 from diagnosis.recordings.feedback import plant_inputs
 from diagnosis.thresholds import INTERVALS
 from engine.errors import SimulationError
@@ -42,18 +43,18 @@ def covariance(problem: Problem, x: Array, left: float = 0.0) -> tuple[Array, tu
     shifts = np.zeros((2, len(x)))
     for e in problem.training:
         try:
-            r, J = problem.linearised(x, e)
+            [(r, slopes)] = linearised(problem, x, [e])
         except SimulationError:
             continue
+        J = slopes.reshape(-1, len(x))
         data += J.T @ J
-        slopes = J.reshape(len(r) // e.measured.shape[1], -1, len(x))
-        each = slopes * r.reshape(*slopes.shape[:2], 1)
+        each = slopes * r[..., None]
         score_covariance = score_covariance + sum(np.outer(g, g) for g in _sums(each.sum(axis=1), INTERVALS.block, e))
         share = min(max(left, INTERVALS.least_left), INTERVALS.most_left)
         # Each signal errs on its own.
         score_covariance = score_covariance + share * sum(g.T @ g for g in _sums(slopes, INTERVALS.left_length, e))
         for k, there in enumerate(_disturbed(problem, x, e)):
-            shifts[k] += J.T @ (there - r)
+            shifts[k] += J.T @ (there - r.ravel())
     inverse = np.linalg.pinv(weights.T @ weights + data)
     robust = inverse @ score_covariance @ inverse
     least = np.maximum(np.diag(robust), np.diag(inverse))

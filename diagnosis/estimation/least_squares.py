@@ -139,6 +139,9 @@ def descend(
     gaining twice what it promised. So where two steps within the region are each too short by the parabola through the
     cost's slope and its change, the second is made as long as that says, while that lowers the cost.
 
+    Where a step gains nothing, or a fit would end, and the tangents do not foretell how the model answers nearby, the
+    rest of the steps is taken with slopes over a distance (`diagnosis.estimation.slopes`).
+
     Args:
         problem: what to fit.
         x: where to start, shape (n,).
@@ -163,7 +166,7 @@ def descend(
     try:
         rows, slopes = stack.linearised(x)
     except SimulationError:
-        return x, math.inf, False
+        return _by_secants(stack, x, iterations, least_gain, reach) if stack.runs(x) else (x, math.inf, False)
     cost, radius = stack.cost(x, rows), FITTING.radius
     costs, creeping = [cost], False
     for left in range(iterations - 1, -1, -1):
@@ -175,8 +178,8 @@ def descend(
         square = float(r @ r)
         unit, little = max(square / len(r), 1.0), promised < max(1.0, FITTING.stalled * square)
         if promised < FITTING.settled * unit:
-            return x, cost, True
-        for _ in range(12):
+            return (x, cost, True) if stack.hold(x, slopes) else _by_secants(stack, x, left + 1, least_gain, reach)
+        for tried in range(12):
             step = local.step(radius)
             moved = stack.moved(x, step)
             there = stack.cost(moved, stack.residual(moved))
@@ -189,6 +192,8 @@ def descend(
                         step, moved, there = step + bend / 2, along, least
             if there < cost:
                 break
+            if not tried and not stack.hold(x, slopes):
+                return _by_secants(stack, x, left + 1, least_gain, reach)
             radius = 0.25 * min(radius, float(np.linalg.norm(step)))
         else:
             return x, cost, little
@@ -209,11 +214,45 @@ def descend(
         try:
             rows, slopes = stack.linearised(x)
         except SimulationError:
-            return x, there, False
+            return _by_secants(stack, x, left, least_gain, reach)
         before, cost = cost, stack.cost(x, rows)
-        if before - cost < least_gain * unit or _out_of_reach(costs, cost, left, reach):
+        if _out_of_reach(costs, cost, left, reach):
             return x, cost, little
+        if before - cost < least_gain * unit:
+            return (x, cost, little) if stack.hold(x, slopes) else _by_secants(stack, x, left, least_gain, reach)
         costs.append(cost)
+    return x, cost, False
+
+
+def _by_secants(
+    stack: WhitenedResiduals, x: Array, iterations: int, least_gain: float, reach: float
+) -> tuple[Array, float, bool]:
+    """Gauss-Newton steps by slopes over distances, the longest first; arguments and answer as of `descend`.
+
+    A step that gains nothing unless it is shorter than the distance that slopes were taken over asks for a shorter one.
+    """
+    rows = stack.residual(x)
+    cost, distances = stack.cost(x, rows), list(FITTING.secants)
+    costs = [cost]
+    for left in range(iterations - 1, -1, -1):
+        distance, before = distances[0], cost
+        weights, slopes = stack.weights(rows), stack.secants(x, distance)
+        r, J = stack.whitened(x, rows, weights), stack.whitened_slopes(x, slopes, weights)
+        local = _LocalModel(r, J, stack.stuck(x, J.T @ r))
+        square = float(r @ r)
+        for times in (4.0, 1.0, 0.25):
+            moved = stack.moved(x, local.step(times * distance))
+            there = stack.residual(moved)
+            if stack.cost(moved, there) < cost:
+                x, rows, cost = moved, there, stack.cost(moved, there)
+                break
+        if _out_of_reach(costs, cost, left, reach):
+            return x, cost, False
+        costs.append(cost)
+        if times < 1.0 or before - cost < max(least_gain, FITTING.settled) * max(square / len(r), 1.0):
+            distances.pop(0)
+            if not distances:
+                return x, cost, local.gain(local.step(math.inf)) < max(1.0, FITTING.stalled * square)
     return x, cost, False
 
 

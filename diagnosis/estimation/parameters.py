@@ -96,6 +96,26 @@ class FreeParameter:
         return (least, greatest) if least <= 0 <= greatest else (min(least, 0.0), max(greatest, 0.0))
 
 
+def moved(free: Sequence[FreeParameter], x: Array, step: Array | Sequence[float], numbers: Sequence[int]) -> Array:
+    """A search vector after a step of some of its variables, kept within their bounds."""
+    there = x.copy()
+    for i, change in zip(numbers, step, strict=True):
+        low, high = free[i].ends
+        there[i] = min(max(x[i] + change, low), high)
+    return there
+
+
+def sides(free: Sequence[FreeParameter], x: Array, distance: float, numbers: Sequence[int]) -> tuple[Array, Array]:
+    """Search vectors at a distance to either side of ``x``, some variables moved, all of these by as much.
+
+    Their signs are drawn, once and for all: the way leads along no one variable, and along no step of a fit, which may
+    be one that changes nothing.
+    """
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], len(numbers))
+    step = distance * signs / max(len(numbers), 1) ** 0.5
+    return moved(free, x, step, numbers), moved(free, x, -step, numbers)
+
+
 def free_parameters(model: Model, tolerances: Mapping[str, float]) -> list[FreeParameter]:
     """Every parameter with a tolerance, that of ``tolerances`` or the declared one, moved in units of it."""
     rows = []

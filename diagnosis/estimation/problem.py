@@ -137,40 +137,48 @@ class Problem:
         split: Callable[[Experiment, Array], Array] = lambda _, r: r,
         over: Callable[..., Iterable[list[Array]]] = map,
     ) -> list[Array]:
-        """The residual of each of some experiments; runs that are alike are worked on together.
+        """The residual of each of some experiments at a search vector; arguments as of `residuals_of`."""
+        return self.residuals_of([(x, e) for e in experiments], split, over)
+
+    def residuals_of(
+        self,
+        cases: Sequence[tuple[Array, Experiment]],
+        split: Callable[[Experiment, Array], Array] = lambda _, r: r,
+        over: Callable[..., Iterable[list[Array]]] = map,
+    ) -> list[Array]:
+        """Residuals, one for each search vector and experiment; runs that are alike are worked on together.
 
         Args:
-            x: search vector, shape (n,).
-            experiments: of any role.
+            cases: search vectors, shape (n,), and experiments, of any role.
             split: what is made of a residual.
             over: as `map`, such as that of a pool of threads.
         """
         jobs: dict[int, Job] = {}
-        for n, e in enumerate(experiments):
+        for n, (x, e) in enumerate(cases):
             if isinstance(e, TimeExperiment):
                 with contextlib.suppress(ParameterError, SimulationError):
                     jobs[n] = e.job(self.model, *self.values(x, e), self.internal_step)
         places = list(jobs)
         groups = [[places[k] for k in group] for group in lanes.groups(self.model, list(jobs.values()))]
-        groups += [[n] for n in range(len(experiments)) if n not in jobs]
+        groups += [[n] for n in range(len(cases)) if n not in jobs]
 
         def answers(group: Sequence[int]) -> list[Array | None]:
             if group[0] not in jobs:
                 try:
-                    return [self.simulate(x, experiments[group[0]])]
+                    return [self.simulate(*cases[group[0]])]
                 except (ParameterError, SimulationError):
                     return [None]
             made = carried_out_together(self.model, [jobs[n] for n in group])
             return [None if isinstance(one, SimulationError) else one.y for one in made]
 
         def worked_out(group: Sequence[int]) -> list[Array]:
-            pairs = [(experiments[n], answer) for n, answer in zip(group, answers(group), strict=True)]
+            pairs = [(cases[n][1], answer) for n, answer in zip(group, answers(group), strict=True)]
             return [split(e, _failed(e.measured.shape) if y is None else _clipped(e.residual(y))) for e, y in pairs]
 
         found: dict[int, Array] = {}
         for group, rows in zip(groups, over(worked_out, groups), strict=True):
             found.update(zip(group, rows, strict=True))
-        return [found[n] for n in range(len(experiments))]
+        return [found[n] for n in range(len(cases))]
 
     def linearised(self, x: Array, experiment: Experiment) -> tuple[Array, Array]:
         """Residual, flat, and its Jacobian with respect to the search vector.

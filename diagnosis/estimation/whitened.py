@@ -6,10 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diagnosis.estimation import slopes as slopes_of
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.leftover import Bands, Noise
-from diagnosis.estimation.parameters import Array
+from diagnosis.estimation.parameters import Array, moved
 from diagnosis.estimation.problem import Problem
+from diagnosis.thresholds import FITTING
 from engine.threads import Threads
 
 
@@ -41,11 +43,7 @@ class WhitenedResiduals:
 
     def moved(self, x: Array, step: Array) -> Array:
         """The search vector after a step of the variables that may move, kept within its bounds."""
-        there = x.copy()
-        for i, change in zip(self.numbers, step, strict=True):
-            low, high = self.problem.free[i].ends
-            there[i] = min(max(x[i] + change, low), high)
-        return there
+        return moved(self.problem.free, x, step, self.numbers)
 
     def stuck(self, x: Array, gradient: Array) -> list[int]:
         """Which of the variables that may move stand at a bound that they would leave."""
@@ -78,6 +76,25 @@ class WhitenedResiduals:
 
         parts = list(self.pool.map(one, self.experiments))
         return [r for r, _ in parts], [J for _, J in parts]
+
+    def held(self, x: Array) -> tuple[list[Array], list[Array]]:
+        """As of `linearised`, slopes that hold over a distance; see `slopes.linearised`."""
+        rows, slopes = self.linearised(x)
+        return rows, slopes if self.hold(x, slopes) else self.secants(x, FITTING.held_over)
+
+    def secants(self, x: Array, distance: float) -> list[Array]:
+        """Slopes of the components over a distance, shape (samples, signals, variables) each."""
+        split, over = self.bands.components, self.pool.map
+        return slopes_of.secants(self.problem, x, self.experiments, distance, self.numbers, split, over)
+
+    def hold(self, x: Array, slopes: Sequence[Array]) -> bool:
+        """Whether slopes foretell how the residuals change; see `slopes.hold`."""
+        split, over = self.bands.components, self.pool.map
+        return slopes_of.hold(self.problem, x, self.experiments, slopes, self.numbers, split, over)
+
+    def runs(self, x: Array) -> bool:
+        """Whether the model can be simulated; see `slopes.runs`."""
+        return slopes_of.runs(self.problem, x, self.experiments)
 
     def cost(self, x: Array, rows: Sequence[Array]) -> float:
         """What is made small, given the components of the residuals."""

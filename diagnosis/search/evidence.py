@@ -25,6 +25,7 @@ import numpy as np
 from diagnosis.estimation.leftover import Leftover
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.slopes import linearised
 from diagnosis.thresholds import EVIDENCE
 from engine.errors import SimulationError
 
@@ -61,10 +62,10 @@ def information(problem: Problem, x: Array, left: Leftover, chosen: Sequence[Cho
     own[: len(x), : len(x)] = weights.T @ weights
     data = np.zeros_like(own)
     strengths = left.by_band
-    for number, e in enumerate(problem.training):
-        _, J = problem.linearised(x, e)
+    pairs = zip(problem.training, linearised(problem, x, problem.training), strict=True)
+    for number, (e, (_, J)) in enumerate(pairs):
         extra = [size.slopes[number][:, :, None] for size in chosen]
-        slopes = np.concatenate([J.reshape(len(e.measured), -1, len(x)), *extra], axis=2)
+        slopes = np.concatenate([J, *extra], axis=2)
         for k in range(slopes.shape[1]):
             rows = e.components(slopes[:, k])
             for band, part in e.bands(EVIDENCE.fewest):

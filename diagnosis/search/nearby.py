@@ -32,7 +32,7 @@ class Nearby:
     def __init__(self, problem: Problem, x: Array, pool: Threads, *, noise: Noise) -> None:
         self.x, self.pool, self.noise = x, pool, noise
         known = WhitenedResiduals(problem, problem.training, pool, noise=noise)
-        rows, self._slopes = known.linearised(x)
+        rows, self._slopes = known.held(x)
         self._weights = known.weights(rows)
         self._turned, self._upper = np.linalg.qr(known.whitened_slopes(x, self._slopes, self._weights))
         self.cost = known.cost(x, rows)

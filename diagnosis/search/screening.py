@@ -18,6 +18,7 @@ from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.slopes import linearised
 from diagnosis.search.partial_fit import Builder, StartingPoint, place_of
 from diagnosis.thresholds import EVIDENCE, FITTING, SEARCH
 from engine.errors import FlexarmError
@@ -89,9 +90,7 @@ class Origin:
         strengths = problem.leftover(x, problem.training).by_band
         self._whitening = [Whitening(e, strengths, self.every) for e in problem.training]
         parts, self._residuals = [], list[Array]()
-        for e, whitening in zip(problem.training, self._whitening, strict=True):
-            r, J = problem.linearised(x, e)
-            r, J = r.reshape(e.measured.shape), J.reshape(*e.measured.shape, -1)
+        for (r, J), whitening in zip(linearised(problem, x, problem.training), self._whitening, strict=True):
             self._residuals.append(r)
             columns = [whitening(J[:, :, k]) for k in range(J.shape[-1])]
             white = whitening(r)

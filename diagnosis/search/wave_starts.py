@@ -71,7 +71,7 @@ def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:
     with Threads(1) as pool:
         stack = WhitenedResiduals(made, made.training, pool, range(len(x)), noise="white")
         try:
-            rows, slopes = stack.linearised(x)
+            rows, slopes = stack.held(x)
         except SimulationError:
             return None
     weights = stack.weights(rows)

@@ -13,6 +13,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from diagnosis.estimation.least_squares import _LocalModel, descend
 from diagnosis.estimation.parameters import FreeParameter, prior
+from diagnosis.thresholds import FITTING
 from engine.errors import SimulationError
 from engine.threads import Threads
 
@@ -50,9 +51,13 @@ class Toy:
         self, residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], free: list[FreeParameter]
     ) -> None:
         self.function, self.slopes, self.free = residual, jacobian, free
-        self.jacobians = 0
+        self.jacobians = self.asked = 0
 
-    def residuals(self, x: Array, experiments: Sequence[Any], split: Any, _: Any) -> list[Array]:
+    def residuals_of(self, cases: Sequence[tuple[Array, Any]], split: Any, _: Any) -> list[Array]:
+        self.asked += len(cases)
+        return [split(e, self.function(x)[:, None]) for x, e in cases]
+
+    def residuals(self, x: Array, experiments: Sequence[Any], split: Any = lambda _, r: r, _: Any = map) -> list[Array]:
         return [split(e, self.function(x)[:, None]) for e in experiments]
 
     def linearised(self, x: Array, experiment: Any) -> tuple[Array, Array]:
@@ -204,13 +209,53 @@ def test_where_another_recording_starts_stays_as_it_is() -> None:
     assert x[1] == 0.4
 
 
-def test_where_the_model_cannot_be_differentiated_nothing_is_claimed() -> None:
-    def refuse(x: Array) -> Array:
-        raise SimulationError("it diverged")
+def refuse(x: Array) -> Array:
+    raise SimulationError("it diverged")
 
-    toy = Toy(lambda x: x, refuse, [plain("a")])
+
+def test_where_the_model_runs_away_nothing_is_claimed() -> None:
+    toy = Toy(lambda x: np.full(3, FITTING.huge), refuse, [plain("a")])
     x, cost, converged = toy.descended([1.5])
     assert (x.tolist(), cost, converged) == ([1.5], math.inf, False)
+
+
+def test_where_the_model_runs_and_has_no_tangents_secants_lead_on() -> None:
+    toy = Toy(lambda x: 10 * (x - 1.0), refuse, [plain("a")])
+    x, cost, _ = toy.descended([0.2])
+    assert x[0] == pytest.approx(1.0, abs=0.1)
+    assert cost == pytest.approx(toy.lowest([0.9]).fun, abs=0.1)
+
+
+def rough(count: int = 2, ripple: float = 1.0) -> tuple[Toy, Array]:
+    """A linear model on which a ripple of a thousandth of a tolerance lies, and what it is to find."""
+    random = np.random.default_rng(2)
+    table, aim = 20 * random.normal(size=(200, count)), random.normal(size=count)
+    waves, phases = random.normal(0.0, 1e4, (200, count)), random.uniform(0.0, 6.0, 200)
+
+    def residual(x: Array) -> Array:
+        return np.asarray(table @ (x - aim) + ripple * np.sin(waves @ x + phases))
+
+    def jacobian(x: Array) -> Array:
+        return np.asarray(table + ripple * np.cos(waves @ x + phases)[:, None] * waves)
+
+    return Toy(residual, jacobian, [plain(str(k)) for k in range(count)]), aim
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_where_tangents_tell_of_a_hair_alone_secants_lead_on(count: int) -> None:
+    """As where contacts bounce: tangents are right, and 500 times as steep as what lies under the ripple."""
+    toy, aim = rough(count)
+    x, _, _ = toy.descended(np.zeros(count))
+    np.testing.assert_allclose(x, aim, atol=0.03)
+    assert np.mean(toy.function(x) ** 2) < 1.5  # of 0.5 that the ripple leaves on average
+
+
+def test_a_smooth_model_takes_no_secants() -> None:
+    toy, aim = rough(2, ripple=0.0)
+    x, _, converged = toy.descended(np.zeros(2))
+    assert converged
+    assert toy.asked == 0
+    np.testing.assert_allclose(x, aim, atol=0.01)
 
 
 LOSS = FreeParameter("loss", 2.0, 0.1, True, 0.0, may_vanish=True)

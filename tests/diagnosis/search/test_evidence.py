@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2, multivariate_normal, norm
 
 from diagnosis.estimation.leftover import Bands, Leftover, Noise, left_by
+from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search.evidence import ChosenSize, evidence
@@ -53,6 +54,7 @@ class Linear:
         self.experiments, self.spreads = experiments, spreads
         self.tables = {e.name: table for e, table in zip(experiments, tables, strict=True)}
         self.model = SimpleNamespace(outputs=[None] * experiments[0].measured.shape[1])
+        self.free = [FreeParameter(str(k), 0.0, 1.0, False) for k in range(len(spreads))]
 
     @property
     def training(self) -> list[TimeExperiment]:
@@ -60,6 +62,9 @@ class Linear:
 
     def residual(self, x: Array, e: TimeExperiment) -> Array:
         return np.asarray(e.measured - (self.tables[e.name] @ x)[:, None])
+
+    def residuals(self, x: Array, experiments: list[TimeExperiment], *_: Any) -> list[Array]:
+        return [self.residual(x, e) for e in experiments]
 
     def linearised(self, x: Array, e: TimeExperiment) -> tuple[Array, Array]:
         return self.residual(x, e).ravel(), -self.tables[e.name]

@@ -253,7 +253,8 @@ def test_a_search_of_recordings_as_described_begins_with_what_was_found(
     tried = {"delay", "lag", "sensor_lag", "coulomb_friction"}
     found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - tried))
     assert [c.effect for c in found.study.chosen.effects] == ["delay"]
-    assert begun == [[], ["lag", "sensor_lag"]]
+    assert begun[0] == []
+    assert {"lag", "sensor_lag"} <= set(begun[1])
 
 
 def test_a_row_that_was_read_first_stays_so_beside_an_effect(
