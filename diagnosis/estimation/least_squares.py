@@ -163,10 +163,42 @@ def descend(
         promises little.
     """
     stack = WhitenedResiduals(problem, experiments, pool, only, noise=noise)
+    end = _by_tangents(stack, x, iterations, least_gain, reach, accelerated)
+    if end.lost and stack.runs(end.x):
+        end = _by_secants(stack, end.x, end.left, least_gain, reach)
+        # Where secants have led, less may bounce.
+        again = _by_tangents(stack, end.x, end.left, least_gain, reach, accelerated)
+        end = end if again.lost and again.cost >= end.cost else again
+    return end.x, end.cost, end.converged
+
+
+@dataclass(frozen=True)
+class _End:
+    """Where steps of one kind have led.
+
+    Attributes:
+        x: search vector.
+        cost: there, infinite where nothing is known of it.
+        converged: as of `descend`.
+        left: steps that were not taken.
+        lost: whether slopes do not foretell how the model answers nearby.
+    """
+
+    x: Array
+    cost: float
+    converged: bool
+    left: int = 0
+    lost: bool = False
+
+
+def _by_tangents(
+    stack: WhitenedResiduals, x: Array, iterations: int, least_gain: float, reach: float, accelerated: bool
+) -> _End:
+    """Steps by tangents, as long as these foretell how the model answers; arguments as of `descend`."""
     try:
         rows, slopes = stack.linearised(x)
     except SimulationError:
-        return _by_secants(stack, x, iterations, least_gain, reach) if stack.runs(x) else (x, math.inf, False)
+        return _End(x, math.inf, False, iterations, True)
     cost, radius = stack.cost(x, rows), FITTING.radius
     costs, creeping = [cost], False
     for left in range(iterations - 1, -1, -1):
@@ -178,7 +210,8 @@ def descend(
         square = float(r @ r)
         unit, little = max(square / len(r), 1.0), promised < max(1.0, FITTING.stalled * square)
         if promised < FITTING.settled * unit:
-            return (x, cost, True) if stack.hold(x, slopes) else _by_secants(stack, x, left + 1, least_gain, reach)
+            held = stack.hold(x, slopes)
+            return _End(x, cost, held, left + 1, not held)
         for tried in range(12):
             step = local.step(radius)
             moved = stack.moved(x, step)
@@ -193,10 +226,10 @@ def descend(
             if there < cost:
                 break
             if not tried and not stack.hold(x, slopes):
-                return _by_secants(stack, x, left + 1, least_gain, reach)
+                return _End(x, cost, False, left + 1, True)
             radius = 0.25 * min(radius, float(np.linalg.norm(step)))
         else:
-            return x, cost, little
+            return _End(x, cost, little)
         creeping, crept = False, creeping
         while (longer := min(local.stretch(step, there - cost), radius / float(np.linalg.norm(step)))) > FITTING.longer:
             if not crept:  # a single step may have met a bend
@@ -214,20 +247,19 @@ def descend(
         try:
             rows, slopes = stack.linearised(x)
         except SimulationError:
-            return _by_secants(stack, x, left, least_gain, reach)
+            return _End(x, there, False, left, True)
         before, cost = cost, stack.cost(x, rows)
         if _out_of_reach(costs, cost, left, reach):
-            return x, cost, little
+            return _End(x, cost, little)
         if before - cost < least_gain * unit:
-            return (x, cost, little) if stack.hold(x, slopes) else _by_secants(stack, x, left, least_gain, reach)
+            held = stack.hold(x, slopes)
+            return _End(x, cost, held and little, left, not held)
         costs.append(cost)
-    return x, cost, False
+    return _End(x, cost, False)
 
 
-def _by_secants(
-    stack: WhitenedResiduals, x: Array, iterations: int, least_gain: float, reach: float
-) -> tuple[Array, float, bool]:
-    """Gauss-Newton steps by slopes over distances, the longest first; arguments and answer as of `descend`.
+def _by_secants(stack: WhitenedResiduals, x: Array, iterations: int, least_gain: float, reach: float) -> _End:
+    """Steps by slopes over distances, the longest first; arguments as of `descend`.
 
     A step that gains nothing unless it is shorter than the distance that slopes were taken over asks for a shorter one.
     """
@@ -247,13 +279,14 @@ def _by_secants(
                 x, rows, cost = moved, there, stack.cost(moved, there)
                 break
         if _out_of_reach(costs, cost, left, reach):
-            return x, cost, False
+            return _End(x, cost, False)
         costs.append(cost)
         if times < 1.0 or before - cost < max(least_gain, FITTING.settled) * max(square / len(r), 1.0):
             distances.pop(0)
             if not distances:
-                return x, cost, local.gain(local.step(math.inf)) < max(1.0, FITTING.stalled * square)
-    return x, cost, False
+                little = local.gain(local.step(math.inf)) < max(1.0, FITTING.stalled * square)
+                return _End(x, cost, little, left)
+    return _End(x, cost, False)
 
 
 def _out_of_reach(costs: Sequence[float], cost: float, left: int, reach: float) -> bool:

@@ -117,9 +117,11 @@ class Leftover:
         energy: sum of squared residuals, in variances of the sensors' noise as stated, shape (bands,): the bands of
             the first signal, then those of the next.
         count: independent values in it, shape (bands,).
-        noise: mean square that the sensors alone leave, 1 where their noise is as stated, shape (bands,).
+        noise: mean square that the right model leaves, shape (bands,): the sensors' noise, 1 where it is as stated, and
+            where a hair's breadth of its parameters moves the model at random, what two such runs differ by.
         names: signal and number of each band.
         energies, counts: the first two of each experiment, shape (experiments, bands).
+        luck: by how much that changes the logarithm of the likelihood, at most.
     """
 
     energy: Array
@@ -128,6 +130,7 @@ class Leftover:
     names: tuple[tuple[int, int], ...]
     energies: Array
     counts: Array
+    luck: float = 0.0
 
     @property
     def by_band(self) -> dict[tuple[int, int], float]:
@@ -172,16 +175,40 @@ def _chance(count: Array) -> Array:
     return np.asarray((1 - 2 / (9 * count) + EVIDENCE.chance * np.sqrt(2 / (9 * count))) ** 3)
 
 
-def left_by(experiments: Sequence[Experiment], residuals: Sequence[Array]) -> Leftover:
-    """What residuals, of shape (samples, signals) each, leave over on the instants of experiments."""
+def left_by(
+    experiments: Sequence[Experiment], residuals: Sequence[Array], beside: Sequence[Sequence[Array]] = ()
+) -> Leftover:
+    """What residuals, of shape (samples, signals) each, leave over on the instants of experiments.
+
+    Args:
+        experiments: of any role.
+        residuals: of each.
+        beside: residuals of the same model, its parameters a hair to one side and to the other, if it may be unsteady.
+    """
     bands = Bands(experiments)
-    energies = bands.energies([e.components(r) for e, r in zip(experiments, residuals, strict=True)])
+
+    def energies_of(rows: Sequence[Array]) -> Array:
+        return bands.energies([e.components(r) for e, r in zip(experiments, rows, strict=True)])
+
+    energies = energies_of(residuals)
     energy, count = energies.sum(axis=0), bands.count
     noise = np.ones(len(bands.names))
     for signal in {k for k, _ in bands.names}:
         own = [i for i, (k, _) in enumerate(bands.names) if k == signal]
         noise[own] = _noise(energy[own], count[own])
-    return Leftover(energy, count, noise, bands.names, energies, bands.counts)
+    luck = 0.0
+    if beside:
+        after, before = beside
+        apart = energies_of([a - b for a, b in zip(after, before, strict=True)]).sum(axis=0)
+        rows = zip(after, before, residuals, strict=True)
+        bend = energies_of([a + b - 2 * r for a, b, r in rows]).sum(axis=0)
+        # What is steady bends far less than its ends part. Three runs that part at random, each by a variance v, bend
+        # by 6 v; two of them differ by 2 v, and so does a run from a recording.
+        unsteady = bend > apart
+        noise = noise + np.where(unsteady, bend / 3 / count, 0.0)
+        sides = (np.where(unsteady, energies_of(rows).sum(axis=0), energy) for rows in beside)
+        luck = 0.5 * max(abs(misfit(side, count) - misfit(energy, count)) for side in sides)
+    return Leftover(energy, count, noise, bands.names, energies, bands.counts, luck)
 
 
 def _noise(energy: Array, count: Array) -> float:

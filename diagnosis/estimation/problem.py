@@ -16,7 +16,7 @@ from diagnosis.estimation.experiment import TRAINING, Experiment
 from diagnosis.estimation.leftover import Bands, Leftover, Noise, left_by
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.time_experiment import TimeExperiment, over_time
-from diagnosis.thresholds import FITTING
+from diagnosis.thresholds import EVIDENCE, FITTING
 from engine import lanes
 from engine.errors import ParameterError, SimulationError
 from engine.model import Model
@@ -198,7 +198,8 @@ class Problem:
 
     def leftover(self, x: Array, experiments: Sequence[Experiment]) -> Leftover:
         """What the model leaves over of experiments, each band of a signal summed over all of them."""
-        return left_by(experiments, self.residuals(x, experiments))
+        beside = parameters.sides(self.free, x, EVIDENCE.hair, range(len(x)))
+        return left_by(experiments, self.residuals(x, experiments), [self.residuals(s, experiments) for s in beside])
 
     def misfit(self, x: Array, experiments: Sequence[Experiment], *, noise: Noise = "coloured") -> float:
         """Minus twice the logarithm of the likelihood of experiments.

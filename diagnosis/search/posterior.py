@@ -76,6 +76,7 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
             for s in simpler[model.keys]
             if worse(model, s)
             or unlearned(model, s)
+            or lucky(model, s)
             or (_owes_little(model, s, explained) and _one_of_several(whole, s))
         ]
         return simplest(max(enough, key=lambda s: s.log_evidence), whole) if enough else model
@@ -98,6 +99,15 @@ def unlearned(model: ScoredModel, simpler: ScoredModel) -> bool:
     stick ends, or an axis comes to rest, turns over with the last digits of each of them.
     """
     return len(model.keys) == len(simpler.keys) and simpler.fit.cost <= model.fit.cost
+
+
+def lucky(model: ScoredModel, simpler: ScoredModel) -> bool:
+    """Whether a model is likelier than a simpler one by no more than a hair's breadth of parameters gives and takes.
+
+    The simpler one has effects: without any, a model is as likely as it is.
+    """
+    gained = model.log_evidence - simpler.log_evidence
+    return bool(simpler.effects) and gained < max(model.left.luck, simpler.left.luck)
 
 
 def _owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:
@@ -135,8 +145,8 @@ def misses(left: Leftover) -> bool:
     """Whether more is left over of a signal of any recording than a sensor's noise may be taken for."""
     for signal in {k for k, _ in left.names}:
         own = [i for i, (k, _) in enumerate(left.names) if k == signal]
-        energy, count = left.energies[:, own].sum(axis=1), left.counts[:, own].sum(axis=1)
-        if (energy > EVIDENCE.stated * left.noise[own[0]] * count).any():
+        energy, noise = left.energies[:, own].sum(axis=1), (left.noise * left.counts)[:, own].sum(axis=1)
+        if (energy > EVIDENCE.stated * noise).any():
             return True
     return False
 
@@ -169,14 +179,15 @@ def is_in(a: Candidate, b: Candidate) -> bool:
 def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int) -> dict[frozenset[str], float]:
     """How probable each model is that is told, by its effects.
 
-    What evidence claims is tempered: no model of noise is exact.
+    What evidence claims is tempered: no model of noise is exact, and the best model may owe as much to luck.
 
     Args:
         models: as `told_as` gives them.
         tried: as of `value`.
     """
-    values = np.array([value(m, tried) for _, m in models]) / EVIDENCE.temperature
-    weights = np.exp(np.maximum(values - values.max(), -700.0))
+    values = np.array([value(m, tried) for _, m in models])
+    best = models[int(values.argmax())][1]
+    weights = np.exp(np.maximum((values - values.max()) / (EVIDENCE.temperature + best.left.luck), -700.0))
     found: dict[frozenset[str], float] = {}
     for (as_, _), share in zip(models, weights / weights.sum(), strict=True):
         found[as_.keys] = found.get(as_.keys, 0.0) + float(share)

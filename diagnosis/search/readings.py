@@ -29,7 +29,7 @@ from diagnosis.recordings.types import Assumed, Recorded, Recording
 from diagnosis.search.evidence import evidence
 from diagnosis.search.fitter import CandidateFitter, end_of
 from diagnosis.search.partial_fit import ended, place_of, standing
-from diagnosis.search.posterior import value
+from diagnosis.search.posterior import prices, value
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
 from diagnosis.search.tried_models import TriedModels
@@ -191,10 +191,13 @@ def likelier(described: Study, taken: Study) -> bool:
     """Whether a study of recordings as they were described does as well as one with another reading of their inputs.
 
     Without what is missing, a delay is an input that was logged late: either is searched, and the better one counts,
-    the other reading where its evidence is greater by odds of twenty to one.
+    the other reading where its evidence is greater by odds of twenty to one. Where they differ by no more than luck,
+    that with fewer effects does.
     """
-    one, other = (max(value(m, s.tried) for m in (s.refit, *s.trials)) for s in (described, taken))
-    return one + SEARCH.effort >= other
+    one, other = (max((value(m, s.tried), m.left.luck) for m in (s.refit, *s.trials)) for s in (described, taken))
+    if abs(one[0] - other[0]) < max(one[1], other[1]):
+        return prices(described.chosen.effects) <= prices(taken.chosen.effects)
+    return one[0] + SEARCH.effort >= other[0]
 
 
 def _differ(one: Sequence[Recorded], other: Sequence[Recorded]) -> bool:

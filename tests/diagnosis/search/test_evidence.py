@@ -228,6 +228,32 @@ def test_coloured_noise_does_not_vary_and_a_mismatch_of_one_recording_does(seed:
 
 
 @pytest.mark.parametrize("seed", range(4))
+def test_what_a_hairs_breadth_moves_at_random_is_no_more_than_the_right_model_leaves(seed: int) -> None:
+    """Runs that part at random differ by twice the variance of each, and so does a run from a recording."""
+    random = np.random.default_rng(seed)
+    course = np.cumsum(random.normal(size=(3000, 1)), axis=0)
+    drawn = [3.0 * random.normal(size=(3000, 1)) for _ in range(4)]
+    e = recorded(course + drawn[3] + random.normal(size=(3000, 1)))
+    right, after, before = (e.measured - course - one for one in drawn[:3])
+    left = left_by([e], [right], [[after], [before]])
+    alone = [left_by([e], [rows]) for rows in (right, after, before)]
+    assert alone[0].luck == 0.0
+    assert float(np.sum((left.noise - alone[0].noise) * left.count)) / 3000 == pytest.approx(2 * 9.0, rel=0.1)
+    assert float(np.sum(left.energy)) > 10 * 3000
+    assert abs(float(np.sum(left.energy - left.noise * left.count))) < 0.1 * float(np.sum(left.energy))
+    most = max(abs(one.log_likelihood - alone[0].log_likelihood) for one in alone[1:])
+    assert left.luck == pytest.approx(most, abs=10.0)  # a band of few values may seem to answer in proportion
+
+
+def test_what_answers_in_proportion_to_a_hairs_breadth_is_steady() -> None:
+    random = np.random.default_rng(0)
+    e, course = recorded(random.normal(size=(3000, 1))), np.cumsum(random.normal(size=(3000, 1)), axis=0)
+    left = left_by([e], [e.measured], [[e.measured + 0.2 * course], [e.measured - 0.2 * course * (1 + 1e-3 * course)]])
+    assert left.luck == 0.0
+    assert left.noise.tolist() == left_by([e], [e.measured]).noise.tolist()
+
+
+@pytest.mark.parametrize("seed", range(4))
 def test_at_the_floor_the_evidence_is_the_marginal_likelihood(seed: int) -> None:
     """y = H x + e, all normal: ln p(y) by scipy, with two recordings, the prior integrated out in closed form."""
     random = np.random.default_rng(seed)

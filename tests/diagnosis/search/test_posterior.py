@@ -31,9 +31,9 @@ COUNT = 1000.0
 """Recorded values, all in one band, the noise as stated."""
 
 
-def left(energy: float) -> Leftover:
+def left(energy: float, luck: float = 0.0) -> Leftover:
     there, count = np.array([COUNT + energy]), np.array([COUNT])
-    return Leftover(there, count, np.ones(1), ((0, 0),), there[None, :], count[None, :])
+    return Leftover(there, count, np.ones(1), ((0, 0),), there[None, :], count[None, :], luck=luck)
 
 
 def effect(name: str, place: str = "shaft", parameters: int = 1) -> Candidate:
@@ -43,14 +43,14 @@ def effect(name: str, place: str = "shaft", parameters: int = 1) -> Candidate:
 
 def model(*effects: Candidate, excess: float, held_out: float | None = None, **more: Any) -> Any:
     """A model that leaves so much beyond the noise, of all recordings and of those held out."""
-    given = {"log_evidence": 0.0, "strain": 0.0, "converged": True, "own": 10, "cost": excess} | more
+    given = {"log_evidence": 0.0, "strain": 0.0, "converged": True, "own": 10, "cost": excess, "luck": 0.0} | more
     unseen = left(excess if held_out is None else held_out)
     return SimpleNamespace(
         effects=effects,
         keys=frozenset(c.key for c in effects),
         label=" + ".join(c.key for c in effects),
         size=sum(len(c.parameters) for c in effects),
-        left=left(excess),
+        left=left(excess, given["luck"]),
         unseen=unseen,
         hold_out=float(unseen.energy[0]) / COUNT,
         log_evidence=given["log_evidence"],
@@ -94,6 +94,25 @@ def test_a_further_effect_that_only_held_out_recordings_ask_for_is_believed() ->
     """What acts on them alone, such as a limit that is met there only, teaches nothing before."""
     both = model(FRICTION, LAG, excess=1e3, cost=2000.0)
     assert both in believed([REFIT, model(FRICTION, excess=5e4, cost=2000.0), both], REFIT)
+
+
+@pytest.mark.parametrize(("gained", "kept"), [(700.0, False), (900.0, True)])
+def test_a_further_effect_is_told_only_for_more_than_luck(gained: float, kept: bool) -> None:
+    """A hair's breadth of the simpler model's parameters makes it likelier by 800, or less likely."""
+    simple = model(FRICTION, excess=5e4, log_evidence=500.0, luck=800.0)
+    both = model(FRICTION, LAG, excess=1e4, log_evidence=500.0 + gained)
+    assert ((both, both) in told_as([REFIT, simple, both], REFIT)) == kept
+    assert ((simple, both) in told_as([REFIT, simple, both], REFIT)) != kept
+
+
+def test_a_rival_that_luck_may_have_left_behind_is_still_in_play() -> None:
+    """The best leads by 10, and may owe 9 to a hair's breadth of its parameters: odds of e to the tenth of that."""
+    best = model(FRICTION, excess=1e3, log_evidence=10.0, luck=9.0)
+    pairs = [(m, m) for m in (best, model(LAG, excess=1e3))]
+    odds = probabilities(pairs, 20)
+    assert odds[best.keys] / odds[frozenset([LAG.key])] == pytest.approx(math.e)
+    lucky = [(m, m) for m in (model(FRICTION, excess=1e3, log_evidence=10.0), model(LAG, excess=1e3, luck=9.0))]
+    assert probabilities(lucky, 20)[best.keys] > 0.999
 
 
 @pytest.mark.parametrize(("gained", "kept"), [(0.4 * EVIDENCE.share, False), (1.5 * EVIDENCE.share, True)])
