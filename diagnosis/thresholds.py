@@ -110,6 +110,12 @@ class Fitting:
         "Share of a change, in squares, that tangents may miss: else they point elsewhere.",
         "half of a change is foretold by nothing",
     )
+    tries: int = number(
+        3,
+        "steps",
+        "Steps, each a quarter as long, that gain nothing before it is asked whether tangents hold.",
+        "a real arm's second mode: near a resonance tangents hold over less than that, and lead there",
+    )
     secants: tuple[float, ...] = number(
         (1.0, 0.25, 0.06),
         "tolerances",

@@ -225,7 +225,7 @@ def _by_tangents(
                         step, moved, there = step + bend / 2, along, least
             if there < cost:
                 break
-            if not tried and not stack.hold(x, slopes):
+            if tried == FITTING.tries and not stack.hold(x, slopes):
                 return _End(x, cost, False, left + 1, True)
             radius = 0.25 * min(radius, float(np.linalg.norm(step)))
         else:
