@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,12 @@ from numpy.typing import NDArray
 from diagnosis.api import diagnose, gather
 from diagnosis.api import fit as fit_to
 from diagnosis.effects.catalogue import EFFECTS
+from diagnosis.effects.effect import Candidate
 from diagnosis.problems import problem
 from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.readings import as_they_were_taken
+from diagnosis.search.readings import as_they_were_taken, likelier
 from diagnosis.search.search import _Search, study
 from diagnosis.search.study import Study
 from scenarios.amend import with_readings
@@ -358,3 +360,28 @@ def test_stamps_without_a_clock_stay_as_they_are() -> None:
     found = even_instants(gap - gap[0])
     assert found is not None
     np.testing.assert_allclose(np.diff(found)[[18, 19, 20]], [1, 3, 1], rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "luck", "effects", "expected"),
+    [
+        (100.0, 0.0, 2, True),  # better by what is evidence
+        (100.0, 200.0, 2, False),  # by luck, with an effect more
+        (-100.0, 0.0, 1, False),
+        (-100.0, 200.0, 1, True),
+        (-100.0, 200.0, 2, False),
+    ],
+)
+def test_of_two_readings_that_luck_parts_the_one_with_fewer_effects_counts(
+    evidence: float, luck: float, effects: int, expected: bool
+) -> None:
+    """As described, and as taken with one effect and an evidence of nothing; prices of effects are small beside."""
+
+    def found(log_evidence: float, count: int) -> Any:
+        there = tuple(Candidate(f"law{k}", "shaft", "shaft", f"found_{k}", lambda sizes: [], ()) for k in range(count))
+        left = SimpleNamespace(luck=luck if count == effects else 0.0)
+        model = SimpleNamespace(effects=there, log_evidence=log_evidence, own=3, left=left)
+        refit = SimpleNamespace(effects=(), log_evidence=-1e5, own=3, left=SimpleNamespace(luck=0.0))
+        return SimpleNamespace(refit=refit, trials=(model,), chosen=model, tried=20)
+
+    assert likelier(found(evidence, effects), found(0.0, 1)) is expected
