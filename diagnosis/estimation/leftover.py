@@ -200,8 +200,8 @@ def left_by(
     if beside:
         after, before = beside
         apart = energies_of([a - b for a, b in zip(after, before, strict=True)]).sum(axis=0)
-        rows = zip(after, before, residuals, strict=True)
-        bend = energies_of([a + b - 2 * r for a, b, r in rows]).sum(axis=0)
+        runs = zip(after, before, residuals, strict=True)
+        bend = energies_of([a + b - 2 * r for a, b, r in runs]).sum(axis=0)
         # What is steady bends far less than its ends part. Three runs that part at random, each by a variance v, bend
         # by 6 v; two of them differ by 2 v, and so does a run from a recording.
         unsteady = bend > apart

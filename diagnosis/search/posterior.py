@@ -104,10 +104,11 @@ def unlearned(model: ScoredModel, simpler: ScoredModel) -> bool:
 def lucky(model: ScoredModel, simpler: ScoredModel) -> bool:
     """Whether a model is likelier than a simpler one by no more than a hair's breadth of parameters gives and takes.
 
-    The simpler one has effects: without any, a model is as likely as it is.
+    The simpler one has effects: without any, a model is as likely as it is. Where both are steady there is no luck, and
+    what is less likely than a simpler model stays its rival.
     """
-    gained = model.log_evidence - simpler.log_evidence
-    return bool(simpler.effects) and gained < max(model.left.luck, simpler.left.luck)
+    luck = max(model.left.luck, simpler.left.luck)
+    return bool(simpler.effects) and luck > 0 and model.log_evidence - simpler.log_evidence < luck
 
 
 def _owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:

@@ -105,6 +105,12 @@ def test_a_further_effect_is_told_only_for_more_than_luck(gained: float, kept: b
     assert ((simple, both) in told_as([REFIT, simple, both], REFIT)) != kept
 
 
+def test_a_richer_model_that_is_less_likely_stays_a_rival_where_there_is_no_luck() -> None:
+    simple = model(FRICTION, excess=5e4, log_evidence=500.0)
+    both = model(FRICTION, LAG, excess=1e4, log_evidence=499.0)
+    assert (both, both) in told_as([REFIT, simple, both], REFIT)
+
+
 def test_a_rival_that_luck_may_have_left_behind_is_still_in_play() -> None:
     """The best leads by 10, and may owe 9 to a hair's breadth of its parameters: odds of e to the tenth of that."""
     best = model(FRICTION, excess=1e3, log_evidence=10.0, luck=9.0)
