@@ -48,8 +48,9 @@ def experiment(made: Binding, recording: Recording, longest: float, statics: Sta
         )
     step, every = row_interval(recording.time, longest)
     measured = np.column_stack([c.values * f for c, f in zip(recording.measurements, made.factors, strict=True)])
-    if recording.sampled == "before_input":
-        measured[0, jumping(made.model)] = np.nan  # what acted before the first row is not known
+    if recording.sampled != "after_input":
+        # What acted before the first row is not known. It counts in neither reading, so that the two compare.
+        measured[0, jumping(made.model)] = np.nan
     sigma, outliers = [], []
     drives = [channel.values for channel in recording.drive]
     for k, channel in enumerate(recording.measurements):

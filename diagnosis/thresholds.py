@@ -490,6 +490,12 @@ class Search:
         "Effects that are tried in the place of one of a model, besides those that act there or are of its kind.",
         "random rigs",
     )
+    likest: float = number(
+        0.9,
+        "1",
+        "From this cosine between what two effects change of the recordings, one is tried in the place of the other.",
+        "a delay beside Coulomb friction (rig 904724)",
+    )
     retries: int = number(
         6,
         "fits",

@@ -202,7 +202,7 @@ class CandidateFitter:
             for there in (near[0], near[-1]):
                 made = self.build(partial.effects, _with(point.built, k, there), whole=True)
                 made = replace(made, internal_step=point.problem.internal_step)
-                rows.append(made.residuals(point.x, made.training))
+                rows.append(made.residuals(point.x, made.experiments))
             apart = math.log(near[-1][size.name] / near[0][size.name])
             slopes = tuple((high - low) / apart for low, high in zip(*rows, strict=True))
             away = math.log(at[size.name] / (size.usual * size.reference))

@@ -165,9 +165,10 @@ def _described(given: Recorded, taken: Recorded) -> Recorded:
 def near_as_described(described: CandidateFitter, taken: Study) -> list[ScoredModel] | None:
     """Models that follow recordings as they were described as well as with another reading of their inputs, or nearly.
 
-    The readings of an input are less than a sample apart, and a delay makes up for that, whatever else is missing. So
-    what was found with the other reading is fitted to the recordings as described, with a delay and without one. A
-    search of these recordings begins there. Where neither comes near, it would be in vain.
+    The readings of an input are less than a sample apart, and a delay makes up for that, whatever else is missing; what
+    was found may have made up for it, too. So that is fitted to the recordings as described: as it is, with a delay,
+    and with a delay in the place of each effect. A search of these recordings begins there. Where none comes near, it
+    would be in vain.
 
     Args:
         described: of the recordings as they were described.
@@ -181,7 +182,8 @@ def near_as_described(described: CandidateFitter, taken: Study) -> list[ScoredMo
     others = tuple(c for c in kept if c.effect != "delay")
     late = [able for c in candidates(taken.scales) if c.effect == "delay" and (able := beside(others, c)) is not None]
     known = TriedModels(described, described.refit, taken.tried)
-    alike = [kept, *((*others, c) for c in late)]
+    fewer = [others, *(tuple(c for c in others if c is not left) for left in others)]
+    alike = [kept, *((*some, c) for some in fewer for c in late)]
     made = known.fit([(effects, [standing(chosen.fit)]) for effects in alike], len(alike), whole=True)
     near = [m for m in made if known.worth(m) > known.worth(chosen) - known.price - SEARCH.effort]
     return near if near or not made else None
@@ -228,7 +230,7 @@ def _evidence(made: Fit, instants: Sequence[Experiment]) -> float:
     """The evidence of what a fit leaves, taken at the instants of experiments."""
     pairs = zip(made.problem.residuals(made.x, made.problem.experiments), instants, strict=True)
     residuals = [np.where(np.isfinite(i.measured), r, 0.0) for r, i in pairs]
-    return evidence(made.problem, made.x, left_by(instants, residuals))
+    return evidence(made.problem, made.x, left_by(instants, residuals), instants=instants)
 
 
 def _with_noise_of(one: Problem, other: Problem) -> Problem:

@@ -272,6 +272,17 @@ def courses(origin: Origin, effect: Candidate) -> list[Course]:
     return origin.kept[key]
 
 
+def likeness(some: Sequence[Course], others: Sequence[Course]) -> float:
+    """Cosine of what two effects change of the recordings, at the sizes at which they are likest: 1 where they are one."""
+
+    def directions(several: Sequence[Course]) -> list[Array]:
+        norms = [float(np.linalg.norm(course.values)) for course in several]
+        return [course.values / norm for course, norm in zip(several, norms, strict=True) if norm > 0]
+
+    mine, theirs = directions(some), directions(others)
+    return float((np.array(mine) @ np.array(theirs).T).max()) if mine and theirs else 0.0
+
+
 def begun(origin: Origin, effect: Candidate, most: int, *, bold: bool = False) -> list[StartingPoint]:
     """Where to begin the fit of an effect beside an origin: the sizes that promise most, each with its true cost.
 

@@ -23,7 +23,7 @@ from diagnosis.search.posterior import complete, energy, is_in, misses, price, p
 from diagnosis.search.ranking import best_ways, cut, place_by_place, ranked, related, spoken_for
 from diagnosis.search.readings import taken_otherwise
 from diagnosis.search.scored_model import ScoredModel
-from diagnosis.search.screening import Origin, courses, together
+from diagnosis.search.screening import Origin, courses, likeness, together
 from diagnosis.search.study import Study
 from diagnosis.search.tried_models import Progress, TriedModels, Values
 from diagnosis.thresholds import SEARCH
@@ -175,9 +175,9 @@ class _Search:
         return sorted(near, key=self.known.worth, reverse=True)[: SEARCH.settled]
 
     def fit_known(self, models: Sequence[ScoredModel]) -> None:
-        """Fit models that were found with other recordings, from where they ended there."""
-        tasks = [(tuple(ended(m, c) for c in m.effects), [standing(m.fit)]) for m in models]
-        self.known.fit(tasks, len(tasks), whole=True)
+        """Fit models that were found with other recordings, from where they ended there, each to its end."""
+        for m in models:
+            self.known.fit([(tuple(ended(m, c) for c in m.effects), [standing(m.fit)])], 1, whole=True)
 
     def _simplified(self, model: ScoredModel) -> None:
         """Take each effect of a model away, or put a simpler law in its place, from where it ended, and try it again.
@@ -404,10 +404,27 @@ class _Search:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
             self._beside_in_every_way(kept, model, effect)
-            alike = [c for c in self.listed if related(c, [effect])]
-            among = list({id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]]}.values())
+            alike = [*(c for c in self.listed if related(c, [effect])), *self._mimics(effect)]
+            others = {id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]] if c.key != effect.key}
+            among = list(others.values())
             self._beside(kept, model, SEARCH.exchanged, among)
         self._put_in_place_of_equals(model)
+
+    def _mimics(self, effect: Candidate) -> list[Candidate]:
+        """Effects that change the recordings nearly as one does beside the user's model alone, the likest first.
+
+        However little they promised there, where something stronger was missing: a delay in front of the motor is a
+        sensor's lag to whatever answers in proportion.
+        """
+        refit = self.known.refit
+        origin = self.fitter.origin((), standing(refit.fit))
+        ways = [c for c in self._seen if not c.freed]
+        mine = [course for c in ways if c.key == effect.key for course in courses(origin, c)] if origin else []
+        if origin is None or not mine:
+            return []
+        likest = {id(c): likeness(courses(origin, c), mine) for c in ways if c.key != effect.key}
+        near = [c for c in ways if likest.get(id(c), 0.0) > SEARCH.likest]
+        return best_ways(sorted(near, key=lambda c: -likest[id(c)]))[: SEARCH.exchanged]
 
     def _put_in_place_of_equals(self, model: ScoredModel) -> None:
         """Put in the place of some effects of a model those that did as well as these without the others, no better.

@@ -273,6 +273,26 @@ def test_at_the_floor_the_evidence_is_the_marginal_likelihood(seed: int) -> None
     assert ours == pytest.approx(exact, abs=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_held_out_recordings_are_foretold_with_parameters_that_are_uncertain(seed: int) -> None:
+    """The marginal likelihood of all recordings by scipy, with x fitted to the first alone, which hardly shows it."""
+    random = np.random.default_rng(seed)
+    spreads = np.array([1.0, 0.3, 5.0])
+    tables = [random.normal(size=(12, 3)), random.normal(size=(300, 3))]
+    truth = spreads * random.normal(size=3)
+    runs = [
+        recorded((table @ truth + 0.3 * random.normal(size=len(table)))[:, None], role, role)
+        for table, role in zip(tables, ("train", "hold_out"), strict=True)
+    ]
+    problem: Any = Linear(runs, tables, spreads)
+    ours, left = found(problem, problem.best())
+    H, y = np.vstack(tables), np.concatenate([e.measured[:, 0] for e in runs])
+    covariance = np.eye(len(y)) + H @ np.diag(spreads**2) @ H.T
+    exact = float(multivariate_normal.logpdf(y, np.zeros(len(y)), covariance)) + len(y) / 2 * np.log(2 * np.pi)
+    assert left.strength.max() < 1.5
+    assert ours == pytest.approx(exact, abs=0.3)
+
+
 def test_a_parameter_that_the_recordings_do_not_show_costs_nothing() -> None:
     random = np.random.default_rng(2)
     table = random.normal(size=(200, 2))

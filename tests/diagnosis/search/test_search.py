@@ -45,14 +45,20 @@ class World:
     Args:
         excess: see `Excess`.
         promise: by how much an effect, by key and option, promises to raise the likelihood; 50 where it is not said.
+        shapes: what an effect, by key, changes of the recordings; nothing where it is not said.
     """
 
     workers, tables = 1, False
     scenario = SimpleNamespace(system=SimpleNamespace(connections=[Connection(("gear.out", "load.shaft", "belt.a"))]))
 
-    def __init__(self, excess: Excess, promise: Mapping[str, float] | None = None) -> None:
+    def __init__(
+        self,
+        excess: Excess,
+        promise: Mapping[str, float] | None = None,
+        shapes: Mapping[str, Sequence[float]] | None = None,
+    ) -> None:
         self.excess = self.excess_at_end = excess
-        self.promise = promise or {}
+        self.promise, self.shapes = promise or {}, shapes or {}
         self.fitted: list[frozenset[str]] = []
         self.retries: list[frozenset[str]] = []
         self.settlings: list[frozenset[str]] = []
@@ -131,7 +137,9 @@ def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     """Courses come from the world's promises, and blocks take every size."""
 
     def courses(origin: Any, c: Candidate) -> list[Any]:
-        return [SimpleNamespace(likelihood=origin.builder.promise.get(f"{c.key}{c.option and ' ' + c.option}", 50.0))]
+        world = origin.builder
+        likelihood = world.promise.get(f"{c.key}{c.option and ' ' + c.option}", 50.0)
+        return [SimpleNamespace(likelihood=likelihood, values=np.array(world.shapes.get(c.key, (0.0, 0.0))))]
 
     monkeypatch.setattr(searching, "courses", courses)
     monkeypatch.setattr(searching, "together", lambda found, origin, most: [])
@@ -155,6 +163,7 @@ def by(table: Mapping[str, float], otherwise: float = 1e6) -> Excess:
 
 
 FRICTION, STRIBECK, LAG = effect("coulomb_friction"), effect("stribeck_friction", sizes=3), effect("lag", "u")
+NONE = np.zeros(2)
 OTHERS = [effect(f"other_{k}", f"place {k}") for k in range(12)]
 
 
@@ -184,6 +193,20 @@ def test_two_effects_are_found_one_beside_the_other() -> None:
     world = World(by({FRICTION.key: 2e4, LAG.key: 5e5, f"{FRICTION.key} + {LAG.key}": 0.0}))
     found = run(world, [FRICTION, LAG, *OTHERS])
     assert found.known.best.keys == {FRICTION.key, LAG.key}
+
+
+@pytest.mark.parametrize(("shape", "found_as"), [((0.1, 1.0), "delay"), ((1.0, 0.1), "lag")])
+def test_what_changes_recordings_as_an_effect_does_is_tried_in_its_place(
+    shape: tuple[float, float], found_as: str
+) -> None:
+    """A delay that promised less than all others beside the user's model, and gains more than the lag beside a friction."""
+    delay = effect("delay", "command")
+    promise = {delay.key: 20.0} | {c.key: 30.0 for c in OTHERS}
+    shapes = {LAG.key: (0.0, 1.0), delay.key: shape}
+    alone = {FRICTION.key: 2e4, LAG.key: 5e5, delay.key: 6e5}
+    beside = {f"{FRICTION.key} + {LAG.key}": 300.0, f"{FRICTION.key} + {delay.key}": 0.0}
+    found = run(World(by(alone | beside), promise, shapes), [FRICTION, LAG, *OTHERS, delay], most=2)
+    assert {c.effect for c in found.known.best.effects} == {"coulomb_friction", found_as}
 
 
 def test_where_one_effect_leaves_the_noise_no_further_is_sought() -> None:
@@ -359,7 +382,7 @@ def test_beside_the_best_pair_what_promised_least_alone_is_looked_at_too(monkeyp
 
     def courses(origin: Any, c: Candidate) -> list[Any]:
         alone = -1.0 if c is offset else 60.0 if c in others else 70.0
-        return [SimpleNamespace(likelihood=80.0 if c is offset and len(origin.effects) == 2 else alone)]
+        return [SimpleNamespace(likelihood=80.0 if c is offset and len(origin.effects) == 2 else alone, values=NONE)]
 
     monkeypatch.setattr(searching, "courses", courses)
     found = run(world, [LAG, payload, *others, offset])
@@ -415,7 +438,7 @@ def test_laws_at_one_place_leave_their_turn_beside_another_effect_too(monkeypatc
 
     def courses(origin: Any, c: Candidate) -> list[Any]:
         alone = 900.0 if c is LAG else -1.0
-        return [SimpleNamespace(likelihood=(700.0 if c is payload else 800.0) if origin.effects else alone)]
+        return [SimpleNamespace(likelihood=(700.0 if c is payload else 800.0) if origin.effects else alone, values=NONE)]
 
     monkeypatch.setattr(searching, "courses", courses)
     found = run(world, [LAG, *joints, payload], 2)
