@@ -82,7 +82,7 @@ def evidence(
                     pull += rows[part].T @ errors[part] / strength
                     data += rows[part].T @ rows[part] / strength
     away, own = _prior(problem, x, chosen)
-    step = -np.linalg.lstsq(data + own.T @ own, pull + own.T @ away, rcond=None)[0]
+    step: Array = -np.asarray(np.linalg.lstsq(data + own.T @ own, pull + own.T @ away, rcond=None)[0])
     fitted = left.log_likelihood - 0.5 * float(away @ away)
     together = _stepped(problem, x, step, chosen, instants, [J for _, J in slopes])
     volume = float(np.linalg.slogdet(data + own.T @ own)[1] - np.linalg.slogdet(own.T @ own)[1])

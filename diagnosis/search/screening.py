@@ -273,7 +273,7 @@ def courses(origin: Origin, effect: Candidate) -> list[Course]:
 
 
 def likeness(some: Sequence[Course], others: Sequence[Course]) -> float:
-    """Cosine of what two effects change of the recordings, at the sizes at which they are likest: 1 where they are one."""
+    """Cosine of what two effects change of the recordings, at the sizes at which they are likest."""
 
     def directions(several: Sequence[Course]) -> list[Array]:
         norms = [float(np.linalg.norm(course.values)) for course in several]

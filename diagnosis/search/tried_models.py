@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Sequence
 from diagnosis.effects.effect import Candidate, cuts, together
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, ended
-from diagnosis.search.posterior import complete, misses, price, prices, told_as, value
-from diagnosis.search.ranking import place_by_place, related
+from diagnosis.search.posterior import complete, is_in, misses, price, prices, told_as, value
+from diagnosis.search.ranking import place_by_place
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import SEARCH
 from engine.errors import FlexarmError
@@ -144,12 +144,13 @@ class TriedModels:
         """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.
 
         Beside a second effect what was far from the best may be part of the truth; and what is related to the best, as
-        a simpler law at its place is, does not wait.
+        a simpler law at its place is, does not wait. The first is fitted alone: it tells what others are to reach.
 
         Args:
             partials: which.
             whole: to the end even where that is not near the best, for what the best may be told as.
         """
+        reaches: dict[int, float] = {}
 
         def finish(partial: PartialFit) -> ScoredModel | tuple[str, str]:
             try:
@@ -159,13 +160,15 @@ class TriedModels:
 
         kept: list[ScoredModel] = []
         for few in range(0, len(partials), SEARCH.few):
-            reaches = {id(partial): self._reach_of(partial) for partial in partials[few : few + SEARCH.few]}
-            with Spread(self.fitter.workers, threads=True) as pool:
-                found = list(pool.map(finish, partials[few : few + SEARCH.few]))
-            self.failures += [why for why in found if isinstance(why, tuple)]
-            able = [made for made in found if not isinstance(made, tuple) and self._has_meaning(made)]
-            for made in able:
-                self.keep(made)
+            some, able = partials[few : few + SEARCH.few], list[ScoredModel]()
+            for group in (some[:1], some[1:]) if few == 0 else (some,):
+                reaches |= {id(partial): self._reach_of(partial) for partial in group}
+                with Spread(self.fitter.workers, threads=True) as pool:
+                    found = list(pool.map(finish, group))
+                self.failures += [why for why in found if isinstance(why, tuple)]
+                able += [made for made in found if not isinstance(made, tuple) and self._has_meaning(made)]
+                for made in able:
+                    self.keep(made)
             kept += able
             reach = self.reach
             if not any(self.worth(made) > reach and made.keys != self.best.keys for made in able):
@@ -176,11 +179,13 @@ class TriedModels:
     def _reach_of(self, partial: PartialFit) -> float:
         """Cost of the fitted recordings above which a model is not near the best, once one with effects is known.
 
-        Not even if it explained all that the best leaves of recordings that are not fitted. What is akin to the best is
-        compared with it however far it is: the best may be told as that.
+        Not even if it explained all that the best leaves of recordings that are not fitted. What is simpler than the
+        best is compared with it however far it is: the best may be told as that.
         """
         best = self.best
-        if not best.effects or all(related(c, best.effects) for c in partial.effects):
+        lost = [c for c in best.effects if all(c.key != p.key for p in partial.effects)]
+        more = [c for c in partial.effects if c.key not in best.keys]
+        if not best.effects or not more or (len(lost) == len(more) == 1 and is_in(more[0], lost[0])):
             return math.inf
         others = best.unseen.unexplained if best.fit.problem.held_out else 0.0
         fewer = prices(best.effects) - prices(partial.effects)

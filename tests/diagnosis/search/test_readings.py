@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -166,6 +167,11 @@ def jerked(folder: Path, *, first: bool, steps: bool = True, odd: float = 0.0, l
     return path
 
 
+def each_reading(recording: Recording) -> list[Recording]:
+    """A recording read in each way: open, before its input acts, after it."""
+    return [replace(recording, sampled=said) for said in ("either", "before_input", "after_input")]
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_the_model_tells_whether_a_row_was_read_before_its_input_acted(tmp_path: Path, first: bool) -> None:
     path = jerked(tmp_path, first=first)
@@ -181,11 +187,13 @@ def test_the_model_tells_whether_a_row_was_read_before_its_input_acted(tmp_path:
 
 
 def test_an_odd_first_sample_does_not_tell_it(tmp_path: Path) -> None:
-    """It is left out where rows are read first, since what acted before is not known."""
+    """It is left out unless rows are known to be read after their input acts: what acted before is not known."""
     scenario = load(jerked(tmp_path, first=False, steps=False, odd=0.05))
     (found,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
     assert isinstance(found, Recording)
     assert found.assumed == {}
+    counted = [posed.experiments[0].count for posed in (problem(scenario, [r]) for r in each_reading(found))]
+    assert counted == [3999, 3999, 4000]
 
 
 def test_what_was_found_is_fitted_again_where_a_reading_turns_out_to_be_another_at_last(
@@ -221,11 +229,15 @@ def searched(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[Recorded]]:
     return rows
 
 
+@pytest.mark.parametrize("late", [0.8, 0.1])
 def test_a_force_that_comes_late_is_no_row_that_was_read_first(
-    tmp_path: Path, searched: list[Sequence[Recorded]]
+    tmp_path: Path, searched: list[Sequence[Recorded]], late: float
 ) -> None:
-    """By 0.8 of an interval: the acceleration of a row is that of the step before, and the position tells the rest."""
-    path = jerked(tmp_path, first=False, late=0.8)
+    """By a share of an interval: the acceleration of a row is that of the step before, and the position tells the rest.
+
+    A lag does beside rows that were read first, whether the delay comes near beside it or only in its place.
+    """
+    path = jerked(tmp_path, first=False, late=late)
     scenario = load(path)
     (taken,) = as_they_were_taken(scenario, gather(scenario, (), ()), 1)
     assert isinstance(taken, Recording)
@@ -234,7 +246,7 @@ def test_a_force_that_comes_late_is_no_row_that_was_read_first(
     found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - tried))
     (finding,) = found.findings
     assert (found.verdict, finding["effect"], len(searched)) == ("named", "delay", 2)
-    assert finding["parameters"]["delay"]["value"] == pytest.approx(0.8 * INTERVAL, rel=0.02)
+    assert finding["parameters"]["delay"]["value"] == pytest.approx(late * INTERVAL, rel=0.02)
     assert found.study.chosen.fit.problem.assumed == {}
     assert found.study.chosen.fit.parameters()["table.mass"] == pytest.approx(MASS, rel=5e-3)
 

@@ -199,7 +199,7 @@ def test_two_effects_are_found_one_beside_the_other() -> None:
 def test_what_changes_recordings_as_an_effect_does_is_tried_in_its_place(
     shape: tuple[float, float], found_as: str
 ) -> None:
-    """A delay that promised less than all others beside the user's model, and gains more than the lag beside a friction."""
+    """A delay that promised less than all others beside the user's model gains more than the lag beside a friction."""
     delay = effect("delay", "command")
     promise = {delay.key: 20.0} | {c.key: 30.0 for c in OTHERS}
     shapes = {LAG.key: (0.0, 1.0), delay.key: shape}
@@ -239,8 +239,8 @@ def test_what_is_not_akin_to_the_best_has_a_cost_to_reach_once_that_is_known() -
     world = World(by({STRIBECK.key: 2e4, FRICTION.key: 5e4, LAG.key: 5e5, pair: 0.0}))
     found = run(world, [STRIBECK, FRICTION, LAG, *OTHERS])
     assert found.known.best.keys == {STRIBECK.key, LAG.key}
-    first, later = world.reaches[: SEARCH.few], world.reaches[SEARCH.few :]
-    assert {reach for _, reach in first} == {math.inf}
+    (first, *later) = world.reaches
+    assert first == (frozenset({STRIBECK.key}), math.inf)
     assert {reach for keys, reach in later if keys == {FRICTION.key}} <= {math.inf}
     others = [reach for keys, reach in later if keys & {c.key for c in OTHERS} and len(keys) == 1]
     expected = world.made((STRIBECK,)).fit.cost + 2 * (found.known.price + SEARCH.effort)
@@ -437,8 +437,8 @@ def test_laws_at_one_place_leave_their_turn_beside_another_effect_too(monkeypatc
     world = World(by({LAG.key: 1e5, payload.key: 8e5, f"{LAG.key} + {payload.key}": 0.0}))
 
     def courses(origin: Any, c: Candidate) -> list[Any]:
-        alone = 900.0 if c is LAG else -1.0
-        return [SimpleNamespace(likelihood=(700.0 if c is payload else 800.0) if origin.effects else alone, values=NONE)]
+        alone, more = 900.0 if c is LAG else -1.0, 700.0 if c is payload else 800.0
+        return [SimpleNamespace(likelihood=more if origin.effects else alone, values=NONE)]
 
     monkeypatch.setattr(searching, "courses", courses)
     found = run(world, [LAG, *joints, payload], 2)
