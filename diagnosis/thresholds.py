@@ -595,7 +595,7 @@ class Search:
     finer: tuple[float, ...] = number(
         tuple(0.5**k for k in range(1, 11)),
         "distances between starting sizes",
-        "How close to the best a size that is only chosen, a delay, is looked for.",
+        "To either side, at which a size that is only chosen, a delay, is looked for: the next where tangents bend.",
         "delays of suite 'core' (ad31092)",
     )
     slope_step: float = number(

@@ -57,9 +57,9 @@ def _steps(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     def edits(values: Sizes) -> list[Edit]:
         return [InSignal(name, "Quantiser", place.target, {"step": with_unit(values["step"], place.unit)})]
 
-    def finer(best: Sizes, share: float) -> list[Sizes]:
-        change = share * NEAR * best["step"] ** 2 / size
-        return [{"step": best["step"] + sign * change} for sign in (-1, 1)]
+    def finer(best: Sizes, share: float) -> Sizes | None:
+        step = best["step"] + share * NEAR * best["step"] ** 2 / size
+        return {"step": step} if step > 0 else None
 
     yield Candidate(
         "command_quantisation",

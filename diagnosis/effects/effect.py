@@ -85,7 +85,8 @@ class Candidate:
         parameters: its own, to be fitted or chosen.
         starts: sizes to start from, the least effect first, so that no fit ends worse than without the effect.
         freed: for ``wrong_parameter``, the parameter that may leave its tolerance.
-        finer: for sizes that are only chosen, further ones at a distance from the best, halved from time to time.
+        finer: for sizes that are only chosen, those at a distance from others, above them or (negative) below, in
+            distances between starting sizes; None where there are none.
         held: further parameters of the block, which are given and not fitted.
         wave: for a torque that is a wave, what its amplitude and phase are solved from.
         option: which of several ways to put it in there, in words; models that differ in it alone are one model.
@@ -100,7 +101,7 @@ class Candidate:
     parameters: tuple[EffectParameter, ...] = ()
     starts: tuple[Sizes, ...] = ({},)
     freed: FreeParameter | None = None
-    finer: Callable[[Sizes, float], Sequence[Sizes]] | None = None
+    finer: Callable[[Sizes, float], Sizes | None] | None = None
     held: tuple[str, ...] = ()
     wave: Wave | None = None
     option: str = ""

@@ -68,10 +68,9 @@ def _delay(place: Place, sample: float) -> Candidate:
         wait = with_unit(round(values["delay"], 9), "s")
         return [InSignal(name, "Delay", place.target, {"delay": wait, "period": with_unit(sample, "s")})]
 
-    def finer(best: Sizes, share: float) -> list[Sizes]:
-        step = share * max(sample, SPACING * best["delay"])
-        near = (best["delay"] - step, best["delay"] + step)
-        return [{"delay": w} for w in near if w > 0]
+    def finer(best: Sizes, share: float) -> Sizes | None:
+        wait = best["delay"] + share * max(sample, SPACING * best["delay"])
+        return {"delay": wait} if wait > 0 else None
 
     waits = combinations(delay=shares(sample, 0.05, 0.2, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64))
     return Candidate(

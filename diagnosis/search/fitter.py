@@ -197,7 +197,8 @@ class CandidateFitter:
             if effect.finer is None or size is None:
                 continue
             at = point.sizes[k]
-            near = sorted((at, *effect.finer(at, SEARCH.slope_step)), key=lambda sizes: sizes[size.name])
+            beside = (effect.finer(at, sign * SEARCH.slope_step) for sign in (-1, 1))
+            near = sorted((at, *filter(None, beside)), key=lambda sizes: sizes[size.name])
             rows = []
             for there in (near[0], near[-1]):
                 made = self.build(partial.effects, _with(point.built, k, there), whole=True)
@@ -518,10 +519,10 @@ class CandidateFitter:
         return partial
 
     def _closer(self, partial: PartialFit, k: int, noise: Noise) -> PartialFit:
-        """The partial fit with such a size of the k-th effect at the best of ever finer values, if that is better.
+        """The partial fit with such a size of the k-th effect where it fits best, if that is better.
 
         The parameters follow by the tangents of the fit as it is, which hold near it: where what they promise is not
-        kept, it is looked for within half the distance.
+        kept, it is looked for nearer.
         """
         best, finer = partial.point, partial.effects[k].finer
         whole = not any(e.coarse for e in best.problem.experiments)
@@ -531,27 +532,24 @@ class CandidateFitter:
             made = self.build(partial.effects, _with(best.built, k, sizes), whole=whole)
             return replace(made, internal_step=best.problem.internal_step)
 
+        def at(share: float) -> Problem | None:
+            sizes = finer(best.sizes[k], share)
+            return built(sizes) if sizes else None
+
         with Threads(1) as pool:
             try:
                 near = Nearby(best.problem, best.x, pool, noise=noise)
             except SimulationError:
                 return partial
             for begun in range(len(SEARCH.finer)):
-                x, least, sizes = best.x, near.cost, best.sizes[k]
-                for share in SEARCH.finer[begun:]:
-                    costs = []
-                    for other in finer(sizes, share):
-                        moved, cost = near.fitted(built(other))
-                        costs.append(cost)
-                        if cost < least:
-                            x, least, sizes = moved, cost, other
-                    # Between two that are worse by less, a parabola is lower by an eighth of that at most.
-                    if len(costs) > 1 and max(costs) - least < SEARCH.slow:
-                        break
-                if sizes == best.sizes[k]:
+                share, there = near.sought(at, SEARCH.finer[begun:])
+                sizes = finer(best.sizes[k], share)
+                if there is near.known or sizes is None:
                     break
                 made = built(sizes)
-                x, cost, converged = descend(made, x, made.training, pool, iterations=SEARCH.first_steps, noise=noise)
+                x, cost, converged = descend(
+                    made, there.x, made.training, pool, iterations=SEARCH.first_steps, noise=noise
+                )
                 if cost < best.cost:
                     point = StartingPoint(cost, made, x, _with(best.sizes, k, sizes), _with(best.built, k, sizes))
                     return replace(partial, point=point, converged=converged)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,9 @@ from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate, Sizes
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import descend
-from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.nearby import Nearby
+from diagnosis.search.nearby import Followed, Nearby
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, standing
 from diagnosis.thresholds import COARSE, EVIDENCE
 from engine.threads import Threads
@@ -37,9 +35,9 @@ def test_what_delays_leave_is_told_without_tangents_of_their_own(tmp_path: Path)
     with Threads(1) as pool:
         x, cost, _ = descend(known, fitter.refit.fit.x, known.training, pool)
         near = Nearby(known, x, pool, noise="coloured")
-        assert near.cost == pytest.approx(cost)
+        assert near.known.cost == pytest.approx(cost)
         for other in others:
-            told.append(near.fitted(other)[1])
+            told.append(near.fitted(other).cost)
             _, best, converged = descend(other, x, other.training, pool, iterations=100)
             assert converged
             fitted.append(best)
@@ -110,16 +108,15 @@ def test_where_tangents_promise_too_much_a_size_is_looked_for_closer(
     fitter = late(tmp_path)
     delay = listed(fitter)["delay"]
     assert delay.finer is not None
-    finer, told, asked = delay.finer, Nearby.fitted, list[float]()
+    finer, told, asked = delay.finer, Nearby.fitted, list[Sizes | None]()
 
-    def asking(sizes: Sizes, share: float) -> Sequence[Sizes]:
-        rows = finer(sizes, share)
-        asked.extend(row["delay"] for row in rows)
-        return rows
+    def asking(sizes: Sizes, share: float) -> Sizes | None:
+        asked.append(finer(sizes, share))
+        return asked[-1]
 
-    def fitted(near: Nearby, other: Problem) -> tuple[Array, float]:
-        moved, cost = told(near, other)
-        return moved, -1e9 if asked.pop(0) > 0.0046 else cost
+    def fitted(near: Nearby, other: Problem) -> Followed:
+        made, sizes = told(near, other), asked[-1]
+        return replace(made, cost=-1e9) if sizes and sizes["delay"] > 0.0046 else made
 
     monkeypatch.setattr(Nearby, "fitted", fitted)
     found = fitter._refined(begun_late(fitter, replace(delay, finer=asking), 0.0037, whole=True), noise="coloured")
