@@ -247,14 +247,14 @@ def diagnose(
             near = near_as_described(again, found)
             if near is not None:
                 began = [*near, *found.trials[: SEARCH.finished]]
-                other = study(again, without=how.without, progress=how.progress, known=began)
+                other = study(again, without=how.without, progress=how.progress, known=began, looked=found.looked)
                 if likelier(other, found):
                     fitter, found = again, other
         fitter = fitter.again(found.recordings)  # the search may have read them anew, or fitted a held-out one
         if (anew := taken_otherwise(fitter, found.chosen)) is not None:
             fitter = fitter.again(anew)
-            known = found.trials[: SEARCH.finished]
-            found = study(fitter, without=how.without, progress=how.progress, told=found.notes, known=known)
+            known, looked, told = found.trials[: SEARCH.finished], found.looked, found.notes
+            found = study(fitter, without=how.without, progress=how.progress, told=told, known=known, looked=looked)
         fitter = fitter.again(found.recordings)
         return judge(as_reported(fitter, settled_by_spare_channels(fitter, found)), how.seed)
 

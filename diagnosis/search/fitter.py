@@ -72,6 +72,8 @@ class CandidateFitter:
         self._around = {self.mark: self}
         self._origins: dict[str, Origin | None] = {}
         self._built: OrderedDict[str, Problem] = OrderedDict()
+        self._finished: dict[str, tuple[float, ScoredModel]] = {}
+        """What fits came to, and the cost that each was to reach."""
 
     def again(self, recordings: Sequence[Recorded]) -> CandidateFitter:
         """The same with other recordings; itself, where they are its own."""
@@ -368,10 +370,14 @@ class CandidateFitter:
         """
         point = partial.point
         names = [f"{c.key} {c.option}" for c in partial.effects]
-        aim = [f"to {reach!r}"] if math.isfinite(reach) else []
-        key = " ".join(["finish", *names, repr(point.sizes), _mark(point.x), *aim])
-        maker = self._around[partial.around]
-        return self._trial(maker._kept(key, partial.effects, lambda: maker.compute_finish(partial, reach)))
+        begun = " ".join([partial.around, "finish", *names, repr(point.sizes), _mark(point.x)])
+        aim, made = self._finished.get(begun, (-math.inf, None))
+        if made is None or made.fit.cost > aim < reach:  # one that was left early may come lower
+            key = f"{begun} to {reach!r}" if math.isfinite(reach) else begun
+            maker = self._around[partial.around]
+            made = self._trial(maker._kept(key, partial.effects, lambda: maker.compute_finish(partial, reach)))
+            self._finished[begun] = reach, made
+        return made
 
     def retried(self, model: ScoredModel) -> ScoredModel:
         """A model fitted again from points around where its fit ended, or as it is if none of them leads lower.

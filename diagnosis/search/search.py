@@ -24,7 +24,7 @@ from diagnosis.search.ranking import best_ways, cut, place_by_place, ranked, rel
 from diagnosis.search.readings import taken_otherwise
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, likeness, together
-from diagnosis.search.study import Study
+from diagnosis.search.study import Looked, Study
 from diagnosis.search.tried_models import Progress, TriedModels, Values
 from diagnosis.thresholds import SEARCH
 from engine.spread import Spread
@@ -38,6 +38,7 @@ def study(
     progress: Progress | None = None,
     told: Sequence[str] = (),
     known: Sequence[ScoredModel] = (),
+    looked: Looked | None = None,
 ) -> Study:
     """Refit the model, search for the effects that it lacks, and say how probable each is.
 
@@ -48,6 +49,8 @@ def study(
         progress: told what is done, how many of how many.
         told: what was done differently from what was asked, before.
         known: models that were found with other recordings, which are fitted to these too.
+        looked: what was seen of these recordings read otherwise. Readings are less than a sample apart: effects are not
+            looked at again beside the user's model, and the first is sought among the models that are known.
     """
     if progress:
         progress("fitting the model's own parameters", 0, 1)
@@ -62,25 +65,33 @@ def study(
         candidates(scales, without),
         progress,
         lambda model: candidates(_seen_beside(scales, model), without),
+        looked,
     )
     search.fit_known(known)
     search.begin()
     if anew := taken_otherwise(fitter, search.known.best):
         # How a file is to be read was told by a model without the effect, and all that follows hangs on it.
-        return study(fitter.again(anew), most=most, without=without, progress=progress, told=told, known=known)
+        return study(
+            fitter.again(anew),
+            most=most,
+            without=without,
+            progress=progress,
+            told=told,
+            known=search.known.foremost(),
+            looked=search.looked,
+        )
     swapped = _exchanged(search, told)
     if not swapped:
         search.run(most)
         swapped = _exchanged(search, told)
     if swapped:
-        found = search.known
         return study(
             fitter.again(swapped[0]),
             most=most,
             without=without,
             progress=progress,
             told=[swapped[1]],
-            known=sorted((m for m in found.models if m.effects), key=found.worth, reverse=True)[: SEARCH.finished],
+            known=search.known.foremost(),
         )
     named = search.study(before, scales, told)
     return search.study(before, scales, told) if search.add_curves(named) else named
@@ -123,6 +134,7 @@ class _Search:
         listed: effects at places.
         progress: told what is done.
         beside: lists them by what a model leaves over; as they are, if None.
+        looked: as of `study`.
     """
 
     def __init__(
@@ -132,14 +144,15 @@ class _Search:
         listed: Sequence[Candidate],
         progress: Progress | None,
         beside: Callable[[ScoredModel], list[Candidate]] | None = None,
+        looked: Looked | None = None,
     ) -> None:
         self.fitter, self.listed, self.progress, self._list = fitter, list(listed), progress, beside
         self.known = TriedModels(fitter, refit, sum(1 for c in self.listed if not c.freed), progress)
         self._plain = {c.key for c in self.listed}
         """Effects at places of the user's model; others are at places that a joint that was put in has parted."""
-        self._order: list[Candidate] = []
-        self._seen: list[Candidate] = []
-        """Effects that were looked at beside the user's model alone."""
+        self.looked = looked
+        """What was seen beside the user's model alone, once that was looked at."""
+        self._order = best_ways(looked.order) if looked else []
         self._begun: bool | None = None
         """Whether the first effect was sought, once that is known."""
 
@@ -148,7 +161,10 @@ class _Search:
         if self._begun is None:
             self._begun = not self._enough(1)
             if self._begun:
-                self._first()
+                if self.looked is None:
+                    self._first()
+                else:
+                    self.known.failures += self.looked.refused
                 self._vary(self.known.best)
 
     def run(self, most: int) -> None:
@@ -168,6 +184,11 @@ class _Search:
             self._simplified(left[0])
             self._enriched(left[0])
         self._evened()
+
+    @property
+    def _seen(self) -> list[Candidate]:
+        """Effects, but for freed parameters, that were looked at beside the user's model alone."""
+        return [c for c in self.looked.order if not c.freed] if self.looked else []
 
     def _near(self) -> list[ScoredModel]:
         """The models near the best that are worth most, itself among them."""
@@ -319,6 +340,7 @@ class _Search:
             scales,
             tuple(self.known.failures),
             tuple(notes),
+            self.looked,
         )
 
     def add_curves(self, found: Study) -> bool:
@@ -418,7 +440,7 @@ class _Search:
         """
         refit = self.known.refit
         origin = self.fitter.origin((), standing(refit.fit))
-        ways = [c for c in self._seen if not c.freed]
+        ways = self._seen
         mine = [course for c in ways if c.key == effect.key for course in courses(origin, c)] if origin else []
         if origin is None or not mine:
             return []
@@ -496,7 +518,10 @@ class _Search:
         """Put every effect into the user's model, and fit those that promise most."""
         parents = self._alone_from()
         origins = [o for values in parents if (o := self.fitter.origin((), values)) is not None]
-        self._order = best_ways(self._screened(origins, self.listed))
+        before = len(self.known.failures)
+        ranked = self._screened(origins, self.listed)
+        self.looked = Looked(tuple(ranked), tuple(self.known.failures[before:]))
+        self._order = best_ways(ranked)
         able = [c for c in self._order if self._pays(origins, c)]
         # A wrong parameter is as likely as a missing effect: neither kind is to crowd out the other.
         for kind in ([c for c in able if not c.freed], [c for c in able if c.freed]):
@@ -573,7 +598,6 @@ class _Search:
         waiting = [c for place in cuts for c in later[place]]
         promise |= dict(zip(map(id, waiting), self._promises(origins, waiting), strict=True))
         ways = [*first, *waiting]
-        self._seen = self._seen or ways
         went = {c.key for c in ways if max(promise[id(c)], default=-math.inf) > -math.inf}
         self._note_refused(origins, [c for c in ways if c.key not in went])
         return ranked(ways, promise)
@@ -602,7 +626,7 @@ class _Search:
         origin = self.fitter.origin((), standing(self.known.refit.fit))
         if origin is None or self.fitter.tables:
             return
-        found = [course for c in self._seen if not c.freed for course in courses(origin, c)[: SEARCH.sizes]]
+        found = [course for c in self._seen for course in courses(origin, c)[: SEARCH.sizes]]
         pairs = together(found, origin, SEARCH.fitted)
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import OperatingScales
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.posterior import place_odds
@@ -31,6 +32,19 @@ class SpareEvidence:
 
 
 @dataclass(frozen=True)
+class Looked:
+    """What was seen when effects were looked at beside the user's model alone.
+
+    Attributes:
+        order: effects at places, in each way to put them in, those that promise most first.
+        refused: effects that cannot be put in, with the reason.
+    """
+
+    order: tuple[Candidate, ...]
+    refused: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
 class Study:
     """A scenario and its recordings, and everything tried on them.
 
@@ -46,6 +60,7 @@ class Study:
         scales: sizes at the places.
         failures: effects that were not tried, with the reason.
         notes: what was done differently from what was asked, in sentences.
+        looked: what was seen before the first fit with an effect; None where none was to be sought.
         spare: what spare columns say of the models that they were held against.
     """
 
@@ -60,6 +75,7 @@ class Study:
     scales: OperatingScales
     failures: tuple[tuple[str, str], ...]
     notes: tuple[str, ...] = ()
+    looked: Looked | None = None
     spare: tuple[SpareEvidence, ...] = ()
 
     @property

@@ -74,6 +74,11 @@ class TriedModels:
         """What the model of greatest worth is told as."""
         return self.leading[0]
 
+    def foremost(self) -> list[ScoredModel]:
+        """The models with effects that are worth most, to begin from with other recordings."""
+        with_effects = [m for m in self._models.values() if m.effects]
+        return sorted(with_effects, key=self.worth, reverse=True)[: SEARCH.finished]
+
     @property
     def best_fitted(self) -> ScoredModel:
         """The model of greatest worth by the recordings that it was fitted to alone."""

@@ -22,6 +22,7 @@ from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.readings import as_they_were_taken, likelier
+from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.search import _Search, study
 from diagnosis.search.study import Study
 from scenarios.amend import with_readings
@@ -254,21 +255,31 @@ def test_a_force_that_comes_late_is_no_row_that_was_read_first(
 def test_a_search_of_recordings_as_described_begins_with_what_was_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two lags were, which do not explain all there; the delay is found beside them."""
+    """Two lags were, which do not explain all there; the delay is found beside them.
+
+    What effects promise beside the user's model is not looked at again: the readings are less than a sample apart.
+    """
     path = jerked(tmp_path, first=False, late=0.8)
     begun: list[list[str]] = []
-    first = _Search._first
+    looked: list[_Search] = []
+    known, first = _Search.fit_known, _Search._first
+
+    def fit_known(search: _Search, models: Sequence[ScoredModel]) -> None:
+        known(search, models)
+        begun.append(sorted({c.effect for m in search.known.models for c in m.effects}))
 
     def counted(search: _Search) -> None:
-        begun.append(sorted({c.effect for m in search.known.models for c in m.effects}))
+        looked.append(search)
         first(search)
 
+    monkeypatch.setattr(_Search, "fit_known", fit_known)
     monkeypatch.setattr(_Search, "_first", counted)
     tried = {"delay", "lag", "sensor_lag", "coulomb_friction"}
     found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - tried))
     assert [c.effect for c in found.study.chosen.effects] == ["delay"]
     assert begun[0] == []
     assert {"lag", "sensor_lag"} <= set(begun[1])
+    assert len(looked) == 1
 
 
 def test_a_row_that_was_read_first_stays_so_beside_an_effect(
