@@ -142,9 +142,23 @@ class Experiment(ABC):
 
     @abstractmethod
     def linearised(
-        self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None
+        self,
+        model: Model,
+        free: Sequence[FreeParameter],
+        x: Array,
+        starts: dict[str, float],
+        longest: float | None,
+        only: Sequence[int] | None = None,
     ) -> tuple[Array, Array]:
         """Residual, flat, and its Jacobian with respect to the search vector.
+
+        Args:
+            model: what is simulated.
+            free: what the search vector stands for.
+            x: search vector, shape (n,).
+            starts: starting values by name, SI units.
+            longest: longest integration step (s).
+            only: numbers of the variables whose slopes are asked for; others' may be zero. All if None.
 
         Raises:
             SimulationError: the run diverged.

@@ -180,13 +180,14 @@ class Problem:
             found.update(zip(group, rows, strict=True))
         return [found[n] for n in range(len(cases))]
 
-    def linearised(self, x: Array, experiment: Experiment) -> tuple[Array, Array]:
-        """Residual, flat, and its Jacobian with respect to the search vector.
+    def linearised(self, x: Array, experiment: Experiment, only: Sequence[int] | None = None) -> tuple[Array, Array]:
+        """Residual, flat, and its Jacobian with respect to the search vector; ``only`` as of `Experiment.linearised`.
 
         Raises:
             SimulationError: the run diverged.
         """
-        return experiment.linearised(self.model, self.free, x, self.values(x, experiment)[1], self.internal_step)
+        starts = self.values(x, experiment)[1]
+        return experiment.linearised(self.model, self.free, x, starts, self.internal_step, only)
 
     def prior(self, x: Array) -> tuple[Array, Array]:
         """Residual and Jacobian of the prior; see `parameters.prior`."""

@@ -240,21 +240,28 @@ class TimeExperiment(Experiment):
         )
 
     def linearised(
-        self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None
+        self,
+        model: Model,
+        free: Sequence[FreeParameter],
+        x: Array,
+        starts: dict[str, float],
+        longest: float | None,
+        only: Sequence[int] | None = None,
     ) -> tuple[Array, Array]:
-        """Residual, flat, and its Jacobian with respect to the search vector, by tangents.
+        """Residual, flat, and its Jacobian with respect to the search vector, by tangents; see `Experiment`.
 
         Raises:
             SimulationError: the run diverged.
         """
         parameters = {f.name: f.value(v) for f, v in zip(free, x, strict=True) if not f.recording}
-        mine = [
-            i for i, f in enumerate(free) if f.recording == self.name or not (f.recording or f.name in self.settings)
-        ]
+        asked = range(len(free)) if only is None else only
+        mine = [i for i in asked if free[i].recording in ("", self.name) and free[i].name not in self.settings]
         names = [free[i].name for i in mine]
-        followers = list(self.begin.follows)
+        followers = [name for name, shares in self.begin.follows.items() if not shares.keys().isdisjoint(names)]
         own_starts = Counter(f.recording for f in free if f.recording)
-        room = sum(not f.recording for f in free) + max(own_starts.values(), default=0) + len(followers)
+        room = max(own_starts.values(), default=0) + len(self.begin.follows)
+        if not all(free[i].recording for i in mine):
+            room += sum(not f.recording for f in free)
         try:
             found = tangents(
                 model,
@@ -280,7 +287,7 @@ class TimeExperiment(Experiment):
         # NaN is not within bounds either.
         if own.size and not (own.max() <= FITTING.huge**2 and own.min() >= -(FITTING.huge**2)):
             raise SimulationError("the sensitivities grow without bound")
-        if len(mine) == len(free):
+        if mine == list(range(len(free))):
             return r, own
         J = np.zeros((len(free), len(r))).T
         J[:, mine] = own

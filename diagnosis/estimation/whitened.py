@@ -66,7 +66,7 @@ class WhitenedResiduals:
         """
 
         def one(e: Experiment) -> tuple[Array, Array]:
-            r, J = self.problem.linearised(x, e)
+            r, J = self.problem.linearised(x, e, self.numbers)
             samples, signals = e.measured.shape
             # Tangents come variable by variable, and stay so.
             moving = J if len(self.numbers) == J.shape[1] else J.T[self.numbers].T

@@ -167,9 +167,15 @@ class TableExperiment(Experiment):
         return np.asarray(DECIBEL * np.log(np.maximum(amplitudes / self.amplitude[:, None], 1e-30)))
 
     def linearised(
-        self, model: Model, free: Sequence[FreeParameter], x: Array, starts: dict[str, float], longest: float | None
+        self,
+        model: Model,
+        free: Sequence[FreeParameter],
+        x: Array,
+        starts: dict[str, float],
+        longest: float | None,
+        only: Sequence[int] | None = None,
     ) -> tuple[Array, Array]:
-        """Residual, flat, and its Jacobian by differences.
+        """Residual, flat, and its Jacobian by differences, of all variables.
 
         Raises:
             SimulationError: the model diverges.

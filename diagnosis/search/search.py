@@ -50,7 +50,7 @@ def study(
         told: what was done differently from what was asked, before.
         known: models that were found with other recordings, which are fitted to these too.
         looked: what was seen of these recordings read otherwise. Readings are less than a sample apart: effects are not
-            looked at again beside the user's model, and the first is sought among the models that are known.
+            looked at again beside the user's model, and those are fitted first that were worth most.
     """
     if progress:
         progress("fitting the model's own parameters", 0, 1)
@@ -77,8 +77,8 @@ def study(
             without=without,
             progress=progress,
             told=told,
-            known=search.known.foremost(),
-            looked=search.looked,
+            known=known,
+            looked=search.seen,
         )
     swapped = _exchanged(search, told)
     if not swapped:
@@ -165,6 +165,8 @@ class _Search:
                     self._first()
                 else:
                     self.known.failures += self.looked.refused
+                    tasks = [(_as_ended(m), [standing(m.fit)]) for m in self.looked.fitted]
+                    self.known.fit(tasks, SEARCH.finished)
                 self._vary(self.known.best)
 
     def run(self, most: int) -> None:
@@ -186,6 +188,11 @@ class _Search:
         self._evened()
 
     @property
+    def seen(self) -> Looked | None:
+        """What to go on with in other recordings that hardly differ from these."""
+        return self.looked and replace(self.looked, fitted=tuple(self.known.foremost()))
+
+    @property
     def _seen(self) -> list[Candidate]:
         """Effects, but for freed parameters, that were looked at beside the user's model alone."""
         return [c for c in self.looked.order if not c.freed] if self.looked else []
@@ -198,7 +205,7 @@ class _Search:
     def fit_known(self, models: Sequence[ScoredModel]) -> None:
         """Fit models that were found with other recordings, from where they ended there, each to its end."""
         for m in models:
-            self.known.fit([(tuple(ended(m, c) for c in m.effects), [standing(m.fit)])], 1, whole=True)
+            self.known.fit([(_as_ended(m), [standing(m.fit)])], 1, whole=True)
 
     def _simplified(self, model: ScoredModel) -> None:
         """Take each effect of a model away, or put a simpler law in its place, from where it ended, and try it again.
@@ -340,7 +347,7 @@ class _Search:
             scales,
             tuple(self.known.failures),
             tuple(notes),
-            self.looked,
+            self.seen,
         )
 
     def add_curves(self, found: Study) -> bool:
@@ -380,7 +387,7 @@ class _Search:
         """
         anew, new = self._listed_beside(parent)
         among = [*(anew.get((c.key, c.option), c) for c in among), *new]
-        kept = tuple(ended(parent, c) for c in parent.effects)
+        kept = _as_ended(parent)
         self._beside(kept, parent, SEARCH.fitted_beside, among)
 
     def _listed_beside(self, model: ScoredModel) -> tuple[dict[tuple[str, str], Candidate], list[Candidate]]:
@@ -629,6 +636,11 @@ class _Search:
         found = [course for c in self._seen for course in courses(origin, c)[: SEARCH.sizes]]
         pairs = together(found, origin, SEARCH.fitted)
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
+
+
+def _as_ended(model: ScoredModel) -> tuple[Candidate, ...]:
+    """The effects of a model, to start only from where its fit ended."""
+    return tuple(ended(model, c) for c in model.effects)
 
 
 def _begun_from(than: ScoredModel) -> list[Values]:

@@ -38,10 +38,12 @@ class Looked:
     Attributes:
         order: effects at places, in each way to put them in, those that promise most first.
         refused: effects that cannot be put in, with the reason.
+        fitted: models with effects that were fitted since, those that are worth most.
     """
 
     order: tuple[Candidate, ...]
     refused: tuple[tuple[str, str], ...]
+    fitted: tuple[ScoredModel, ...] = ()
 
 
 @dataclass(frozen=True)

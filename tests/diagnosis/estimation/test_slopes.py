@@ -50,7 +50,7 @@ class Line:
             return np.full((3, 1), FITTING.huge)
         return np.asarray(SLOPES @ x + self.ripple * np.sin(1e5 * x.sum() + np.arange(3)))[:, None]
 
-    def linearised(self, x: Array, experiment: Any) -> tuple[Array, Array]:
+    def linearised(self, x: Array, experiment: Any, only: Any = None) -> tuple[Array, Array]:
         if not self.smooth or not self.runs:
             raise SimulationError("it has no tangents")
         steep = self.ripple * 1e5 * np.cos(1e5 * x.sum() + np.arange(3))

@@ -66,7 +66,7 @@ class Linear:
     def residuals(self, x: Array, experiments: list[TimeExperiment], *_: Any) -> list[Array]:
         return [self.residual(x, e) for e in experiments]
 
-    def linearised(self, x: Array, e: TimeExperiment) -> tuple[Array, Array]:
+    def linearised(self, x: Array, e: TimeExperiment, only: Any = None) -> tuple[Array, Array]:
         return self.residual(x, e).ravel(), -self.tables[e.name]
 
     def leftover(self, x: Array, experiments: list[TimeExperiment]) -> Leftover:
