@@ -199,8 +199,10 @@ class Problem:
 
     def leftover(self, x: Array, experiments: Sequence[Experiment]) -> Leftover:
         """What the model leaves over of experiments, each band of a signal summed over all of them."""
-        beside = parameters.sides(self.free, x, EVIDENCE.hair, range(len(x)))
-        return left_by(experiments, self.residuals(x, experiments), [self.residuals(s, experiments) for s in beside])
+        points = [x, *parameters.sides(self.free, x, EVIDENCE.hair, range(len(x)))]
+        rows, count = self.residuals_of([(point, e) for point in points for e in experiments]), len(experiments)
+        at, *beside = (rows[number * count : (number + 1) * count] for number in range(len(points)))
+        return left_by(experiments, at, beside)
 
     def misfit(self, x: Array, experiments: Sequence[Experiment], *, noise: Noise = "coloured") -> float:
         """Minus twice the logarithm of the likelihood of experiments.

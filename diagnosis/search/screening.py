@@ -109,21 +109,23 @@ class Origin:
         change = np.clip(change, -SEARCH.farthest, SEARCH.farthest)
         return Course(effect, effect.starts[0], np.zeros(len(self.white.r)), self.likelihood + 0.5 * gain, change)
 
-    def added(self, made: Problem, x: Array, sizes: Sizes) -> _Added | None:
-        """What a size adds; None where it cannot be simulated, or adds nothing.
+    def added(self, made: Sequence[tuple[Problem, Array, tuple[Sizes, ...]]]) -> list[_Added]:
+        """What sizes add; those that cannot be simulated, or add nothing, are left out.
 
         Args:
-            made: the model with the effect.
-            x: the origin's parameters and the effect's sizes there.
-            sizes: its own.
+            made: one model with the effect, search vectors that keep the origin's parameters, and the effects' sizes,
+                those of this one last.
         """
-        rows = made.residuals(x, made.training)
-        apart = [np.abs(r - r0).max() for r, r0 in zip(rows, self._residuals, strict=True)]
-        if max(apart) > FITTING.huge / 10:
-            return None
-        values = self.white.added([whitening(r) for whitening, r in zip(self._whitening, rows, strict=True)])
-        found = _Added(sizes, values)
-        return found if found.power > 0 else None
+        model = made[0][0]
+        runs, found = model.training, list[_Added]()
+        residuals = model.residuals_of([(x, e) for _, x, _ in made for e in runs])
+        for number, (_, _, sizes) in enumerate(made):
+            rows = residuals[number * len(runs) : (number + 1) * len(runs)]
+            apart = [np.abs(r - r0).max() for r, r0 in zip(rows, self._residuals, strict=True)]
+            if max(apart) <= FITTING.huge / 10:
+                whitened = [whitening(r) for whitening, r in zip(self._whitening, rows, strict=True)]
+                found.append(_Added(sizes[-1], self.white.added(whitened)))
+        return [one for one in found if one.power > 0]
 
     def course(self, effect: Candidate, added: _Added, least: bool) -> Course:
         """The course of an effect of some size.
@@ -260,10 +262,8 @@ def courses(origin: Origin, effect: Candidate) -> list[Course]:
         try:
             beside = [(*origin.built, sizes) for sizes in group]
             made = origin.builder.placed((*origin.effects, effect), beside, origin.values)
-            for model, x, sizes in made:
-                one = origin.added(model, x, sizes[-1])
-                if one is not None:
-                    added.append(one)
+            for _, alike in itertools.groupby(made, key=lambda one: one[0].internal_step):
+                added += origin.added(list(alike))
         except FlexarmError as error:
             origin.refused[effect.key, effect.option] = error.message
     least = min((one.power for one in added), default=0.0)

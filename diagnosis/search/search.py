@@ -324,7 +324,7 @@ class _Search:
         flanges = [flange for place in places for flange in place.split(" -> ")]
         system = self.fitter.scenario.system
         places |= {end.rpartition(".")[0] for flange in flanges for end in node(system, flange)}
-        laws = [c for c in self._order if c.place in places]
+        laws = [c for c in self._order if c.place in places and frozenset({c.key}) not in self.known]
         self.known.fit([((c,), self._alone_from()) for c in laws], len(laws))
         self._finish_waiting()
         if self.known.best is not before:
@@ -445,14 +445,12 @@ class _Search:
         However little they promised there, where something stronger was missing: a delay in front of the motor is a
         sensor's lag to whatever answers in proportion.
         """
-        refit = self.known.refit
-        origin = self.fitter.origin((), standing(refit.fit))
-        ways = self._seen
-        mine = [course for c in ways if c.key == effect.key for course in courses(origin, c)] if origin else []
-        if origin is None or not mine:
+        origin = self.looked.origin if self.looked else None
+        if origin is None:
             return []
-        likest = {id(c): likeness(courses(origin, c), mine) for c in ways if c.key != effect.key}
-        near = [c for c in ways if likest.get(id(c), 0.0) > SEARCH.likest]
+        mine = [course for c in self._seen if c.key == effect.key for course in courses(origin, c)]
+        likest = {id(c): likeness(courses(origin, c), mine) for c in self._seen if c.key != effect.key}
+        near = [c for c in self._seen if likest.get(id(c), 0.0) > SEARCH.likest]
         return best_ways(sorted(near, key=lambda c: -likest[id(c)]))[: SEARCH.exchanged]
 
     def _put_in_place_of_equals(self, model: ScoredModel) -> None:
@@ -527,7 +525,8 @@ class _Search:
         origins = [o for values in parents if (o := self.fitter.origin((), values)) is not None]
         before = len(self.known.failures)
         ranked = self._screened(origins, self.listed)
-        self.looked = Looked(tuple(ranked), tuple(self.known.failures[before:]))
+        refused = tuple(self.known.failures[before:])
+        self.looked = Looked(tuple(ranked), refused, origins[0] if origins else None)
         self._order = best_ways(ranked)
         able = [c for c in self._order if self._pays(origins, c)]
         # A wrong parameter is as likely as a missing effect: neither kind is to crowd out the other.

@@ -10,6 +10,7 @@ from diagnosis.effects.scales import OperatingScales
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.posterior import place_odds
 from diagnosis.search.scored_model import ScoredModel
+from diagnosis.search.screening import Origin
 from scenarios.load import Scenario
 
 LEAST_ODDS = 0.001
@@ -38,11 +39,13 @@ class Looked:
     Attributes:
         order: effects at places, in each way to put them in, those that promise most first.
         refused: effects that cannot be put in, with the reason.
+        origin: where they were looked at; None where nothing can be simulated.
         fitted: models with effects that were fitted since, those that are worth most.
     """
 
     order: tuple[Candidate, ...]
     refused: tuple[tuple[str, str], ...]
+    origin: Origin | None
     fitted: tuple[ScoredModel, ...] = ()
 
 
