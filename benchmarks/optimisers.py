@@ -78,10 +78,10 @@ class Watched(Problem):
         self.calls["residual"] += len(experiments)
         return super().residuals(x, experiments, *how)
 
-    def linearised(self, x: Array, experiment: Experiment) -> tuple[Array, Array]:
+    def linearised(self, x: Array, experiment: Experiment, only: Sequence[int] | None = None) -> tuple[Array, Array]:
         """As of the problem."""
         self.calls["jacobian"] += 1
-        return super().linearised(x, experiment)
+        return super().linearised(x, experiment, only)
 
 
 def watched(made: Problem) -> Watched:
