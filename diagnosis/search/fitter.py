@@ -372,7 +372,8 @@ class CandidateFitter:
         names = [f"{c.key} {c.option}" for c in partial.effects]
         begun = " ".join([partial.around, "finish", *names, repr(point.sizes), _mark(point.x)])
         aim, made = self._finished.get(begun, (-math.inf, None))
-        if made is None or made.fit.cost > aim < reach:  # one that was left early may come lower
+        left_early = made is not None and made.fit.cost > aim
+        if made is None or (left_early and reach > aim):
             key = f"{begun} to {reach!r}" if math.isfinite(reach) else begun
             maker = self._around[partial.around]
             made = self._trial(maker._kept(key, partial.effects, lambda: maker.compute_finish(partial, reach)))

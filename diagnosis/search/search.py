@@ -78,7 +78,7 @@ def study(
             progress=progress,
             told=told,
             known=known,
-            looked=search.seen,
+            looked=search.handed_on,
         )
     swapped = _exchanged(search, told)
     if not swapped:
@@ -188,12 +188,12 @@ class _Search:
         self._evened()
 
     @property
-    def seen(self) -> Looked | None:
+    def handed_on(self) -> Looked | None:
         """What to go on with in other recordings that hardly differ from these."""
         return self.looked and replace(self.looked, fitted=tuple(self.known.foremost()))
 
     @property
-    def _seen(self) -> list[Candidate]:
+    def _looked_at(self) -> list[Candidate]:
         """Effects, but for freed parameters, that were looked at beside the user's model alone."""
         return [c for c in self.looked.order if not c.freed] if self.looked else []
 
@@ -347,7 +347,7 @@ class _Search:
             scales,
             tuple(self.known.failures),
             tuple(notes),
-            self.seen,
+            self.handed_on,
         )
 
     def add_curves(self, found: Study) -> bool:
@@ -448,9 +448,9 @@ class _Search:
         origin = self.looked.origin if self.looked else None
         if origin is None:
             return []
-        mine = [course for c in self._seen if c.key == effect.key for course in courses(origin, c)]
-        likest = {id(c): likeness(courses(origin, c), mine) for c in self._seen if c.key != effect.key}
-        near = [c for c in self._seen if likest.get(id(c), 0.0) > SEARCH.likest]
+        mine = [course for c in self._looked_at if c.key == effect.key for course in courses(origin, c)]
+        likest = {id(c): likeness(courses(origin, c), mine) for c in self._looked_at if c.key != effect.key}
+        near = [c for c in self._looked_at if likest.get(id(c), 0.0) > SEARCH.likest]
         return best_ways(sorted(near, key=lambda c: -likest[id(c)]))[: SEARCH.exchanged]
 
     def _put_in_place_of_equals(self, model: ScoredModel) -> None:
@@ -632,7 +632,7 @@ class _Search:
         origin = self.fitter.origin((), standing(self.known.refit.fit))
         if origin is None or self.fitter.tables:
             return
-        found = [course for c in self._seen for course in courses(origin, c)[: SEARCH.sizes]]
+        found = [course for c in self._looked_at for course in courses(origin, c)[: SEARCH.sizes]]
         pairs = together(found, origin, SEARCH.fitted)
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
 

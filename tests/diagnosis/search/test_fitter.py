@@ -59,6 +59,30 @@ def test_a_fit_that_runs_away_is_left_at_its_last_good_place(
     assert again.added() == after.added()
 
 
+def test_a_fit_is_made_once_for_all_costs_that_it_is_to_reach(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Unless it was left early, and is now asked to reach less."""
+    compute, asked = CandidateFitter.compute_finish, list[float]()
+
+    def counted(self: CandidateFitter, partial: PartialFit, reach: float = math.inf) -> PartialFit:
+        asked.append(reach)
+        return compute(self, partial, reach)
+
+    monkeypatch.setattr(CandidateFitter, "compute_finish", counted)
+    near, far = (
+        fitter.partial_fit((next(c for c in listed if c.effect == name),), [standing(fitter.refit.fit)])
+        for name in ("uneven_gain", "sensor_bias")
+    )
+    found = fitter.finish(near, 1e12)
+    assert fitter.finish(near) is found
+    assert fitter.finish(near, 2e12) is found
+    early = fitter.finish(far, -1e12)
+    assert fitter.finish(far, -2e12) is early
+    assert fitter.finish(far).fit.cost <= early.fit.cost
+    assert asked == [1e12, -1e12, math.inf]
+
+
 def test_no_model_is_judged_on_coarse_recordings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They have fewer samples to leave something over of, and a model judged on them would win against all others."""
     monkeypatch.setattr("diagnosis.search.coarse.COARSE", replace(COARSE, samples=800))

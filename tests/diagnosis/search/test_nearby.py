@@ -19,7 +19,7 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nearby import Followed, Nearby
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, standing
-from diagnosis.thresholds import COARSE, EVIDENCE
+from diagnosis.thresholds import COARSE, EVIDENCE, SEARCH
 from engine.threads import Threads
 from scenarios.load import load
 from tests.diagnosis.plants import case
@@ -121,6 +121,33 @@ def test_where_tangents_promise_too_much_a_size_is_looked_for_closer(
     monkeypatch.setattr(Nearby, "fitted", fitted)
     found = fitter._refined(begun_late(fitter, replace(delay, finer=asking), 0.0037, whole=True), noise="coloured")
     assert found.point.sizes[0]["delay"] == pytest.approx(0.004, abs=1e-4)
+
+
+def test_a_step_leads_to_a_delay_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two values tell the slope, the step is tried, and two more tell that no other pays; halving took 20."""
+    fitter = late(tmp_path)
+    told, simulated = Nearby.fitted, list[float]()
+
+    def fitted(near: Nearby, other: Problem) -> Followed:
+        made = told(near, other)
+        simulated.append(made.cost)
+        return made
+
+    monkeypatch.setattr(Nearby, "fitted", fitted)
+    with Threads(1) as pool:
+        begun = begun_late(fitter, listed(fitter)["delay"], 0.0037, whole=True)
+        near = Nearby(begun.point.problem, begun.point.x, pool, noise="coloured")
+        finer = begun.effects[0].finer
+        assert finer is not None
+
+        def at(share: float) -> Problem | None:
+            sizes = finer({"delay": 0.0037}, share)
+            return fitter.build(begun.effects, (sizes,), whole=True) if sizes else None
+
+        share, best = near.sought(at, SEARCH.finer)
+    assert best.cost == min(simulated)
+    assert finer({"delay": 0.0037}, share)["delay"] == pytest.approx(0.004, abs=1e-4)  # type: ignore[index]
+    assert len(simulated) <= 9, simulated
 
 
 def test_a_size_is_looked_for_on_the_whole_recordings_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
