@@ -40,7 +40,7 @@ class Rosenbrock:
     def residuals(self, x: Array, experiments: Sequence[Any], split: Any, _: Any) -> list[Array]:
         return [split(e, self.residual(x, e)) for e in experiments]
 
-    def linearised(self, x: Array, e: Any) -> tuple[Array, Array]:
+    def linearised(self, x: Array, e: Any, only: Any = None) -> tuple[Array, Array]:
         return self.residual(x, e).ravel(), np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
 
     def prior_cost(self, x: Array) -> float:
@@ -58,7 +58,7 @@ class Ridge(Rosenbrock):
     def residual(self, x: Array, _: Any) -> Array:
         return np.array([[1e6 * (x[0] - x[1])]])
 
-    def linearised(self, x: Array, e: Any) -> tuple[Array, Array]:
+    def linearised(self, x: Array, e: Any, only: Any = None) -> tuple[Array, Array]:
         return self.residual(x, e).ravel(), np.array([[1e6, -1e6]])
 
     def prior(self, x: Array) -> tuple[Array, Array]:
