@@ -598,6 +598,12 @@ class Search:
         "To either side, at which a size that is only chosen, a delay, is looked for: the next where tangents bend.",
         "delays of suite 'core' (ad31092)",
     )
+    bend: float = number(
+        0.5,
+        "1",
+        "Share of its slope that what is left may bend by between two such values, for a step on that slope.",
+        "where a simulation fails on one side, or two answers have nothing in common, it bends as much as it slopes",
+    )
     slope_step: float = number(
         0.5**7,
         "distances between starting sizes",

@@ -87,16 +87,18 @@ class Nearby:
         place, best = 0.0, self.known
         for far in within:
             begun = best
-            sides = [(there, self.fitted(other)) for there in (place - far, place + far) if (other := at(there))]
+            sides = [
+                (there, self.fitted(other)) for there in (place - far, place + far) if (other := at(there)) is not None
+            ]
             promised = math.inf
             if len(sides) == 2:
                 low, high = (side.left for _, side in sides)
                 across, bend = high - low, high + low - 2 * begun.left
                 square, pull = float(across @ across), float(across @ begun.left)
-                if float(bend @ bend) < 0.25 * square:
+                if float(bend @ bend) < SEARCH.bend**2 * square:
                     promised = pull**2 / square
                     step = place + min(max(-2 * far * pull / square, -2 * far), 2 * far)
-                    if promised > SEARCH.slow and (other := at(step)):
+                    if promised > SEARCH.slow and (other := at(step)) is not None:
                         sides.append((step, self.fitted(other)))
             place, best = min([(place, best), *sides], key=lambda side: side[1].cost)
             if promised < SEARCH.slow and best.cost > begun.cost - SEARCH.slow:
