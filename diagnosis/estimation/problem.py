@@ -204,6 +204,10 @@ class Problem:
         at, *beside = (rows[number * count : (number + 1) * count] for number in range(len(points)))
         return left_by(experiments, at, beside)
 
+    def unexplained(self, x: Array, experiments: Sequence[Experiment]) -> float:
+        """By how much the logarithm of their likelihood could rise if only the sensors' noise were left of them."""
+        return left_by(experiments, self.residuals(x, experiments)).unexplained
+
     def misfit(self, x: Array, experiments: Sequence[Experiment], *, noise: Noise = "coloured") -> float:
         """Minus twice the logarithm of the likelihood of experiments.
 

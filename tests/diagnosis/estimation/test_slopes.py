@@ -37,6 +37,10 @@ class Line:
         self.ripple, self.runs, self.smooth = ripple, runs, smooth
         self.free = list(free) or [FreeParameter(n, 0.0, 1.0, False) for n in "ab"]
         self.cases: list[tuple[Array, Any]] = []
+        self.above = 100.0
+
+    def unexplained(self, x: Array, experiments: Sequence[Any]) -> float:
+        return self.above
 
     def residuals_of(self, cases: Sequence[tuple[Array, Any]], *_: Any) -> list[Array]:
         self.cases += cases
@@ -88,6 +92,12 @@ def test_tangents_hold_on_a_line_and_not_on_a_ripple_that_is_steeper() -> None:
         tangents = [line.linearised(HERE, RUN)[1].reshape(3, 1, 2)]
         assert hold(of(line), HERE, [RUN], tangents) is expected
     assert hold(of(Line(1.0)), HERE, [RUN], secants(of(Line(1.0)), HERE, [RUN], FITTING.held_over))
+
+
+def test_where_nothing_is_left_to_explain_tangents_hold() -> None:
+    line = Line(0.1)
+    line.above = 0.0
+    assert hold(of(line), HERE, [RUN], [line.linearised(HERE, RUN)[1].reshape(3, 1, 2)])
 
 
 @pytest.mark.parametrize("smooth", [True, False])

@@ -53,6 +53,9 @@ class Toy:
         self.function, self.slopes, self.free = residual, jacobian, free
         self.jacobians = self.asked = 0
 
+    def unexplained(self, x: Array, experiments: Sequence[Any]) -> float:
+        return np.inf
+
     def residuals_of(self, cases: Sequence[tuple[Array, Any]], split: Any, _: Any) -> list[Array]:
         self.asked += len(cases)
         return [split(e, self.function(x)[:, None]) for x, e in cases]
