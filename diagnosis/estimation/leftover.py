@@ -142,6 +142,15 @@ class Leftover:
         """Mean square in each band, never below what the sensors' noise was stated to be."""
         return strength(self.energy, self.count)
 
+    def of(self, numbers: Sequence[int]) -> Leftover:
+        """What is left over of some of the experiments, by their numbers."""
+        energies, counts = self.energies[list(numbers)], self.counts[list(numbers)]
+        there = np.flatnonzero(counts.sum(axis=0) > 0)
+        energies, counts = energies[:, there], counts[:, there]
+        names = tuple(self.names[i] for i in there.tolist())
+        energy, count = energies.sum(axis=0), counts.sum(axis=0)
+        return Leftover(energy, count, self.noise[there], names, energies, counts, self.luck)
+
     @property
     def log_likelihood(self) -> float:
         """Of the residual, with noise of this strength in each band."""

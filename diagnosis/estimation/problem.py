@@ -197,10 +197,18 @@ class Problem:
         """Cost of the prior: squared distances from the values given, in tolerances."""
         return float(np.sum(self.prior(x)[0] ** 2))
 
-    def leftover(self, x: Array, experiments: Sequence[Experiment]) -> Leftover:
-        """What the model leaves over of experiments, each band of a signal summed over all of them."""
+    def leftover(self, x: Array, experiments: Sequence[Experiment], changes: Sequence[Array] = ()) -> Leftover:
+        """What the model leaves over of experiments, each band of a signal summed over all of them.
+
+        Args:
+            x: search vector, shape (n,).
+            experiments: of any role.
+            changes: of the residual of each, shape (samples, signals), that no parameter makes; none if empty.
+        """
         points = [x, *parameters.sides(self.free, x, EVIDENCE.hair, range(len(x)))]
         rows, count = self.residuals_of([(point, e) for point in points for e in experiments]), len(experiments)
+        if changes:
+            rows = [r + change for r, change in zip(rows, [*changes] * len(points), strict=True)]
         at, *beside = (rows[number * count : (number + 1) * count] for number in range(len(points)))
         return left_by(experiments, at, beside)
 

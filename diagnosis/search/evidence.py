@@ -15,7 +15,8 @@ delay, is a parameter like others here: what has no derivative has not been chos
 
 Held-out recordings are foretold with parameters that the fitted ones leave uncertain. How well they happen to be met is
 luck within that uncertainty, and two models that do the same may differ in it by tens. So x is where the fit ended, or
-one step further, towards what all recordings together ask for, whichever is likelier.
+one step further, towards what all recordings together ask for, whichever is likelier. What is left over is told there,
+too. How well a model foretells held-out recordings is the evidence of all recordings over that of the fitted ones.
 """
 
 from __future__ import annotations
@@ -50,43 +51,124 @@ class ChosenSize:
     spread: float
 
 
+@dataclass(frozen=True)
+class Evidence:
+    """How much recordings speak for a model, and where they speak most for it.
+
+    Attributes:
+        log: logarithm of the evidence of all recordings, but for a constant that all models of a study share.
+        foretold: how much of it held-out recordings add to that of the fitted ones; all, where none is held out.
+        x: search vector at which all recordings together are likelier: where the fit ended, or a step further.
+        moved: what sizes that are only chosen change of the residual of each recording with that step, shape (samples,
+            signals) each.
+    """
+
+    log: float
+    foretold: float
+    x: Array
+    moved: tuple[Array, ...]
+
+
 def evidence(
     problem: Problem,
     x: Array,
-    left: Leftover,
     chosen: Sequence[ChosenSize] = (),
     instants: Sequence[Experiment] | None = None,
-) -> float:
-    """Logarithm of the evidence of a fitted model, but for a constant that all models of a study share.
+) -> Evidence:
+    """The evidence of a fitted model.
 
     Args:
         problem: of the model.
         x: where its fit ended.
-        left: what it leaves over of all recordings, at those instants.
         chosen: sizes that are only chosen.
         instants: experiments whose values count, one for each of the model's; its own, if None.
     """
     instants = problem.experiments if instants is None else instants
+    still = tuple(np.zeros(e.measured.shape) for e in instants)
     try:
-        slopes = _slopes(problem, x, chosen, instants)
+        near = _Near(problem, x, chosen, instants)
     except SimulationError:
-        return -math.inf
-    pull, data = np.zeros(len(x) + len(chosen)), np.zeros((len(x) + len(chosen),) * 2)
-    strengths = left.by_band
-    for e, (r, J) in zip(instants, slopes, strict=True):
-        for k in range(r.shape[1]):
-            errors, rows = e.components(r[:, k]), e.components(J[:, k])
-            for band, part in e.bands(EVIDENCE.fewest):
-                strength = strengths.get((k, band))
-                if strength:
-                    pull += rows[part].T @ errors[part] / strength
-                    data += rows[part].T @ rows[part] / strength
-    away, own = _prior(problem, x, chosen)
-    step: Array = -np.asarray(np.linalg.lstsq(data + own.T @ own, pull + own.T @ away, rcond=None)[0])
-    fitted = left.log_likelihood - 0.5 * float(away @ away)
-    together = _stepped(problem, x, step, chosen, instants, [J for _, J in slopes])
-    volume = float(np.linalg.slogdet(data + own.T @ own)[1] - np.linalg.slogdet(own.T @ own)[1])
-    return max(fitted, together) - 0.5 * volume
+        return Evidence(-math.inf, -math.inf, x, still)
+    every = range(len(instants))
+    fitted = [number for number, e in enumerate(instants) if e.role != "hold_out"]
+    log, step = near.marginal(every)
+    before = near.marginal(fitted)[0] if len(fitted) < len(instants) else 0.0
+    there, changes = near.stepped(step)
+    return Evidence(log, log - before, there, tuple(changes))
+
+
+class _Near:
+    """A model near the end of its fit: its residuals and their slopes, those of sizes that are only chosen last.
+
+    Args:
+        problem, x, chosen, instants: as of `evidence`.
+
+    Raises:
+        SimulationError: the run cannot be differentiated.
+    """
+
+    def __init__(
+        self, problem: Problem, x: Array, chosen: Sequence[ChosenSize], instants: Sequence[Experiment]
+    ) -> None:
+        self.problem, self.x, self.chosen, self.instants = problem, x, chosen, instants
+        self._prior = _prior(problem, x, chosen)
+        found = _slopes(problem, x, chosen, instants)
+        self._rows, self._slopes = [r for r, _ in found], [J for _, J in found]
+        self._parts = [_by_band(e, r, J) for e, (r, J) in zip(instants, found, strict=True)]
+
+    def marginal(self, numbers: Sequence[int]) -> tuple[float, Array]:
+        """Logarithm of the evidence of some of the recordings, and the step to where they are likelier, if any is."""
+        some = [self.instants[k] for k in numbers]
+        left = left_by(some, [self._rows[k] for k in numbers])
+        away, own = self._prior
+        pull, data = self._information(numbers, left)
+        step: Array = -np.asarray(np.linalg.lstsq(data + own.T @ own, pull + own.T @ away, rcond=None)[0])
+        likely = left.log_likelihood - 0.5 * float(away @ away)
+        beyond, away = self._left_after(step, numbers)
+        likelier = beyond.log_likelihood - 0.5 * float(away @ away)
+        if likelier > likely:
+            likely, left = likelier, beyond
+            data = self._information(numbers, left)[1]
+        else:
+            step = np.zeros(len(step))
+        volume = float(np.linalg.slogdet(data + own.T @ own)[1] - np.linalg.slogdet(own.T @ own)[1])
+        return likely - 0.5 * volume, step
+
+    def _left_after(self, step: Array, numbers: Sequence[int]) -> tuple[Leftover, Array]:
+        """What some recordings leave over after a step, and how far from the prior's middle it leads."""
+        there, changes = self.stepped(step)
+        some = [self.instants[k] for k in numbers]
+        rows = self.problem.residuals(there, [self.problem.experiments[k] for k in numbers])
+        runs = zip(some, rows, numbers, strict=True)
+        left = left_by(some, [np.where(np.isfinite(e.measured), r + changes[k], 0.0) for e, r, k in runs])
+        further = zip(self.chosen, step[len(self.x) :].tolist(), strict=True)
+        nearer = [replace(size, away=size.away + change) for size, change in further]
+        return left, _prior(self.problem, there, nearer)[0]
+
+    def stepped(self, step: Array) -> tuple[Array, list[Array]]:
+        """The search vector after a step, and what sizes that are only chosen change of each residual, by slopes."""
+        n = len(self.x)
+        return moved(self.problem.free, self.x, step[:n], range(n)), [J[..., n:] @ step[n:] for J in self._slopes]
+
+    def _information(self, numbers: Sequence[int], left: Leftover) -> tuple[Array, Array]:
+        """Gradient and curvature of half the misfit of some recordings, with noise as strong as what is left over."""
+        size, strengths = len(self._prior[1].T), left.by_band
+        pull, data = np.zeros(size), np.zeros((size, size))
+        for number in numbers:
+            for name, errors, rows in self._parts[number]:
+                if strength := strengths.get(name):
+                    pull += rows.T @ errors / strength
+                    data += rows.T @ rows / strength
+        return pull, data
+
+
+def _by_band(e: Experiment, r: Array, J: Array) -> list[tuple[tuple[int, int], Array, Array]]:
+    """Signal and band, residual and slopes of each band of a recording."""
+    found = []
+    for k in range(r.shape[1]):
+        errors, rows = e.components(r[:, k]), e.components(J[:, k])
+        found += [((k, band), errors[part], rows[part]) for band, part in e.bands(EVIDENCE.fewest)]
+    return found
 
 
 def _slopes(
@@ -113,24 +195,3 @@ def _prior(problem: Problem, x: Array, chosen: Sequence[ChosenSize]) -> tuple[Ar
     for k, size in enumerate(chosen):
         rows[len(r) + k, len(x) + k] = 1 / size.spread
     return np.concatenate([r, [size.away / size.spread for size in chosen]]), rows
-
-
-def _stepped(
-    problem: Problem,
-    x: Array,
-    step: Array,
-    chosen: Sequence[ChosenSize],
-    instants: Sequence[Experiment],
-    slopes: Sequence[Array],
-) -> float:
-    """Logarithm of likelihood and prior after a step; the model runs there, sizes that are only chosen by slopes."""
-    n = len(x)
-    there = moved(problem.free, x, step[:n], range(n))
-    rows = problem.residuals(there, problem.experiments)
-    rows = [
-        np.where(np.isfinite(e.measured), r + J[..., n:] @ step[n:], 0.0)
-        for e, r, J in zip(instants, rows, slopes, strict=True)
-    ]
-    nearer = [replace(size, away=size.away + change) for size, change in zip(chosen, step[n:].tolist(), strict=True)]
-    away, _ = _prior(problem, there, nearer)
-    return left_by(instants, rows).log_likelihood - 0.5 * float(away @ away)

@@ -86,9 +86,12 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
 
 
 def worse(model: ScoredModel, simpler: ScoredModel) -> bool:
-    """Whether held-out recordings are followed less closely than by a simpler model, whose parameters are no better."""
+    """Whether held-out recordings are foretold less well than by a simpler model, whose parameters are no better.
+
+    As far as the fitted ones have taught them: what these leave uncertain, held-out ones may tell.
+    """
     relief = 0.5 * max(simpler.strain - model.strain, 0.0)
-    unlikelier = model.unseen.log_likelihood < simpler.unseen.log_likelihood - relief
+    unlikelier = model.foretold < simpler.foretold - relief
     return unlikelier and float(model.unseen.energy.sum()) >= float(simpler.unseen.energy.sum())
 
 

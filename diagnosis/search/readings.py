@@ -20,7 +20,6 @@ from diagnosis.effects.effect import beside
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.held_out_starts import with_held_out_starts
 from diagnosis.estimation.least_squares import Fit, descend, fit
-from diagnosis.estimation.leftover import left_by
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import over_time
 from diagnosis.problems import problem
@@ -227,10 +226,8 @@ def _judged(made: Fit) -> Fit:
 
 
 def _evidence(made: Fit, instants: Sequence[Experiment]) -> float:
-    """The evidence of what a fit leaves, taken at the instants of experiments."""
-    pairs = zip(made.problem.residuals(made.x, made.problem.experiments), instants, strict=True)
-    residuals = [np.where(np.isfinite(i.measured), r, 0.0) for r, i in pairs]
-    return evidence(made.problem, made.x, left_by(instants, residuals), instants=instants)
+    """The evidence of a fit, taken at the instants of experiments."""
+    return evidence(made.problem, made.x, instants=instants).log
 
 
 def _with_noise_of(one: Problem, other: Problem) -> Problem:

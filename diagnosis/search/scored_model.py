@@ -22,9 +22,10 @@ class ScoredModel:
         sizes: what each effect started from; those of its parameters that cannot be fitted stay there.
         hold_out: mean squared residual on held-out data, or on the fitted data where none are held out; 1 is the noise
             floor.
-        left: what it leaves over of all recordings.
-        unseen: what it leaves over of those that are held out, or of the fitted ones where none is.
+        left: what it leaves over of all recordings, where these together speak most for it.
+        unseen: the same of those that are held out, or of the fitted ones where none is.
         log_evidence: see `diagnosis.search.evidence`.
+        foretold: how well it foretells those that are held out; see there.
     """
 
     effects: tuple[Candidate, ...]
@@ -34,6 +35,7 @@ class ScoredModel:
     left: Leftover
     unseen: Leftover
     log_evidence: float
+    foretold: float
 
     @property
     def size(self) -> int:
@@ -49,6 +51,13 @@ class ScoredModel:
     def prior_cost(self) -> float:
         """What the fitted parameters cost against their tolerances."""
         return self.fit.problem.prior_cost(self.fit.x)
+
+    @property
+    def cost(self) -> float:
+        """Cost of the fitted recordings where all together are likelier, or where the fit ended, whichever is more."""
+        experiments = self.fit.problem.experiments
+        fitted = self.left.of([number for number, e in enumerate(experiments) if e.role != "hold_out"])
+        return max(self.prior_cost - 2 * fitted.log_likelihood, self.fit.cost)
 
     @property
     def strain(self) -> float:
@@ -112,7 +121,8 @@ def scored(
         chosen: sizes that are only chosen.
     """
     problem, x = made.problem, with_held_out_starts(made.problem, made.x, noise=noise)
-    left = problem.leftover(x, problem.experiments)
-    found = evidence(problem, x, left, chosen)
-    unseen = problem.leftover(x, problem.judged)
-    return ScoredModel(effects, replace(made, x=x), sizes, problem.chi2(x, problem.judged), left, unseen, found)
+    found = evidence(problem, x, chosen)
+    left = problem.leftover(found.x, problem.experiments, found.moved if chosen else ())
+    unseen = left.of([number for number, e in enumerate(problem.experiments) if any(e is j for j in problem.judged)])
+    hold_out = problem.chi2(x, problem.judged)
+    return ScoredModel(effects, replace(made, x=x), sizes, hold_out, left, unseen, found.log, found.foretold)

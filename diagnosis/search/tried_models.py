@@ -194,7 +194,7 @@ class TriedModels:
             return math.inf
         others = best.unseen.unexplained if best.fit.problem.held_out else 0.0
         fewer = prices(best.effects) - prices(partial.effects)
-        return best.fit.cost + 2 * (others + (1 + fewer) * self.price + SEARCH.effort)
+        return best.cost + 2 * (others + (1 + fewer) * self.price + SEARCH.effort)
 
     def settled(self, model: ScoredModel) -> ScoredModel:
         """A model whose fit was left early, fitted to the end."""

@@ -84,7 +84,7 @@ class Linear:
 
 def found(problem: Any, x: Array) -> tuple[float, Leftover]:
     left = problem.leftover(x, problem.experiments)
-    return evidence(problem, x, left), left
+    return evidence(problem, x).log, left
 
 
 @pytest.mark.parametrize("samples", [8, 101, 1000])
@@ -165,15 +165,15 @@ def test_a_size_that_is_only_chosen_costs_what_a_parameter_does() -> None:
     ]
     whole: Any = Linear(e, tables, spreads)
     best = whole.best()
-    fitted, left = found(whole, best)
+    fitted, _ = found(whole, best)
     rest = [
         recorded(one.measured - (table[:, 2:] @ best[2:])[:, None], one.name)
         for one, table in zip(e, tables, strict=True)
     ]
     part: Any = Linear(rest, [table[:, :2] for table in tables], spreads[:2])
     size = ChosenSize(tuple(-table[:, 2:] for table in tables), float(best[2]), float(spreads[2]))
-    assert evidence(part, best[:2], left, [size]) == pytest.approx(fitted)
-    assert evidence(part, best[:2], left) > fitted + 3.0
+    assert evidence(part, best[:2], [size]).log == pytest.approx(fitted)
+    assert evidence(part, best[:2]).log > fitted + 3.0
 
 
 def test_what_no_model_explains_decides_nothing() -> None:
@@ -285,12 +285,48 @@ def test_held_out_recordings_are_foretold_with_parameters_that_are_uncertain(see
         for table, role in zip(tables, ("train", "hold_out"), strict=True)
     ]
     problem: Any = Linear(runs, tables, spreads)
-    ours, left = found(problem, problem.best())
-    H, y = np.vstack(tables), np.concatenate([e.measured[:, 0] for e in runs])
-    covariance = np.eye(len(y)) + H @ np.diag(spreads**2) @ H.T
-    exact = float(multivariate_normal.logpdf(y, np.zeros(len(y)), covariance)) + len(y) / 2 * np.log(2 * np.pi)
+    ours, left = evidence(problem, problem.best()), problem.leftover(problem.best(), runs)
+
+    def exact(count: int) -> float:
+        H, y = np.vstack(tables[:count]), np.concatenate([e.measured[:, 0] for e in runs[:count]])
+        covariance = np.eye(len(y)) + H @ np.diag(spreads**2) @ H.T
+        likely = float(multivariate_normal.logpdf(y, np.zeros(len(y)), covariance))
+        return likely + len(y) / 2 * float(np.log(2 * np.pi))
+
     assert left.strength.max() < 1.5
-    assert ours == pytest.approx(exact, abs=0.3)
+    assert ours.log == pytest.approx(exact(2), abs=0.3)
+    assert ours.foretold == pytest.approx(exact(2) - exact(1), abs=0.3)
+
+
+def test_what_the_fitted_recordings_leave_open_refutes_no_model() -> None:
+    """A second parameter that only the held-out recording tells: followed worse with it, and foretold better."""
+    random = np.random.default_rng(4)
+    train, judged = random.normal(size=(200, 2)), random.normal(size=(200, 2))
+    train[:, 1] *= 0.002
+    truth = np.array([1.0, 6.0])
+    rows = [(table @ truth)[:, None] + 0.3 * random.normal(size=(200, 1)) for table in (train, judged)]
+    rows[0] -= 20 * train[:, 1:]  # an eighth of the noise
+    runs = [recorded(rows[0]), recorded(rows[1], "other", "hold_out")]
+    rich: Any = Linear(runs, [train, judged], np.array([10.0, 100.0]))
+    plain: Any = Linear(runs, [train[:, :1], judged[:, :1]], np.array([10.0]))
+    best = rich.best()
+    with_it, without = evidence(rich, best), evidence(plain, plain.best())
+    energies = [float(np.sum(m.residual(x, runs[1]) ** 2)) for m, x in ((rich, best), (plain, plain.best()))]
+    assert energies[0] > energies[1]
+    assert with_it.foretold > without.foretold + 50
+    np.testing.assert_allclose(with_it.x, truth, atol=0.2)
+
+
+def test_what_is_left_of_some_recordings_is_what_these_alone_leave() -> None:
+    random = np.random.default_rng(6)
+    runs = [recorded(random.normal(0.0, k + 1.0, size=(200 * (k + 1), 2)), f"run{k}") for k in range(3)]
+    left = left_by(runs, [e.measured for e in runs])
+    for some in ([0], [2, 0], [0, 1, 2]):
+        alone = left_by([runs[k] for k in some], [runs[k].measured for k in some])
+        assert left.of(some).names == alone.names
+        np.testing.assert_allclose(left.of(some).energies, alone.energies)
+        np.testing.assert_allclose(left.of(some).counts, alone.counts)
+        assert left.of(some).log_likelihood == pytest.approx(alone.log_likelihood)
 
 
 def test_a_parameter_that_the_recordings_do_not_show_costs_nothing() -> None:

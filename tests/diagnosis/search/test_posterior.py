@@ -54,6 +54,7 @@ def model(*effects: Candidate, excess: float, held_out: float | None = None, **m
         unseen=unseen,
         hold_out=float(unseen.energy[0]) / COUNT,
         log_evidence=given["log_evidence"],
+        foretold=unseen.log_likelihood,
         strain=given["strain"],
         room=left(excess).unexplained + 0.5 * given["strain"],
         own=given["own"],

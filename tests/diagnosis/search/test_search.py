@@ -87,6 +87,8 @@ class World:
             unseen=left,
             hold_out=float(left.energy[0]) / COUNT,
             log_evidence=left.log_likelihood,
+            foretold=left.log_likelihood,
+            cost=float(left.energy[0]),
             strain=0.0,
             room=left.unexplained,
             bent=False,
