@@ -317,7 +317,8 @@ class _Search:
         """Fit all other laws at the place of the best effect, and of the blocks that are joined there.
 
         What a law promises is told in proportion to its size, which a gap or a limit is not, and beside parameters that
-        the missing effect has bent: where one law gains much and leaves much, another may gain all.
+        the missing effect has bent: where one law gains much and leaves much, another may gain all. So may the same law
+        put in otherwise, such as with stops at both ends.
         """
         before = self.known.best
         places = {c.place for c in before.effects}
@@ -325,6 +326,7 @@ class _Search:
         system = self.fitter.scenario.system
         places |= {end.rpartition(".")[0] for flange in flanges for end in node(system, flange)}
         laws = [c for c in self._order if c.place in places and frozenset({c.key}) not in self.known]
+        laws += [c for c in self._looked_at if c.key in before.keys and c.option != before.effects[0].option]
         self.known.fit([((c,), self._alone_from()) for c in laws], len(laws))
         self._finish_waiting()
         if self.known.best is not before:
@@ -363,7 +365,10 @@ class _Search:
         return False
 
     def _deepen(self, count: int) -> None:
-        """Add an effect to each of the best models that have one less, and try two at once."""
+        """Add an effect to each of the best models that have one less, and try two at once.
+
+        A pair is the same whichever of the two came first: it is looked for beside that which is extended first.
+        """
         parents = self._parents(count - 1)
         for best in parents[:1]:
             # What promised little beside the user's model may promise most beside the best one.
@@ -374,10 +379,12 @@ class _Search:
             # Two that hide each other promise little one by one; they are sought once no other pair explains all.
             self._pairs()
         # Two effects are likelier than three: where no pair explains all, those that lead less are extended too.
-        for parent in parents[1:] if count == 2 else parents[1 : SEARCH.beam]:
-            if self._enough(count + 1):
-                return
-            self._extend(parent, self._order[: SEARCH.beside])
+        for number, parent in enumerate(parents if count == 2 else parents[: SEARCH.beam]):
+            if number == 0 or self._enough(count + 1):
+                continue
+            before = [m.keys for m in parents[:number]]
+            among = [c for c in self._order[: SEARCH.beside] if not any(k <= parent.keys | {c.key} for k in before)]
+            self._extend(parent, among)
 
     def _extend(self, parent: ScoredModel, among: Sequence[Candidate]) -> None:
         """Add one of some effects to a model, or one that only shows in what this model leaves over.
@@ -542,8 +549,10 @@ class _Search:
     ) -> None:
         """Put effects in beside others, and fit those that promise most, a few at a time.
 
-        Where those few gain nothing, what promises less is left: little is left over that an effect could explain. None
-        is left for its promise alone, since what is still missing has bent the sizes of those that are in.
+        Where those few gain nothing, or come nowhere near the best model, what promises less is left. What promises
+        little alone is left only where many times as much would not come near it: what is still missing has bent the
+        sizes of those that are in.
+        What was fitted as closely as the model already is not fitted again.
 
         Args:
             kept: effects that stay, each at the one size that it starts from.
@@ -553,12 +562,15 @@ class _Search:
             among: effects to put in.
         """
         parents = _begun_from(than)
-        ways = best_ways(self._screened(self._origins(kept, than, parents), _able_beside(kept, among)))
+        keys = frozenset(c.key for c in kept)
+        others = [c for c in among if not self._as_close(keys | {c.key}, than)]
+        ways = best_ways(self._screened_beside(kept, than, parents, others))
         able = place_by_place(ways[:most], lambda c: c.place)
         for few in range(0, len(able), SEARCH.few):
             tasks = [((*kept, c), parents) for c in able[few : few + SEARCH.few]]
             found = self.known.fit(tasks, 1, near=than)
-            if found and all(self.known.worth(m) < self.known.worth(than) for m in found):
+            least = max(self.known.worth(than), self.known.reach)
+            if found and all(self.known.worth(m) < least for m in found):
                 break
         self.fitter.forget(kept)
 
@@ -579,9 +591,24 @@ class _Search:
         same = [c for c in self.listed if c.effect == effect.effect]
         alike = [replace(c, starts=(*c.starts, found)) if c.starts[0].keys() == found.keys() else c for c in same]
         ways = [way for c in alike for way in c.choices()]
-        able = self._screened(self._origins(kept, than, parents), _able_beside(kept, ways))
+        able = self._screened_beside(kept, than, parents, ways)
         self.known.fit([((*kept, c), parents) for c in able[: SEARCH.fitted]], SEARCH.few, near=than)
         self.fitter.forget(kept)
+
+    def _screened_beside(
+        self,
+        kept: tuple[Candidate, ...],
+        than: ScoredModel,
+        parents: Sequence[Values],
+        among: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Effects that may come near the best model beside others, those that promise most first; as of `_beside`."""
+        origins, keys = self._origins(kept, than, parents), frozenset(c.key for c in kept)
+        ways = self._screened(origins, _able_beside(kept, among))
+        if keys not in self.known:
+            return ways
+        wanting = self.known.reach - self.known.worth(self.known[keys])
+        return [c for c in ways if SEARCH.promised * max(self._gains(origins, c), default=math.inf) > wanting]
 
     def _origins(self, kept: tuple[Candidate, ...], than: ScoredModel, parents: Sequence[Values]) -> list[Origin]:
         """Where effects are screened beside others: at the first of a model's parents, if there are tangents."""

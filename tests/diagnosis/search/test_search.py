@@ -60,6 +60,8 @@ class World:
         self.excess = self.excess_at_end = excess
         self.promise, self.shapes = promise or {}, shapes or {}
         self.fitted: list[frozenset[str]] = []
+        self.options: set[str] = set()
+        """In which ways effects were put in."""
         self.retries: list[frozenset[str]] = []
         self.settlings: list[frozenset[str]] = []
         self.bad: set[frozenset[str]] = set()
@@ -123,6 +125,7 @@ class World:
         self.reaches.append((made.keys, reach))
         made.fit.converged = made.keys not in self.bad
         self.fitted.append(made.keys)
+        self.options |= {c.option for c in partial.effects if c.option}
         return made
 
     def settled(self, model: Any) -> Any:
@@ -178,6 +181,51 @@ def test_laws_that_are_alike_leave_their_turn_to_another_place() -> None:
     assert found.known.best.keys == {LAG.key}
 
 
+@pytest.mark.parametrize(("left", "ways"), [(5e3, {"upper", "both"}), (0.0, {"upper"})])
+def test_where_an_effect_leaves_much_it_is_put_in_otherwise_too(left: float, ways: set[str]) -> None:
+    """A stop at one end promises as much as stops at both, and fits the few touches of one."""
+    stops = [effect("end_stop", option=option) for option in ("upper", "both")]
+    upper, both = (f"{s.key} {s.option}" for s in stops)
+    world = World(by({upper: left, both: 0.0}), {upper: 5e3, both: 4e3} | {c.key: 10.0 for c in OTHERS})
+    found = run(world, [*stops, *OTHERS], most=2)
+    assert world.options == ways
+    assert found.known.best.keys == {stops[0].key}
+    assert found.known.best.left.energy[0] == COUNT
+
+
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_what_would_come_nowhere_near_the_best_if_it_kept_many_times_its_promise_is_not_fitted(times: float) -> None:
+    """Friction leaves a little, the lag much; beside the lag something must promise a share of what is between them."""
+    world = World(by({FRICTION.key: 2e4, LAG.key: 5e5}))
+    likelihoods = [world.left(excess).log_likelihood for excess in (2e4, 5e5)]
+    wanting = (likelihoods[0] - likelihoods[1]) / SEARCH.promised
+    world.promise = {FRICTION.key: 1e3, LAG.key: 9e2} | {c.key: times * wanting for c in OTHERS}
+    run(world, [FRICTION, LAG, *OTHERS], most=2)
+    beside = [keys for keys in world.fitted if len(keys) > 1 and LAG.key in keys and FRICTION.key not in keys]
+    assert bool(beside) is (times > 1)
+
+
+def test_a_pair_is_looked_for_beside_the_better_of_the_two_alone() -> None:
+    world = World(by({FRICTION.key: 2e5, LAG.key: 3e5, STRIBECK.key: 4e5}))
+    begun = [keys for keys in _begun(world, [FRICTION, LAG, STRIBECK, *OTHERS]) if len(keys) == 2]
+    assert begun.count((FRICTION.key, LAG.key)) == 1
+    assert (LAG.key, FRICTION.key) not in begun
+
+
+def _begun(world: World, listed: Sequence[Candidate]) -> list[tuple[str, ...]]:
+    """The effects of all models whose fits were begun in a search for two, in their order."""
+    begun: list[tuple[str, ...]] = []
+    partial_fit = world.partial_fit
+
+    def noted(effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
+        begun.append(tuple(c.key for c in effects))
+        return partial_fit(effects, parents)
+
+    world.partial_fit = noted  # type: ignore[method-assign]
+    run(world, listed, most=2)
+    return begun
+
+
 @pytest.mark.parametrize(("fitted", "begun"), [(-1.0, [0.7]), (-4.0, [0.0, None])])
 def test_where_a_friction_was_fitted_to_nothing_effects_begin_from_the_given_value_too(
     fitted: float, begun: list[float | None]
@@ -203,7 +251,7 @@ def test_what_changes_recordings_as_an_effect_does_is_tried_in_its_place(
 ) -> None:
     """A delay that promised less than all others beside the user's model gains more than the lag beside a friction."""
     delay = effect("delay", "command")
-    promise = {delay.key: 20.0} | {c.key: 30.0 for c in OTHERS}
+    promise = {delay.key: 60.0} | {c.key: 70.0 for c in (FRICTION, LAG, *OTHERS)}
     shapes = {LAG.key: (0.0, 1.0), delay.key: shape}
     alone = {FRICTION.key: 2e4, LAG.key: 5e5, delay.key: 6e5}
     beside = {f"{FRICTION.key} + {LAG.key}": 300.0, f"{FRICTION.key} + {delay.key}": 0.0}
