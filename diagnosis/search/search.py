@@ -185,6 +185,9 @@ class _Search:
             done.append(left[0])
             self._simplified(left[0])
             self._enriched(left[0])
+        for rival in self._near():
+            for effect in rival.effects:
+                self._simpler(rival, effect)
         self._evened()
 
     @property
@@ -213,22 +216,26 @@ class _Search:
         Where a machine sticks, its answer jumps with every parameter, and the fit of a simple law may end at a jump
         that a richer law has passed by.
         """
-        values = model.fit.parameters()
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             if kept:
                 self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
-            laws = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
-            simpler = _able_beside(kept, laws)
-            # From a stiffness that was fitted to nothing no other can grow: that one keeps its own start.
-            begun = [
-                replace(c, starts=({k: values.get(f"{effect.name}.{k}") or v for k, v in c.starts[0].items()},))
-                for c in simpler
-            ]
-            tasks = [((*kept, c), [standing(model.fit)]) for c in begun]
-            for made in self.known.fit(tasks, len(tasks), whole=True, near=model):
+            for made in self._simpler(model, effect):
                 if self.known.worth(self.known[made.keys]) < self.known.worth(model):
                     self.known.keep(self.fitter.retried(made))
+
+    def _simpler(self, model: ScoredModel, effect: Candidate) -> list[ScoredModel]:
+        """Put simpler laws in the place of an effect of a model, from where it ended; they are given."""
+        values = model.fit.parameters()
+        kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+        laws = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
+        # From a stiffness that was fitted to nothing no other can grow: that one keeps its own start.
+        begun = [
+            replace(c, starts=({k: values.get(f"{effect.name}.{k}") or v for k, v in c.starts[0].items()},))
+            for c in _able_beside(kept, laws)
+        ]
+        tasks = [((*kept, c), [standing(model.fit)]) for c in begun]
+        return self.known.fit(tasks, len(tasks), whole=True, near=model)
 
     def _evened(self) -> None:
         """Put nuisances that fit beside the best model in beside its rivals too, so that like compares with like."""
@@ -549,10 +556,10 @@ class _Search:
     ) -> None:
         """Put effects in beside others, and fit those that promise most, a few at a time.
 
-        Where those few gain nothing, or come nowhere near the best model, what promises less is left. What promises
-        little alone is left only where many times as much would not come near it: what is still missing has bent the
-        sizes of those that are in.
-        What was fitted as closely as the model already is not fitted again.
+        Where those few come nowhere near the best model, what promises less is left; so it is where a further effect
+        gains nothing. What promises little alone is left only where many times as much would not come near the best:
+        what is still missing has bent the sizes of those that are in. What was fitted as closely as the model already
+        is not fitted again.
 
         Args:
             kept: effects that stay, each at the one size that it starts from.
@@ -569,7 +576,7 @@ class _Search:
         for few in range(0, len(able), SEARCH.few):
             tasks = [((*kept, c), parents) for c in able[few : few + SEARCH.few]]
             found = self.known.fit(tasks, 1, near=than)
-            least = max(self.known.worth(than), self.known.reach)
+            least = max(self.known.worth(than), self.known.reach) if than.keys <= keys else self.known.reach
             if found and all(self.known.worth(m) < least for m in found):
                 break
         self.fitter.forget(kept)

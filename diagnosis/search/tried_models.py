@@ -113,7 +113,8 @@ class TriedModels:
 
         Args:
             wanted: effects, those that promise most first, and parameters to begin from.
-            finish: how many are fitted to the end; at least the leader by each noise, and the first.
+            finish: how many are fitted to the end; at least the leader by each noise, the first, and after these what
+                leaves as little as a leader but for what is no evidence.
             whole: as of `finished`.
             near: model that recordings are made coarse around; the user's own, if None.
         """
@@ -140,10 +141,11 @@ class TriedModels:
                     self.failures.append(found)
                 if self.progress:
                     self.progress("trying effects", done, len(tasks))
-        leaders, others = self._able(partials)
+        leaders, others, rivals = self._able(partials)
         count = max(finish - len(leaders), 0)
-        self.dropped += others[count:]
-        return self.finished([*leaders, *others[:count]], whole=whole)
+        more = [p for p in others[count:] if any(p is rival for rival in rivals)]
+        self.dropped += [p for p in others[count:] if not any(p is rival for rival in more)]
+        return self.finished([*leaders, *others[:count], *more], whole=whole)
 
     def finished(self, partials: Sequence[PartialFit], *, whole: bool = False) -> list[ScoredModel]:
         """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.
@@ -224,8 +226,10 @@ class TriedModels:
         """Forget all models but some."""
         self._models = {m.keys: m for m in models}
 
-    def _able(self, partials: Sequence[PartialFit]) -> tuple[list[PartialFit], list[PartialFit]]:
+    def _able(self, partials: Sequence[PartialFit]) -> tuple[list[PartialFit], list[PartialFit], list[PartialFit]]:
         """Of partial fits, those that leave least as of white noise and as of coloured noise, and the others by turns.
+
+        Third, those that leave as little as either but for what is no evidence: they may turn out to be its equals.
 
         With white noise a fit leads out of hollows, with coloured noise it is judged: where one model has a turn, each
         has. So has the first, which promised most: a few steps may not have kept that promise yet. The others go place
@@ -234,16 +238,20 @@ class TriedModels:
         Args:
             partials: those that promised most first.
         """
-
-        def coloured(partial: PartialFit) -> float:
-            made = partial.point.problem
-            return made.cost(partial.point.x, made.training)
-
-        orders = (sorted(partials, key=lambda partial: partial.point.cost), sorted(partials, key=coloured))
+        white = {id(p): p.point.cost for p in partials}
+        coloured = {id(p): p.point.problem.cost(p.point.x, p.point.problem.training) for p in partials}
+        orders, close = list[list[PartialFit]](), set[int]()
+        for costs in (white, coloured):
+            orders.append(sorted(partials, key=lambda partial, costs=costs: costs[id(partial)]))  # type: ignore[misc]
+            close |= {number for number, cost in costs.items() if cost <= min(costs.values()) + 2 * SEARCH.effort}
         found = list({id(p): p for both in zip(*orders, strict=True) for p in both}.values())
         leaders = [p for p in found if any(p is order[0] for order in (*orders, partials))]
         others = [p for p in found if not any(p is leader for leader in leaders)]
-        return leaders, place_by_place(others, lambda partial: partial.effects[-1].place)
+        return (
+            leaders,
+            place_by_place(others, lambda partial: partial.effects[-1].place),
+            [p for p in found if id(p) in close],
+        )
 
     def _has_meaning(self, made: ScoredModel) -> bool:
         """Whether blocks take the sizes at which a fit ended: it moves them without asking again."""

@@ -546,7 +546,7 @@ def test_where_one_model_has_a_turn_both_that_lead_after_a_few_steps_have_one() 
 
     def partial_fit(effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
         made = begun(effects, parents)
-        white = 10.0 if right in effects else 1.0
+        white = {bending.key: 1.0, right.key: 10.0}.get(effects[-1].key, 50.0)
         return replace(made, point=replace(made.point, cost=white))
 
     world.partial_fit = partial_fit  # type: ignore[method-assign]
@@ -555,6 +555,15 @@ def test_where_one_model_has_a_turn_both_that_lead_after_a_few_steps_have_one() 
     made = known.fit(tasks, 1)
     assert {m.keys for m in made} == {frozenset({strong.key, c.key}) for c in (bending, right)}
     assert len(known.dropped) == len(OTHERS)
+
+
+@pytest.mark.parametrize(("apart", "turns"), [(0.5, 2), (4.0, 1)])
+def test_what_comes_as_close_as_a_leader_but_for_what_is_no_evidence_has_a_turn(apart: float, turns: int) -> None:
+    """A delay after a few steps beside a lag: either may be the better one at the end."""
+    delay = effect("delay", "u")
+    world = World(by({LAG.key: 0.0, delay.key: 2 * apart * SEARCH.effort}))
+    known = tried_models.TriedModels(world, world.refit, 20)  # type: ignore[arg-type]
+    assert len(known.fit([((c,), [{}]) for c in (LAG, *OTHERS, delay)], 1)) == turns
 
 
 def test_what_promised_most_has_a_turn_whatever_a_few_steps_have_brought() -> None:
