@@ -163,7 +163,7 @@ class CandidateFitter:
         kept = self._kept(f"closest {model.label} {marks}", model.effects, compute)
         found = self._trial(kept, "stated")
         bends = bool(model.effects) and found.bent and not model.bent and not misses(model.left)
-        closer = not bends and found.left.energy.sum() <= model.left.energy.sum()
+        closer = not bends and found.squares <= model.squares
         return replace(found, log_evidence=model.log_evidence) if closer else model
 
     def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:
@@ -484,7 +484,7 @@ class CandidateFitter:
         best, *others = ends
         for other in others:
             known, new = self._trial(best), self._trial(other)
-            if new.log_evidence > known.log_evidence and new.left.energy.sum() < known.left.energy.sum():
+            if new.log_evidence > known.log_evidence and new.squares < known.squares:
                 best = other
         return best
 

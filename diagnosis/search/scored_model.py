@@ -9,6 +9,7 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.held_out_starts import with_held_out_starts
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.leftover import Leftover, Noise
+from diagnosis.estimation.problem import counted
 from diagnosis.search.evidence import ChosenSize, evidence
 
 
@@ -51,6 +52,12 @@ class ScoredModel:
     def prior_cost(self) -> float:
         """What the fitted parameters cost against their tolerances."""
         return self.fit.problem.prior_cost(self.fit.x)
+
+    @property
+    def squares(self) -> float:
+        """Sum of the squared residuals of all recordings, in variances of the noise, where the fit ended."""
+        problem = self.fit.problem
+        return counted(problem.training) * self.fit.chi2 + counted(problem.held_out) * self.hold_out
 
     @property
     def cost(self) -> float:
