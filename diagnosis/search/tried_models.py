@@ -143,9 +143,12 @@ class TriedModels:
                     self.progress("trying effects", done, len(tasks))
         leaders, others, rivals = self._able(partials)
         count = max(finish - len(leaders), 0)
-        more = [p for p in others[count:] if any(p is rival for rival in rivals)]
-        self.dropped += [p for p in others[count:] if not any(p is rival for rival in more)]
-        return self.finished([*leaders, *others[:count], *more], whole=whole)
+        self.dropped += others[count:]
+        made = self.finished([*leaders, *others[:count]], whole=whole)
+        left = {id(p) for p in (*self.waiting, *self.dropped)} & {id(rival) for rival in rivals}
+        self.waiting = [p for p in self.waiting if id(p) not in left]
+        self.dropped = [p for p in self.dropped if id(p) not in left]
+        return made + self.finished([rival for rival in rivals if id(rival) in left], whole=whole)
 
     def finished(self, partials: Sequence[PartialFit], *, whole: bool = False) -> list[ScoredModel]:
         """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.
