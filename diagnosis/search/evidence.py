@@ -111,7 +111,7 @@ class _Near:
         self, problem: Problem, x: Array, chosen: Sequence[ChosenSize], instants: Sequence[Experiment]
     ) -> None:
         self.problem, self.x, self.chosen, self.instants = problem, x, chosen, instants
-        self._prior = _prior(problem, x, chosen)
+        self._away, self._own = _prior(problem, x, chosen)
         found = _slopes(problem, x, chosen, instants)
         self._rows, self._slopes = [r for r, _ in found], [J for _, J in found]
         self._parts = [_by_band(e, r, J) for e, (r, J) in zip(instants, found, strict=True)]
@@ -120,7 +120,7 @@ class _Near:
         """Logarithm of the evidence of some of the recordings, and the step to where they are likelier, if any is."""
         some = [self.instants[k] for k in numbers]
         left = left_by(some, [self._rows[k] for k in numbers])
-        away, own = self._prior
+        away, own = self._away, self._own
         pull, data = self._information(numbers, left)
         step: Array = -np.asarray(np.linalg.lstsq(data + own.T @ own, pull + own.T @ away, rcond=None)[0])
         likely = left.log_likelihood - 0.5 * float(away @ away)
@@ -152,7 +152,7 @@ class _Near:
 
     def _information(self, numbers: Sequence[int], left: Leftover) -> tuple[Array, Array]:
         """Gradient and curvature of half the misfit of some recordings, with noise as strong as what is left over."""
-        size, strengths = len(self._prior[1].T), left.by_band
+        size, strengths = self._own.shape[1], left.by_band
         pull, data = np.zeros(size), np.zeros((size, size))
         for number in numbers:
             for name, errors, rows in self._parts[number]:

@@ -566,6 +566,17 @@ def test_what_comes_as_close_as_a_leader_but_for_what_is_no_evidence_has_a_turn(
     assert len(known.fit([((c,), [{}]) for c in (LAG, *OTHERS, delay)], 1)) == turns
 
 
+@pytest.mark.parametrize("finish", [1, 8, 14])
+def test_what_comes_as_close_as_a_leader_does_not_wait_for_others(finish: int) -> None:
+    """Two laws at one place: the second stands behind all other places, whose models come nowhere near."""
+    laws = [effect(f"law_{k}", "joint") for k in range(2)]
+    world = World(by({LAG.key: 0.0} | {law.key: 1.0 + k for k, law in enumerate(laws)}))
+    known = tried_models.TriedModels(world, world.refit, 20)  # type: ignore[arg-type]
+    known.fit([((c,), [{}]) for c in (LAG, *laws, *OTHERS)], finish)
+    assert {frozenset({law.key}) for law in laws} <= set(world.fitted)
+    assert not [p for p in (*known.waiting, *known.dropped) if p.effects[0].place == "joint"]
+
+
 def test_what_promised_most_has_a_turn_whatever_a_few_steps_have_brought() -> None:
     strong, quick, right = effect("dead_zone", "u"), effect("gravity", "link"), effect("offset", "u")
     world = World(by({f"{strong.key} + {quick.key}": 30.0}))
