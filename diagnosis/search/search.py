@@ -303,14 +303,18 @@ class _Search:
         return self.known.best if count == 1 else self.known.confirmed(self.known.best)
 
     def _enough(self, count: int) -> bool:
-        """Whether nothing is left that a further effect, of so many, could explain."""
+        """Whether nothing is left that a further effect, of so many, could explain.
+
+        Where the user's model leaves no more than a sensor's noise may, one effect is the most: beside that, nuisances
+        are as large as a second one.
+        """
         before = self._leader(count)
         done = complete(before, self.known.refit)
         if done and not misses(before.unseen) and not strained(before, self.known.tried):
             return True
         if before.room < self.known.price + SEARCH.effort:
             return True
-        return count > 1 and not before.effects and not misses(self.known.refit.left)
+        return count > 1 and not misses(self.known.refit.left)
 
     def _finish_waiting(self) -> None:
         waiting, self.known.waiting, before = self.known.waiting, [], self.known.best

@@ -266,6 +266,15 @@ def test_where_one_effect_leaves_the_noise_no_further_is_sought() -> None:
     assert max(len(keys) for keys in world.fitted) == 1
 
 
+@pytest.mark.parametrize(("refit", "sought"), [(400.0, False), (2000.0, True)])
+def test_where_the_users_model_leaves_no_more_than_noise_no_second_effect_is_sought(refit: float, sought: bool) -> None:
+    """What one effect leaves of so little may be a nuisance as well as a further effect."""
+    world = World(by({"": refit, FRICTION.key: 150.0, f"{FRICTION.key} + {LAG.key}": 0.0}))
+    found = run(world, [FRICTION, LAG, *OTHERS])
+    assert FRICTION.key in found.known.best.keys
+    assert any(len(keys) > 1 for keys in world.fitted) == sought
+
+
 def test_where_the_first_pair_leaves_the_noise_what_leads_less_is_not_extended() -> None:
     lesser = {c.key: 1e5 + k for k, c in enumerate(OTHERS[:4])}
     world = World(by({FRICTION.key: 2e4, LAG.key: 5e5, f"{FRICTION.key} + {LAG.key}": 0.0} | lesser))
