@@ -186,6 +186,7 @@ class _Search:
             self._simplified(left[0])
             self._enriched(left[0])
         for rival in self._near():
+            self._chosen_anew(rival)
             for effect in rival.effects:
                 self._simpler(rival, effect)
         self._evened()
@@ -223,6 +224,18 @@ class _Search:
             for made in self._simpler(model, effect):
                 if self.known.worth(self.known[made.keys]) < self.known.worth(model):
                     self.known.keep(self.fitter.retried(made))
+
+    def _chosen_anew(self, model: ScoredModel) -> None:
+        """Put each effect of a model in with every value of what is only chosen, such as a wave's order.
+
+        The value was chosen after a few steps by the recordings that are fitted: over a short way orders are alike there.
+        """
+        for effect in model.effects:
+            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            listed = [c for c in self.listed if (c.key, c.option) == (effect.key, effect.option)]
+            ways = [way for c in _able_beside(kept, listed) for way in c.choices()]
+            if len(ways) > 1:
+                self.known.fit([((*kept, way), [standing(model.fit)]) for way in ways], 1, near=model)
 
     def _simpler(self, model: ScoredModel, effect: Candidate) -> list[ScoredModel]:
         """Put simpler laws in the place of an effect of a model, from where it ended; they are given."""

@@ -606,6 +606,24 @@ def test_where_no_pair_explains_all_those_that_had_no_turn_beside_the_best_are_f
     assert run(world, [gap, zone, quick, *OTHERS], 2).known.best.keys == {gap.key, zone.key}
 
 
+def test_at_last_what_was_only_chosen_of_a_rival_is_chosen_anew() -> None:
+    """Over a short way waves of two and three a turn are alike: which leaves less is told by the whole fit."""
+    rows = (EffectParameter("order", 1.0, fixed=True), EffectParameter("amplitude", 1.0))
+    starts = tuple({"order": order, "amplitude": 0.1} for order in (2.0, 3.0))
+    ripple = replace(effect("torque_ripple"), parameters=rows, starts=starts)
+
+    class Waves(World):
+        def finish(self, partial: PartialFit, reach: float = math.inf) -> Any:
+            waves = [c.starts[0]["order"] for c in partial.effects if c.key == ripple.key]
+            self.excess_at_end = by({ripple.key: 12.0 if waves == [2.0] else 1.0, LAG.key: 2.0})
+            return super().finish(partial, reach)
+
+    world = Waves(by({ripple.key: 12.0, LAG.key: 2.0}))
+    found = run(world, [ripple, LAG, *OTHERS])
+    assert found.known.best.keys == {ripple.key}
+    assert found.known.best.sizes[0]["order"] == 3.0
+
+
 def test_at_last_each_effect_is_taken_away_once_more() -> None:
     """A pair came from elsewhere, and one of its effects explains nothing beside the other: that one alone is told."""
     zone = effect("dead_zone", "u")
