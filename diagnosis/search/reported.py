@@ -14,6 +14,7 @@ from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.posterior import credible, is_simpler, misses, worse
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
+from diagnosis.thresholds import EVIDENCE
 
 
 def as_reported(fitter: CandidateFitter, found: Study) -> Study:
@@ -32,11 +33,17 @@ def as_reported(fitter: CandidateFitter, found: Study) -> Study:
         return closest[model.keys]
 
     def believed(model: ScoredModel) -> ScoredModel:
-        """The model, or the simpler one that follows held-out recordings better."""
+        """The model, or the simpler one that follows held-out recordings better.
+
+        That is none of those of which the model explains most that they leave: fits to these would cost time alone.
+        """
         end = reported(model)
         if not misses(end.unseen):
             return model
-        simpler = [s for s in tried.values() if is_simpler(s, model) and worse(end, reported(s, end))]
+        left = float(end.unseen.energy.sum())
+        simpler = [s for s in tried.values() if is_simpler(s, model)]
+        able = [s for s in simpler if left > (1 - EVIDENCE.most) * float(s.unseen.energy.sum())]
+        simpler = [s for s in able if worse(end, reported(s, end))]
         return believed(max(simpler, key=lambda s: s.log_evidence)) if simpler else model
 
     reported(found.refit)

@@ -26,7 +26,7 @@ from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses, likeness, together
 from diagnosis.search.study import Looked, Study
 from diagnosis.search.tried_models import Progress, TriedModels, Values
-from diagnosis.thresholds import SEARCH
+from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.spread import Spread
 
 
@@ -222,8 +222,15 @@ class _Search:
             if kept:
                 self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
             for made in self._simpler(model, effect):
-                if self.known.worth(self.known[made.keys]) < self.known.worth(model):
+                known = self.known[made.keys]
+                if self.known.worth(known) < self.known.worth(model) and self._does_most(known, model, effect):
                     self.known.keep(self.fitter.retried(made))
+
+    def _does_most(self, simpler: ScoredModel, model: ScoredModel, effect: Candidate) -> bool:
+        """Whether a simpler law explains most of what an effect of a model does: a jump of the cost is no more."""
+        keys = model.keys - {effect.key}
+        without = self.known[keys] if keys in self.known else self.known.refit
+        return energy(without) - energy(simpler) > EVIDENCE.most * (energy(without) - energy(model))
 
     def _chosen_anew(self, model: ScoredModel) -> None:
         """Put each effect of a model in with every value of what is only chosen, such as a wave's order.
@@ -241,7 +248,8 @@ class _Search:
         """Put simpler laws in the place of an effect of a model, from where it ended; they are given."""
         values = model.fit.parameters()
         kept = tuple(ended(model, c) for c in model.effects if c is not effect)
-        laws = [c for c in self.listed if c.place == effect.place and c.key != effect.key and is_in(c, effect)]
+        same = [c for c in self.listed if (c.place, c.option) == (effect.place, effect.option)]
+        laws = [c for c in same if c.key != effect.key and is_in(c, effect)]
         # From a stiffness that was fitted to nothing no other can grow: that one keeps its own start.
         begun = [
             replace(c, starts=({k: values.get(f"{effect.name}.{k}") or v for k, v in c.starts[0].items()},))

@@ -66,6 +66,14 @@ def test_at_the_noise_nothing_simpler_is_fitted() -> None:
     assert frozenset({FRICTION.key}) not in asked
 
 
+def test_of_what_leaves_more_than_twice_as_much_no_other_fit_is_asked_for() -> None:
+    """As the search fitted it, all are left 580 times the noise; at the least squared error the pair leaves 200."""
+    rows: list[Row] = [((), 2000 * COUNT, 0.0), ((FRICTION,), 550 * COUNT, 0.0), ((FRICTION, LAG), 200 * COUNT, 1.0)]
+    said, asked = reported(rows, 580 * COUNT)
+    assert said.chosen.keys == {FRICTION.key, LAG.key}
+    assert frozenset({FRICTION.key}) not in asked
+
+
 def test_models_that_are_told_alike_share_their_odds() -> None:
     """Beside either of two nuisances: what is left of both is the friction."""
     drift = effect("sensor_bias", "s")

@@ -634,6 +634,16 @@ def test_at_last_each_effect_is_taken_away_once_more() -> None:
     assert made.known.best.keys == {zone.key}
 
 
+@pytest.mark.parametrize(("simple", "again"), [(100.0, True), (9e5, False)])
+def test_a_simpler_law_that_does_most_of_what_the_richer_one_does_is_tried_again(simple: float, again: bool) -> None:
+    """It may have ended at a jump of the cost; what does next to nothing has not."""
+    world = World(by({FRICTION.key: simple, STRIBECK.key: 0.0}))
+    made: Any = searching._Search(world, world.refit, [FRICTION, STRIBECK], None)  # type: ignore[arg-type]
+    made.known.keep(world.made((STRIBECK,)))
+    made._simplified(world.made((STRIBECK,)))
+    assert (frozenset({FRICTION.key}) in world.retries) == again
+
+
 def test_a_simpler_law_keeps_its_own_start_where_the_richer_one_ended_at_nothing() -> None:
     """A cubic spring's linear part, which is the user's, may be fitted to nothing; a size has a logarithm."""
     world = World(by({FRICTION.key: 3e5, STRIBECK.key: 0.0}))
