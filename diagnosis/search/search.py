@@ -229,13 +229,15 @@ class _Search:
     def _does_most(self, simpler: ScoredModel, model: ScoredModel, effect: Candidate) -> bool:
         """Whether a simpler law explains most of what an effect of a model does: a jump of the cost is no more."""
         keys = model.keys - {effect.key}
-        without = self.known[keys] if keys in self.known else self.known.refit
+        if keys not in self.known:
+            return True  # it could not be fitted
+        without = self.known[keys]
         return energy(without) - energy(simpler) > EVIDENCE.most * (energy(without) - energy(model))
 
     def _chosen_anew(self, model: ScoredModel) -> None:
         """Put each effect of a model in with every value of what is only chosen, such as a wave's order.
 
-        The value was chosen after a few steps by the recordings that are fitted: over a short way orders are alike there.
+        It was chosen after a few steps by the recordings that are fitted: over a short way orders are alike there.
         """
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
