@@ -128,7 +128,7 @@ def _one_of_several(model: ScoredModel, simpler: ScoredModel) -> bool:
     It is asked of the whole model at each step to a simpler one: a richer law and the law itself may each leave much of
     what the other takes away.
     """
-    return not misses(simpler.unseen) or excess(model.left) > EVIDENCE.several * excess(simpler.left)
+    return not misses(simpler.left) or excess(model.left) > EVIDENCE.several * excess(simpler.left)
 
 
 def excess(left: Leftover) -> float:

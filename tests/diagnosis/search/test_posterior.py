@@ -207,6 +207,13 @@ def test_what_takes_away_nearly_all_that_is_left_is_believed_far_above_the_noise
     assert (both in believed([refit, one, both], refit)) == kept
 
 
+def test_what_takes_away_nearly_all_is_believed_though_the_fitted_recordings_alone_show_more_than_noise() -> None:
+    """Friction at low speed is more than the plain law; only a slow recording, which was fitted, tells."""
+    simple = model(FRICTION, excess=1.7e3, held_out=300.0)
+    rich = model(STRIBECK, excess=10.0, held_out=10.0)
+    assert rich in believed([REFIT, simple, rich], REFIT)
+
+
 def test_where_no_more_than_noise_is_left_an_effect_takes_away_most_of_it() -> None:
     """A drift of the machine or the sensors is as large as a tenth of the noise."""
     refit = model(excess=0.5 * COUNT)
