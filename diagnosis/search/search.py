@@ -328,8 +328,8 @@ class _Search:
     def _enough(self, count: int) -> bool:
         """Whether nothing is left that a further effect, of so many, could explain.
 
-        Where the user's model leaves no more than a sensor's noise may, one effect is the most: beside that, nuisances
-        are as large as a second one.
+        Where the user's model leaves no more than a sensor's noise may, one effect is the most, unless parameters are
+        far off with it: nuisances are as large there as a second one.
         """
         before = self._leader(count)
         done = complete(before, self.known.refit)
@@ -337,7 +337,8 @@ class _Search:
             return True
         if before.room < self.known.price + SEARCH.effort:
             return True
-        return count > 1 and not misses(self.known.refit.left)
+        steady = not before.effects or not strained(before, self.known.tried)
+        return count > 1 and steady and not misses(self.known.refit.left)
 
     def _finish_waiting(self) -> None:
         waiting, self.known.waiting, before = self.known.waiting, [], self.known.best

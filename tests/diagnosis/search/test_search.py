@@ -266,10 +266,19 @@ def test_where_one_effect_leaves_the_noise_no_further_is_sought() -> None:
     assert max(len(keys) for keys in world.fitted) == 1
 
 
-@pytest.mark.parametrize(("refit", "sought"), [(400.0, False), (2000.0, True)])
-def test_where_the_users_model_leaves_no_more_than_noise_no_second_effect_is_sought(refit: float, sought: bool) -> None:
-    """What one effect leaves of so little may be a nuisance as well as a further effect."""
-    world = World(by({"": refit, FRICTION.key: 150.0, f"{FRICTION.key} + {LAG.key}": 0.0}))
+@pytest.mark.parametrize(("refit", "strain", "sought"), [(400.0, 1.0, False), (2000.0, 1.0, True), (400.0, 30.0, True)])
+def test_where_the_users_model_leaves_no_more_than_noise_no_second_effect_is_sought(
+    refit: float, strain: float, sought: bool
+) -> None:
+    """What one effect leaves of so little may be a nuisance as well as a further effect, unless it bends parameters."""
+
+    class Bent(World):
+        def made(self, effects: tuple[Candidate, ...], *, after: Excess | None = None) -> Any:
+            made = super().made(effects, after=after)
+            made.strain = strain
+            return made
+
+    world = Bent(by({"": refit, FRICTION.key: 150.0, f"{FRICTION.key} + {LAG.key}": 0.0}))
     found = run(world, [FRICTION, LAG, *OTHERS])
     assert FRICTION.key in found.known.best.keys
     assert any(len(keys) > 1 for keys in world.fitted) == sought
