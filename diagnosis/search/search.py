@@ -19,7 +19,17 @@ from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import drawn_back, ended, place_of, standing
-from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, probabilities, strained
+from diagnosis.search.posterior import (
+    complete,
+    energy,
+    explained,
+    is_in,
+    misses,
+    price,
+    prices,
+    probabilities,
+    strained,
+)
 from diagnosis.search.ranking import best_ways, cut, place_by_place, ranked, related, spoken_for
 from diagnosis.search.readings import taken_otherwise
 from diagnosis.search.scored_model import ScoredModel
@@ -185,7 +195,7 @@ class _Search:
             done.append(left[0])
             self._simplified(left[0])
             self._enriched(left[0])
-        for rival in self._near():
+        for rival in self._near() if self._explains_most else []:
             self._chosen_anew(rival)
             for effect in rival.effects:
                 self._simpler(rival, effect)
@@ -301,7 +311,8 @@ class _Search:
                 self._finish_waiting()
                 if not self._enough(count):
                     self._other_laws()
-            if self._enough(count):
+            # Of three effects two explain most: where they do not, what is missing is none that is listed.
+            if self._enough(count) or (count > 2 and not self._explains_most):
                 return
             before = self._leader(count)
             leading = [m.keys for m in self.known.leading]
@@ -339,6 +350,11 @@ class _Search:
             return True
         steady = not before.effects or not strained(before, self.known.tried)
         return count > 1 and steady and not misses(self.known.refit.left)
+
+    @property
+    def _explains_most(self) -> bool:
+        """Whether the best model explains as much as a verdict asks of what has a name."""
+        return explained(self.known.refit, self.known.best) >= EVIDENCE.most
 
     def _finish_waiting(self) -> None:
         waiting, self.known.waiting, before = self.known.waiting, [], self.known.best

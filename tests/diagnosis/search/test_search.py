@@ -374,6 +374,16 @@ def test_where_a_second_effect_is_not_believed_no_third_is_sought() -> None:
     assert max(len(keys) for keys in world.fitted) == 2
 
 
+@pytest.mark.parametrize(("pair", "sought"), [(7e5, False), (1e5, True)])
+def test_where_two_effects_explain_less_than_most_no_third_is_sought(pair: float, sought: bool) -> None:
+    zone = effect("dead_zone", "v")
+    rows = {FRICTION.key: 9e5, f"{FRICTION.key} + {LAG.key}": pair, f"{FRICTION.key} + {LAG.key} + {zone.key}": 0.0}
+    world = World(by(rows))
+    found = run(world, [FRICTION, LAG, zone, *OTHERS])
+    assert (found.known.best.keys == {FRICTION.key, LAG.key, zone.key}) == sought
+    assert any(len(keys) > 2 for keys in world.fitted) == sought
+
+
 def test_a_second_effect_that_is_told_only_beside_a_third_does_not_end_the_search() -> None:
     """Beside a dead zone the lag owes little while the friction is missing, and the model is told as the dead zone."""
     zone = effect("dead_zone", "u")
