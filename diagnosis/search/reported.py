@@ -35,7 +35,7 @@ def as_reported(fitter: CandidateFitter, found: Study) -> Study:
     def believed(model: ScoredModel) -> ScoredModel:
         """The model, or the simpler one that follows held-out recordings better.
 
-        That is none of those of which the model explains most that they leave: fits to these would cost time alone.
+        One that leaves more than twice as much of them is not fitted for that: it would only cost time.
         """
         end = reported(model)
         if not misses(end.unseen):

@@ -195,7 +195,7 @@ class _Search:
             done.append(left[0])
             self._simplified(left[0])
             self._enriched(left[0])
-        for rival in self._near() if self._explains_most else []:
+        for rival in self._rivals() if self._explains_most else []:
             self._chosen_anew(rival)
             for effect in rival.effects:
                 self._simpler(rival, effect)
@@ -215,6 +215,12 @@ class _Search:
         """The models near the best that are worth most, itself among them."""
         near = [m for m in self.known.models if self.known.worth(m) > self.known.reach]
         return sorted(near, key=self.known.worth, reverse=True)[: SEARCH.settled]
+
+    def _rivals(self) -> list[ScoredModel]:
+        """What the models near the best are told as, the best first: what else they have may be nuisances."""
+        near = sorted(self.known.told, key=lambda pair: self.known.worth(pair[1]), reverse=True)
+        told = {as_.keys: as_ for as_, m in near if self.known.worth(m) > self.known.reach}
+        return list(told.values())[: SEARCH.settled]
 
     def fit_known(self, models: Sequence[ScoredModel]) -> None:
         """Fit models that were found with other recordings, from where they ended there, each to its end."""
@@ -237,7 +243,7 @@ class _Search:
                     self.known.keep(self.fitter.retried(made))
 
     def _does_most(self, simpler: ScoredModel, model: ScoredModel, effect: Candidate) -> bool:
-        """Whether a simpler law explains most of what an effect of a model does: a jump of the cost is no more."""
+        """Whether a simpler law explains most of what an effect of a model does; so do fits that a jump has ended."""
         keys = model.keys - {effect.key}
         if keys not in self.known:
             return True  # it could not be fitted
@@ -311,7 +317,7 @@ class _Search:
                 self._finish_waiting()
                 if not self._enough(count):
                     self._other_laws()
-            # Of three effects two explain most: where they do not, what is missing is none that is listed.
+            # Of three effects two explain most: where they do not, what is missing is not among those that are listed.
             if self._enough(count) or (count > 2 and not self._explains_most):
                 return
             before = self._leader(count)

@@ -625,6 +625,22 @@ def test_where_no_pair_explains_all_those_that_had_no_turn_beside_the_best_are_f
     assert run(world, [gap, zone, quick, *OTHERS], 2).known.best.keys == {gap.key, zone.key}
 
 
+def test_of_nuisances_beside_a_rival_no_simpler_laws_are_fitted() -> None:
+    """Either of two further bodies may be a nuisance beside the friction; that of the best model is looked into."""
+    modes = [effect("extra_mode", place, sizes=3) for place in ("arm", "leg")]
+    plain = [effect("viscous_friction", place) for place in ("arm", "leg")]
+    left = {FRICTION.key: 5e3} | {f"{FRICTION.key} + {mode.key}": 1e3 + k for k, mode in enumerate(modes)}
+    world = World(by(left))
+    made: Any = searching._Search(world, world.refit, [FRICTION, *modes, *plain], None)  # type: ignore[arg-type]
+    for effects in ((FRICTION,), (FRICTION, modes[0]), (FRICTION, modes[1])):
+        made.known.keep(world.made(effects))
+    made._begun = False
+    made.run(3)
+    assert made.known.best.keys == {FRICTION.key}
+    assert frozenset({FRICTION.key, plain[0].key}) in world.fitted
+    assert frozenset({FRICTION.key, plain[1].key}) not in world.fitted
+
+
 def test_at_last_what_was_only_chosen_of_a_rival_is_chosen_anew() -> None:
     """Over a short way waves of two and three a turn are alike: which leaves less is told by the whole fit."""
     rows = (EffectParameter("order", 1.0, fixed=True), EffectParameter("amplitude", 1.0))
