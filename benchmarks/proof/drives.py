@@ -120,16 +120,9 @@ that no recording to train on meets. The last two rules are younger than the fir
 came out as one whose stiffness is wrong by half, which left 1.05 of the noise, and rig 1001 between stops that its
 recordings to train on do not touch as "something is missing".
 
-Of the five effects that came to the random rigs last (slack, stops, both kinds of heat, transmission error), 20 cases
-could be drawn: 18 were named at first, and for the end stops of rigs 1002 and 1005 the diagnosis was stopped; those of
-rig 1005 are named at a later state, in 70 s. No wrong name was given. Every interval that is told with the 18 holds the
-true value; pretensions, heat capacities, amplitudes and the places of stops are met to 6 %. Stiffness and damping of
-rig 1000's stops have no interval, and are wrong by factors of 0.6 and 3.5: its bounces were not followed to the noise.
-
-The warm friction of rig 1002 was stopped too, at the state that ran the other 26. The refit had taken its bearing's
-friction to nothing, beside which nothing falls, so that the effect was never fitted, not even alone. Effects now begin
-from the given value as well, and this case, which showed it, is named in 42 s of processor time. The others were not
-run again at that state.
+Of 79 intervals with a known true value 76 hold it. Two of the three that do not are of friction that grows with the
+load, one of its square. The resistance of a supply is not compared: it is told for a supply of twice the largest
+command, which the truth's is not, and a finding does not say so.
 
 A gear's transmission error counts from where a recording begins, in truth and block: angles are zero there, and the
 gear is not twisted. Before, the block began with the wave's value at its phase. Three of the four rigs were named all
@@ -138,25 +131,16 @@ is tested on a joint that scipy integrates (`tests/diagnosis/effects/test_drive.
 revolution are named, where a ripple of the motor of the same order is the nearest rival. So are 0.2 mrad, at which the
 fit ended elsewhere while the recordings began with that value.
 
-Of the first 84 cases, one program has run all but the two masses with Coulomb friction and cogging of 30 thresholds,
-which a later one repeated (`code` in the data file): before, load-dependent friction was named beside the cogging, with
-a share of the load of 3e-5. Both laws followed what was fitted to 1.01 of the noise, and one held-out recording comes
-to rest in another valley of the cogging. Coulomb friction with cogging on the hard belt was named when it was let
-run (330 s under a profiler), both effects.
-
-The nine cases that were not right were all run again, and no others, when diagnoses had become faster and frequencies
-were looked for anew beside each effect (`code` in the data file): the rate limit on the belt axis, Coulomb friction
-with a limit of the current on two masses and the stops of rig 1005 are named, which had been stopped. Four are stopped
-as before or in place of a wrong name, cogging of rig 1004 in place of "something is missing". The supply of rig 1002 is
-found far ahead of all other effects, and a measured curve at its place is believed more. The six of them that were
-still not right were run once more when recordings and places followed the model that is extended, and none was right:
-Coulomb friction with cogging on two masses is told as unknown, which had been stopped. When an encoder behind a spring
-told the angle of a shaft, four were run again, cogging of rig 1004, both cases of Coulomb friction with cogging of 300
-thresholds, and the one of 30 on two masses: that of rig 1004 is named, the others stay as they were. On two masses and
-at 300 thresholds the true model follows the recordings to the noise if it is fitted to ever more of them in small
-steps; the search does not do so. With the rules of ADR 39 the two of 300 thresholds were run once more, and no others:
-on the hard belt both effects are named, which had been stopped; on two masses the friction is, with an offset in the
-place of the cogging.
+One program has run all cases that can be drawn, and none of them again. Before, each case stood as the last of several
+programs had run it, and 97 were right. Of the eleven that are not, one is a name too many (an inductance beside the
+friction), three are told as "something is missing", and seven were stopped, some of them while other work took the
+processors. Six of these seven had been named by older programs, in 42 to 175 s: diagnoses fit more models since, and
+fits of cogging, whose runs bounce from valley to valley, take ten seconds each. A later program, which
+puts no simpler laws in the place of nuisances, names the cogging of 300 thresholds on two masses in 134 s, and ends the
+rate limit of rig 1000 in 199 s. The steps of the belt axis's command were named with 348 times the floor left; with
+1383 left they are not claimed, by the program before this one neither. With the warm friction of rig 1002 that program
+had not ended after 250 s. On two masses and at 300 thresholds the true model of friction with cogging follows the
+recordings to the noise if it is fitted to ever more of them in small steps; the search does not do so.
 
 By hand, on recordings of 2 s without background, each of the six of commands, supply, winding, belt and stops was named
 alone, with the true size within its interval: a rate limit of 30 thresholds, a supply of 0.23 ohm at 3 V and 2.6 ohm of

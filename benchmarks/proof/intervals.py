@@ -46,6 +46,8 @@ def covered(found: dict[str, Any], answer: dict[str, Any]) -> list[tuple[str, bo
 
 def _true_value(concealed: dict[str, Any], key: str, place: str, answer: dict[str, Any]) -> float | None:
     parameters = concealed["parameters"]
+    if concealed["effect"] == "supply_sag":
+        return None  # only resistance over voltage squared shows, and no finding tells the voltage
     if (concealed["effect"], key) == ("gravity", "mass"):  # the tool's radius is 1 m
         value = parameters["moment"] / GRAVITY
     elif (concealed["effect"], key) == ("outside_vibration", "frequency"):  # the tool's is in rad/s, the truth's in Hz
