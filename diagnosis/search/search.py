@@ -243,7 +243,10 @@ class _Search:
                     self.known.keep(self.fitter.retried(made))
 
     def _does_most(self, simpler: ScoredModel, model: ScoredModel, effect: Candidate) -> bool:
-        """Whether a simpler law explains most of what an effect of a model does; so do fits that a jump has ended."""
+        """Whether a simpler law explains most of what an effect of a model does.
+
+        Then its fit may have ended at a jump of the cost, short of the rest.
+        """
         keys = model.keys - {effect.key}
         if keys not in self.known:
             return True  # it could not be fitted
@@ -354,8 +357,9 @@ class _Search:
             return True
         if before.room < self.known.price + SEARCH.effort:
             return True
-        steady = not before.effects or not strained(before, self.known.tried)
-        return count > 1 and steady and not misses(self.known.refit.left)
+        if count == 1 or misses(self.known.refit.left):
+            return False
+        return not before.effects or not strained(before, self.known.tried)
 
     @property
     def _explains_most(self) -> bool:
