@@ -78,7 +78,7 @@ PLACES: dict[str, tuple[str, str, str]] = {
     "supply_sag": (
         "before the voltage of a motor with a winding, as a source with resistance, a bridge and its duty",
         "0.1 of the winding's resistance, as seen at the largest command, within a factor of 10; told for a supply of "
-        "twice that command, since only resistance over voltage squared shows",
+        "twice that command, which the finding gives beside it, since only resistance over voltage squared shows",
         "a higher resistance of the winding, where the command has two levels",
     ),
     "warm_up": (

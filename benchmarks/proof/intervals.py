@@ -38,17 +38,18 @@ def covered(found: dict[str, Any], answer: dict[str, Any]) -> list[tuple[str, bo
             for key, row in f["parameters"].items():
                 if row["low"] == row["high"]:  # a number that was chosen, such as an order
                     continue
-                value = _true_value(c, key, f["place"], answer)
+                value = _true_value(c, key, f, answer)
                 if value is not None:
                     rows.append((f"{c['effect']}.{key}", _inside(key, row, value)))
     return rows
 
 
-def _true_value(concealed: dict[str, Any], key: str, place: str, answer: dict[str, Any]) -> float | None:
-    parameters = concealed["parameters"]
-    if concealed["effect"] == "supply_sag":
-        return None  # only resistance over voltage squared shows, and no finding tells the voltage
-    if (concealed["effect"], key) == ("gravity", "mass"):  # the tool's radius is 1 m
+def _true_value(concealed: dict[str, Any], key: str, finding: dict[str, Any], answer: dict[str, Any]) -> float | None:
+    parameters, place = concealed["parameters"], finding["place"]
+    if (concealed["effect"], key) == ("supply_sag", "resistance"):  # only resistance over voltage squared shows
+        told = finding["parameters"]["source_voltage"]["value"]
+        value = parameters["resistance"] * (told / parameters["voltage"]) ** 2
+    elif (concealed["effect"], key) == ("gravity", "mass"):  # the tool's radius is 1 m
         value = parameters["moment"] / GRAVITY
     elif (concealed["effect"], key) == ("outside_vibration", "frequency"):  # the tool's is in rad/s, the truth's in Hz
         value = 2 * math.pi * parameters["frequency"]

@@ -43,6 +43,7 @@ def at_bearing(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         given = {
             "heat_capacity": with_unit(values["heat_capacity"], "J/K"),
             "thermal_resistance": with_unit(values["thermal_resistance"], "K/W"),
+            "temperature_coefficient": with_unit(values["temperature_coefficient"], "1/K"),
         }
         return [Replace(name, warm, given)]
 
@@ -55,8 +56,13 @@ def at_bearing(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         (
             EffectParameter("heat_capacity", usual, usual=1.0),
             EffectParameter("thermal_resistance", TIME / usual, usual=1.0),
+            # Given, not fitted; the heat capacity means nothing to a reader without it.
+            EffectParameter("temperature_coefficient", share, fixed=True, unit="1/K"),
         ),
-        tuple({"heat_capacity": capacity, "thermal_resistance": TIME / capacity} for capacity in capacities),
+        tuple(
+            {"heat_capacity": capacity, "thermal_resistance": TIME / capacity, "temperature_coefficient": share}
+            for capacity in capacities
+        ),
         held=("temperature_coefficient", "dry_temperature_coefficient"),
     )
 

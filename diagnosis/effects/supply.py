@@ -39,13 +39,16 @@ def at_motor_supply(scales: OperatingScales, place: Place) -> Iterator[Candidate
     reference = resistance * ABOVE**2
 
     def edits(values: Sizes) -> list[Edit]:
-        given = {"source_voltage": with_unit(voltage, "V"), "resistance": with_unit(values["resistance"], "ohm")}
+        given = {
+            "source_voltage": with_unit(values["source_voltage"], "V"),
+            "resistance": with_unit(values["resistance"], "ohm"),
+        }
         if not inductance:
             given["time_constant"] = with_unit(QUICK * scales.sample, "s")
         duty, bridge, full = f"{name}_duty", f"{name}_bridge", f"{name}_full"
         return [
             InSignal(duty, "Product", place.target, {"operation": "divide", "unit": "1"}, entry="a"),
-            Feed(full, "Constant", f"{duty}.b", {"value": with_unit(voltage, "V")}),
+            Feed(full, "Constant", f"{duty}.b", {"value": with_unit(values["source_voltage"], "V")}),
             InSignal(bridge, "Bridge", place.target, entry="duty"),
             Feed(name, "Supply", f"{bridge}.supply", given, exit="voltage"),
             Wire(f"{name}_motor", (f"{motor}.current", f"{bridge}.current")),
@@ -58,7 +61,11 @@ def at_motor_supply(scales: OperatingScales, place: Place) -> Iterator[Candidate
         motor,
         name,
         edits,
-        (EffectParameter("resistance", reference),),
-        combinations(resistance=shares(reference, *LOSSES)),
+        (
+            EffectParameter("resistance", reference),
+            # Given, not fitted; the resistance means nothing to a reader without it.
+            EffectParameter("source_voltage", voltage, fixed=True, unit="V"),
+        ),
+        combinations(resistance=shares(reference, *LOSSES), source_voltage=[voltage]),
         held=("source_voltage", "time_constant"),
     )

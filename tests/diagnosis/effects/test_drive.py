@@ -369,6 +369,9 @@ def test_a_supply_needs_a_motor_with_a_winding(tmp_path: Path) -> None:
     path = geared(tmp_path)
     (found,) = proposed(path, "supply_sag")
     assert len(found.structures()) == 1, "the bus is as quick at every size"
+    told = next(p for p in found.parameters if p.name == "source_voltage")
+    assert told.fixed
+    assert told.unit == "V", "a resistance means nothing without the voltage that it is told for"
     system = written(path, found).system
     assert {block for block in system.blocks if block.startswith("found")} == {
         f"found_supply_sag{part}" for part in ("", "_duty", "_full", "_bridge")
@@ -384,7 +387,7 @@ def test_a_small_supply_resistance_changes_nothing(tmp_path: Path) -> None:
     (found,) = proposed(path, "supply_sag")
     scenario = load(str(path))
     bare = problem(scenario, gather(scenario, [], []))
-    made = variant(bare, found.edits({"resistance": 1e-3}), [], found.held)
+    made = variant(bare, found.edits({**found.starts[0], "resistance": 1e-3}), [], found.held)
     e = bare.training[0]
     one, other = (p.simulate(np.zeros(len(p.free)), e) for p in (bare, made))
     assert np.abs(one - other).max() < 1e-3 * np.abs(one).max()

@@ -75,6 +75,7 @@ def test_dry_friction_that_falls_is_named_with_its_heat(tmp_path: Path) -> None:
     found = diagnose(recorded(tmp_path), workers=1, without=sorted(set(EFFECTS) - TRIED))
     (finding,) = found.findings
     assert (finding["status"], finding["effect"], finding["place"]) == ("named", "friction_warm_up", "bearing")
+    assert finding["parameters"]["temperature_coefficient"]["value"] == SHARE
     assert finding["parameters"]["heat_capacity"]["value"] == pytest.approx(CAPACITY, rel=0.1)
     low, high = (finding["parameters"]["thermal_resistance"][end] for end in ("low", "high"))
     assert low <= RESISTANCE <= high
