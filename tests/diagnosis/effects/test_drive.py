@@ -25,6 +25,7 @@ from diagnosis.effects.step_heights import NEAR, heights
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, variant
 from diagnosis.search.equivalent_effects import NESTED
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.verdict.verdict import Diagnosis
 from diagnosis.verdict.write import amended_text
 from scenarios.amend import AtFlange, InSignal, Set, Wire, amended
@@ -354,6 +355,21 @@ def test_the_height_of_steps_stands_out(tmp_path: Path, step: float) -> None:
     made = problem(scenario, gather(scenario, [], []))
     found = heights(made, np.zeros(len(made.free)), "motor.voltage", 3.0, 2)
     assert min(abs(height / step - 1) for height in found) < 0.55 * NEAR * step / 3.0
+
+
+def test_fine_steps_stand_out_of_what_bent_parameters_leave(tmp_path: Path) -> None:
+    """Of 1500 steps to the largest command: a fit has moved masses and constants to make up for what it can."""
+    step = 0.00595
+    case = draw("belt-axis", ["command_quantisation"], [30.0], 1, Options(seconds=4.0, rate=1000.0))
+    (there,) = case.truth.concealed
+    truth = replace(case.truth, concealed=(replace(there, parameters={"step": step}),))
+    kinds = [r.kind for r in case.recordings]
+    made = replace(case, recordings=record(case.bench, truth, case.sensors, kinds, default_rng(1)))
+    write(made, tmp_path / "case", tmp_path / "answers")
+    scenario = load(str(tmp_path / "case" / "scenario.yaml"))
+    refit = CandidateFitter(scenario, gather(scenario, [], []), 1).refit.fit
+    first, *_ = heights(refit.problem, refit.x, "motor.voltage", 9.0, 2)
+    assert abs(first / step - 1) < 0.55 * NEAR * step / 9.0
 
 
 def test_no_height_stands_out_of_noise(tmp_path: Path) -> None:
