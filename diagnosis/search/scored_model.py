@@ -11,6 +11,7 @@ from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.leftover import Leftover, Noise
 from diagnosis.estimation.problem import counted
 from diagnosis.search.evidence import ChosenSize, evidence
+from diagnosis.thresholds import WORDING
 
 
 @dataclass(frozen=True)
@@ -83,10 +84,10 @@ class ScoredModel:
         return self.strain > self.own
 
     @property
-    def vanished(self) -> bool:
-        """Whether one of the user's own parameters, such as a friction, was fitted to nothing."""
+    def far_off(self) -> list[str]:
+        """The user's own parameters that the fit has put farther from their values than `WORDING.far` tolerances."""
         pairs = zip(self.fit.problem.free, self.fit.x, strict=True)
-        return any(f.start != 0 and f.value(x) == 0 for f, x in pairs if f.prior and not f.recording)
+        return [f.name for f, x in pairs if f.prior and abs(x) > WORDING.far]
 
     @property
     def room(self) -> float:

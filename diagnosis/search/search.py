@@ -580,12 +580,13 @@ class _Search:
             self.known.fit([((*kept, c), [standing(model.fit)]) for c in moved], len(moved), near=model)
 
     def _alone_from(self) -> list[Values]:
-        """Parameters that a first effect begins from: those of the refit, and those given where it has bent them.
+        """Parameters that a first effect begins from: those of the refit, and those given where it has bent any.
 
-        Of a friction that the refit has taken away, nothing can fall: what changes a parameter is seen from its value.
+        Of a friction that the refit has nearly taken away, little can fall: what changes a parameter is seen from its
+        value.
         """
         refit = self.known.refit
-        return [standing(refit.fit), *([{}] if refit.bent or refit.vanished else [])]
+        return [standing(refit.fit), *([{}] if refit.bent or refit.far_off else [])]
 
     def _first(self) -> None:
         """Put every effect into the user's model, and fit those that promise most."""

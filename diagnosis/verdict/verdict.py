@@ -18,7 +18,7 @@ from diagnosis.search.study import LEAST_ODDS, Study
 from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH
 from diagnosis.verdict.experiment_design import Proposal, propose
 from diagnosis.verdict.recording_checks import Remark, screen
-from diagnosis.verdict.wording import far_off, finding_sentence, nothing_sentence, traits, warnings_of
+from diagnosis.verdict.wording import finding_sentence, nothing_sentence, traits, warnings_of
 
 _GAINS = ("sensor_scale", "uneven_gain")
 """Effects that make up for a wrong unit, sign or size of a column whatever it holds."""
@@ -153,7 +153,7 @@ def _says_the_same(model: ScoredModel, effect: Candidate) -> bool:
     """Whether a model without effects has the parameter far from its value that another says is wrong."""
     if model.effects or effect.freed is None:
         return False
-    return effect.freed.name in far_off(model.fit)
+    return effect.freed.name in model.far_off
 
 
 def _missing(study: Study) -> bool:
@@ -170,7 +170,7 @@ def _remarks(study: Study) -> list[Remark]:
     """
     chosen = study.chosen
     again = screen(chosen.fit.problem, chosen.fit.x)
-    if chosen.effects and not far_off(chosen.fit) and not any(c.effect in _GAINS or c.freed for c in chosen.effects):
+    if chosen.effects and not chosen.far_off and not any(c.effect in _GAINS or c.freed for c in chosen.effects):
         return again
     stays = [remark for remark in screen(study.refit.fit.problem) if not remark.refutable]
     return list(dict.fromkeys([*stays, *(remark for remark in again if remark.refutable)]))

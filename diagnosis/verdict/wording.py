@@ -135,11 +135,6 @@ def traits(trial: ScoredModel) -> tuple[str, str]:
     return e.where_residual_is_large(problem.residual(trial.fit.x, e), [v.name for v in problem.model.outputs])
 
 
-def far_off(made: Fit) -> list[str]:
-    """Parameters of the user's own that a fit has put farther from their values than `WORDING.far` tolerances."""
-    return [f.name for f, x in zip(made.problem.free, made.x, strict=True) if f.prior and abs(x) > WORDING.far]
-
-
 def _farthest(made: Fit) -> list[str]:
     """The three parameters of the user's own that a fit has put farthest from their values, in tolerances."""
     own = [(abs(x), f.name) for f, x in zip(made.problem.free, made.x, strict=True) if f.prior and not f.recording]
@@ -169,7 +164,7 @@ def warnings_of(study: Study) -> tuple[str, ...]:
         rows.append("the fit of the model's own parameters did not converge")
     if not study.chosen.fit.converged:
         rows.append("the fit of the chosen model did not converge")
-    if far := far_off(study.chosen.fit):
+    if far := study.chosen.far_off:
         rows.append(f"more than {WORDING.far:g} tolerances from the given value: {', '.join(far)}")
     return tuple(rows)
 

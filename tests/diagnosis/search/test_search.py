@@ -94,7 +94,7 @@ class World:
             strain=0.0,
             room=left.unexplained,
             bent=False,
-            vanished=False,
+            far_off=[],
             own=0,
             fit=fit,
         )
@@ -226,15 +226,18 @@ def _begun(world: World, listed: Sequence[Candidate]) -> list[tuple[str, ...]]:
     return begun
 
 
-@pytest.mark.parametrize(("fitted", "begun"), [(-1.0, [0.7]), (-4.0, [0.0, None])])
-def test_where_a_friction_was_fitted_to_nothing_effects_begin_from_the_given_value_too(
+@pytest.mark.parametrize(("fitted", "begun"), [(-1.0, [0.7]), (-3.2, [0.04, None]), (-4.0, [0.0, None])])
+def test_where_a_friction_was_fitted_to_nearly_nothing_effects_begin_from_the_given_value_too(
     fitted: float, begun: list[float | None]
 ) -> None:
-    """Four tolerances of 30 % below its value a friction is nothing: what makes it fall shows from its value alone."""
+    """Four tolerances of 30 % below its value a friction is nothing: what makes it fall shows from its value alone.
+
+    Where it was fitted to a twenty-fifth, what makes it fall promised nothing, and was not fitted.
+    """
     friction = FreeParameter("bearing.viscous_friction", 1.0, 0.3, True, 0.0, math.inf, may_vanish=True)
     world = World(by({"": 1e5}))
     world.refit.fit.problem, world.refit.fit.x = SimpleNamespace(free=(friction,)), (fitted,)
-    world.refit.vanished = ScoredModel.vanished.fget(world.refit)  # type: ignore[attr-defined]
+    world.refit.far_off = ScoredModel.far_off.fget(world.refit)  # type: ignore[attr-defined]
     made = searching._Search(world, world.refit, [], None)  # type: ignore[arg-type]
     assert [values.get(friction.name) for values in made._alone_from()] == [pytest.approx(b) for b in begun]
 

@@ -10,6 +10,7 @@ import pytest
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.parameters import FreeParameter
+from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import WORDING
 from diagnosis.verdict.verdict import _says_the_same
 from diagnosis.verdict.wording import _both_ways
@@ -20,7 +21,9 @@ MASS = FreeParameter("load.mass", 1.0, 0.1, True)
 
 def model(x: tuple[float, float], *effects: Candidate) -> Any:
     problem = SimpleNamespace(free=(STIFFNESS, MASS))
-    return SimpleNamespace(effects=effects, fit=SimpleNamespace(problem=problem, x=x))
+    made = SimpleNamespace(effects=effects, fit=SimpleNamespace(problem=problem, x=x))
+    made.far_off = ScoredModel.far_off.fget(made)  # type: ignore[attr-defined]
+    return made
 
 
 def wrong(f: FreeParameter) -> Candidate:
