@@ -3,7 +3,8 @@
 A search weighs models by likelihoods in which slow errors count little, since it must not take them for physics. Who is
 given a model asks that it follow his recordings as closely as it can, those that were not fitted too. At the sensors'
 noise both fits are one. Far above it, where no model is exact, an effect may serve the likelihood alone: it is told
-only if held-out recordings are followed better with it at the least squared error too.
+only if held-out recordings are followed better with it at the least squared error too. Nor is a model fitted so closely
+that its parameters, which would have to make up for every nuisance, could not be believed.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.posterior import credible, is_simpler, misses, worse
+from diagnosis.search.posterior import credible, is_simpler, misses, strained, worse
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
 from diagnosis.thresholds import EVIDENCE
@@ -28,8 +29,11 @@ def as_reported(fitter: CandidateFitter, found: Study) -> Study:
     closest: dict[frozenset[str], ScoredModel] = {}
 
     def reported(model: ScoredModel, *richer: ScoredModel) -> ScoredModel:
+        """The model at its least squared error; an amended one as it is, if only its parameters there are far off."""
         if model.keys not in closest:
-            closest[model.keys] = fitter.closest(model, richer)
+            end = fitter.closest(model, richer)
+            bends = model.effects and strained(end, found.tried) and not strained(model, found.tried)
+            closest[model.keys] = model if bends else end
         return closest[model.keys]
 
     def believed(model: ScoredModel) -> ScoredModel:
