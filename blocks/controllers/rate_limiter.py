@@ -6,13 +6,17 @@ from typing import TYPE_CHECKING
 
 from blocks.controllers.base import SignalBlock, clock, period, sample_offset
 from blocks.symbolic import by_mode, greatest, least
-from engine.block import parameter, signal_in, signal_out
+from engine.block import option, parameter, signal_in, signal_out
 from engine.errors import ParameterError
 from engine.ports import Expression
 from engine.quantity import SameAs
 
 if TYPE_CHECKING:
     from engine.net import Net
+
+
+MOMENT = 1e-9
+"""s, in which what is passed of a held input is no distance to it."""
 
 
 class RateLimiter(SignalBlock):
@@ -22,6 +26,9 @@ class RateLimiter(SignalBlock):
     the limits do not act, y follows u with the lag Td, that of the amplifier or drive: a law whose output follows at
     once would have to differentiate u. The kinks are located. ``start`` is y at the beginning.
 
+    With a ``held_input``, one that jumps and is constant in between, such as a recorded or sampled command, there is no
+    lag: y' = rising where y < u, -falling where y > u, and y stays where it has reached u. Td has no meaning then.
+
     Sampled (``period`` T > 0): at each instant y+ = y + (u - y), the change held between -falling T and rising T, and
     there is no lag; out holds until the next instant. The output has the input's unit.
     """
@@ -30,6 +37,7 @@ class RateLimiter(SignalBlock):
     falling = parameter("*", SameAs("rising"), "greatest rate downward, a positive number", gt=0, tolerance=0.3)
     time_constant = parameter("s", 1e-3, "lag Td while the limits do not act", gt=0, tolerance=0.5)
     start = parameter("*", 0.0, "output at the beginning")
+    held_input = option(bool, False, "whether u jumps and is constant in between: then y has no lag")
     period = period()
     sample_offset = sample_offset()
 
@@ -50,11 +58,14 @@ class RateLimiter(SignalBlock):
             net.update(y, y + least(greatest(u - y, -down * self.period), up * self.period))
         else:
             y = net.state("limited", "*", start=self.start, doc="the limited signal")
-            rate = (u - y) / self.time_constant
+            # What is passed in a moment is no distance: y has reached a held input but for the last digits.
+            rate = (u - y) / (MOMENT if self.held_input else self.time_constant)
+            reached = 0.0 if self.held_input else 1.0
 
             def guards(mode: Expression) -> tuple[Expression, Expression]:
-                return by_mode(mode, rate + down, rate - up, up - rate), by_mode(mode, -1, -down - rate, -1)
+                back = by_mode(mode, rate + reached * down, rate - up, reached * up - rate)
+                return back, by_mode(mode, -1, -down - rate, -1)
 
             mode = net.switch("limit", ("falling", "following", "rising"), guards)
-            net.derivative(y, by_mode(mode, -down, rate, up))
+            net.derivative(y, by_mode(mode, -down, reached * rate, up))
         self.publish(net, y)

@@ -10,6 +10,7 @@ from diagnosis.effects.insertion import in_signal
 from diagnosis.effects.places import Place
 from diagnosis.effects.scales import OperatingScales
 from diagnosis.effects.step_heights import NEAR, heights
+from diagnosis.estimation.time_experiment import TimeExperiment
 from scenarios.amend import Edit, InSignal
 
 TIMES = (2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
@@ -22,7 +23,7 @@ UNKNOWN = 3.0 * ANY
 """Standard deviation of the logarithm of a rate: drives differ by powers of ten."""
 
 FOLLOWS = 0.25
-"""Lag of a limited command while its limit does not act, in samples: too short to be seen."""
+"""Lag of a limited command while its limit does not act, in samples, of one that does not jump."""
 
 MOST_STEPS = 2
 """Steps that are tried: each costs a model of its own."""
@@ -34,15 +35,19 @@ def at_command(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     rates = combinations(rising=[size / (count * sample) for count in TIMES])
     rate = EffectParameter("rising", size / (USUAL * sample), usual=1.0, spread=UNKNOWN)
     unit = "*" if place.unit == "*" else f"({place.unit})/s" if "/" in place.unit else f"{place.unit or 1}/s"
-    yield from in_signal(
-        replace(place, unit=unit),
-        "rate_limit",
-        "RateLimiter",
-        rates,
-        rate,
-        time_constant=with_unit(FOLLOWS * sample, "s"),
-    )
+    lag = {"held_input": True} if _held(scales, place) else {"time_constant": with_unit(FOLLOWS * sample, "s")}
+    yield from in_signal(replace(place, unit=unit), "rate_limit", "RateLimiter", rates, rate, **lag)
     yield from _steps(scales, place)
+
+
+def _held(scales: OperatingScales, place: Place) -> bool:
+    """Whether an input was recorded as one that jumps and is constant in between."""
+    names = [v.name for v in scales.problem.model.inputs]
+    drives = [e.drive for e in scales.problem.training if isinstance(e, TimeExperiment) and e.drive is not None]
+    if place.target not in names or not drives:
+        return False
+    number = names.index(place.target)
+    return all((d.hold if isinstance(d.hold, str) else d.hold[number]) == "zero_order" for d in drives)
 
 
 def _steps(scales: OperatingScales, place: Place) -> Iterator[Candidate]:

@@ -119,6 +119,28 @@ def test_a_rate_limiter_follows_a_step_at_its_rates(backend: str) -> None:
     assert len(instants(result, "limit.limit")) == 4
 
 
+@pytest.mark.parametrize("backend", ["c", "interpreter"])
+def test_a_rate_limiter_reaches_a_held_input_and_stays(backend: str) -> None:
+    """Between two instants y goes towards the input on a straight line, and no farther than to it."""
+    rising, falling, period, parts = 3.0, 2.0, 0.01, 10
+    u = np.concatenate([np.random.default_rng(1).normal(0, 0.03, 40).cumsum(), np.zeros(60)])
+    made = build(
+        System({"b": RateLimiter(rising=rising, falling=falling, held_input=True)}, []),
+        inputs=["b.in"],
+        outputs=["b.out"],
+    )
+    drive = Drive(np.arange(len(u)) * period, u[:, None], "zero_order")
+    end = len(u) * period
+    found = simulate(made, end, period / parts, drive=drive, internal_step=period / parts, backend=backend)["b.out"]
+    y, expected = 0.0, [0.0]
+    for value in u:
+        within = np.arange(1, parts + 1) * period / parts
+        expected += (y + np.clip(value - y, -falling * within, rising * within)).tolist()
+        y = expected[-1]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
+    assert np.count_nonzero(np.abs(np.diff(expected)) < 1e-12) > 100, "it has reached the input, and stays"
+
+
 def test_a_sampled_rate_limiter_moves_by_a_rate_times_a_period() -> None:
     t = np.arange(0, 1.0, 0.01)
     u = np.where(t < 0.5, 1.0, 0.35)

@@ -306,16 +306,22 @@ def written(path: Path, c: Candidate) -> Any:
     return load(str(there))
 
 
-def test_a_limit_of_the_rate_stands_before_every_driven_input(tmp_path: Path) -> None:
-    """Six rates, of one model; its lag is too short to be taken for the effect `lag`, and is not fitted."""
+@pytest.mark.parametrize("held", [True, False])
+def test_a_limit_of_the_rate_stands_before_every_driven_input(tmp_path: Path, held: bool) -> None:
+    """Six rates, of one model. A command that jumps has no lag; else it is one that is too short to count, and held."""
     path = geared(tmp_path)
+    if not held:
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.replace("{column: u, unit: V}", "{column: u, unit: V, hold: linear}"), encoding="utf-8")
+        assert path.read_text(encoding="utf-8") != text
     (found,) = proposed(path, "rate_limit")
     assert found.place == "signal -> motor.voltage"
     assert len(found.structures()) == 1
     rates = [start["rising"] for start in found.starts]
     assert rates == sorted(rates, reverse=True), "the least effect first"
-    assert found.held == ("time_constant",)
+    assert found.held == (() if held else ("time_constant",))
     block = written(path, found).system.blocks[found.name]
+    assert block.held_input == held
     assert block.unit_of("rising") == "V/s"
 
 
