@@ -27,7 +27,8 @@ class RateLimiter(SignalBlock):
     once would have to differentiate u. The kinks are located. ``start`` is y at the beginning.
 
     With a ``held_input``, one that jumps and is constant in between, such as a recorded or sampled command, there is no
-    lag: y' = rising where y < u, -falling where y > u, and y stays where it has reached u. Td has no meaning then.
+    lag: y' = rising where y < u, -falling where y > u, and out = u where y has reached it. Td has no meaning then; a
+    linear model has a gain of one, and a pole at zero that is neither moved nor seen.
 
     Sampled (``period`` T > 0): at each instant y+ = y + (u - y), the change held between -falling T and rising T, and
     there is no lag; out holds until the next instant. The output has the input's unit.
@@ -68,4 +69,6 @@ class RateLimiter(SignalBlock):
 
             mode = net.switch("limit", ("falling", "following", "rising"), guards)
             net.derivative(y, by_mode(mode, -down, reached * rate, up))
+            if self.held_input:
+                y = by_mode(mode, y, u, y)
         self.publish(net, y)

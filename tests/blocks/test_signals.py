@@ -139,6 +139,7 @@ def test_a_rate_limiter_reaches_a_held_input_and_stays(backend: str) -> None:
         y = expected[-1]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
     assert np.count_nonzero(np.abs(np.diff(expected)) < 1e-12) > 100, "it has reached the input, and stays"
+    assert linearise(made).D[0, 0] == 1.0
 
 
 def test_a_sampled_rate_limiter_moves_by_a_rate_times_a_period() -> None:
