@@ -121,8 +121,9 @@ came out as one whose stiffness is wrong by half, which left 1.05 of the noise, 
 recordings to train on do not touch as "something is missing".
 
 Of 79 intervals with a known true value 76 hold it. Two of the three that do not are of friction that grows with the
-load, one of its square. The resistance of a supply is not compared: it is told for a supply of twice the largest
-command, which the truth's is not, and a finding does not say so.
+load, one of its square. The resistance of a supply was not compared: it is told for a supply of twice the largest
+command, and findings did not say so. They do since (ADR 45): of the one that was run again, 430 to 462 ohm hold the
+444.7 that are true at that voltage.
 
 A gear's transmission error counts from where a recording begins, in truth and block: angles are zero there, and the
 gear is not twisted. Before, the block began with the wave's value at its phase. Three of the four rigs were named all
@@ -136,12 +137,20 @@ programs had run it, and 97 were right. Of the eleven that are not, one is a nam
 friction), three are told as "something is missing", and seven were stopped, beside other work for a part of the time,
 on a machine that was up to 1.6 times as slow as hours before. Six of these seven had been named by older programs, in
 42 to 175 s: how much of that is the machine, and how much the models that diagnoses fit since, was not measured. Fits
-of cogging, whose runs bounce from valley to valley, take ten seconds each. A later program, which puts no simpler laws
-in the place of nuisances, names the cogging of 300 thresholds on two masses in 134 s (214 s without that), and ends the
-rate limit of rig 1000 in 199 s. The steps of the belt axis's command were named with 348 times the floor left; with
-1383 left they are not claimed, by the program before this one neither. With the warm friction of rig 1002 that program
-had not ended after 250 s. On two masses and at 300 thresholds the true model of friction with cogging follows the
-recordings to the noise if it is fitted to ever more of them in small steps; the search does not do so.
+of cogging, whose runs bounce from valley to valley, take ten seconds each. On two masses and at 300 thresholds the true
+model of friction with cogging follows the recordings to the noise if it is fitted to ever more of them in small steps;
+the search does not do so.
+
+These eleven were run again, by later programs that are not those of the rates above, and beside other work. With ADR 45,
+which four of them asked for, five are right that were not: the steps of the belt axis's command (18 s, 5.950349 mV
+where 5.950350 is true), the warm friction of rig 1002 (34 s), its supply (82 s), the rate limit of rig 1000 (51 s), and
+the square of the load without a name too many (128 s; this one with part of ADR 45). With ADR 44 the cogging of 300
+thresholds on two masses is named (134 s alone, 209 s beside other work). Of the other five four were stopped: the stops
+of rig 1002, which give too softly to be proposed; friction with cogging twice; friction with the square of the load at
+30 thresholds, which ends after 250 s with the right name and, as a tie, the inductance that the rig has too. Friction
+with cogging at 300 thresholds is told as "something is missing".
+One that was right is not any more: beside the steps of rig 1000, which are now told to six digits, a payload is named
+that is not there.
 
 By hand, on recordings of 2 s without background, each of the six of commands, supply, winding, belt and stops was named
 alone, with the true size within its interval: a rate limit of 30 thresholds, a supply of 0.23 ohm at 3 V and 2.6 ohm of
