@@ -23,7 +23,7 @@ from benchmarks.concealed.effects import TURNED, Concealed
 from benchmarks.concealed.refit import WIDEST, GaussNewton, Small, least_squares, refit
 from benchmarks.concealed.simulator import Diverged
 from benchmarks.concealed.sites import Site, find, scales, sites
-from benchmarks.concealed.truth import Nuisance, Truth
+from benchmarks.concealed.truth import JOINT_LAWS, Nuisance, Truth
 
 Array = NDArray[np.float64]
 
@@ -182,6 +182,9 @@ def fit_rival(
         truth: if known, the search begins at its parameters too, and what both conceal, at its size there.
     """
     names = tuple((site.effect.name, site.place) for site in rival)
+    joints = [site.place for site in rival if site.effect.name in JOINT_LAWS]
+    if len({*joints}) < len(joints):
+        return Rival(names, math.inf, ())  # a joint has one law here: whether two are as good cannot be told
     if not rival:
         return Rival((), bench.distance(bench.outputs(nearest), target), ())
     train = bench.training()

@@ -112,7 +112,7 @@ def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float
             _INPUT[c.effect](input_chain, p)
         elif c.effect == "inductance":
             inductance = p["inductance"]
-        elif c.effect in _JOINT:
+        elif c.effect in JOINT_LAWS:
             if c.place in laws:
                 raise ValueError(f"two effects change the joint '{c.place}'")
             laws[c.place] = _joint_law(c)
@@ -288,9 +288,10 @@ def _structural(mechanism: Mechanism, port: Port, stiffness: float, loss_factor:
         mechanism.maxwell(port, part, low * math.exp(j * apart))
 
 
-_JOINT = frozenset(
+JOINT_LAWS = frozenset(
     {"belt_slack", "backlash", "joint_flexibility", "hardening_spring", "hysteresis", "structural_damping"}
 )
+"""Laws of a joint, of which each has one."""
 
 
 def _joint_law(c: Concealed) -> JointLaw:

@@ -141,16 +141,15 @@ of cogging, whose runs bounce from valley to valley, take ten seconds each. On t
 model of friction with cogging follows the recordings to the noise if it is fitted to ever more of them in small steps;
 the search does not do so.
 
-These eleven were run again, by later programs that are not those of the rates above, and beside other work. With ADR 45,
-which four of them asked for, five are right that were not: the steps of the belt axis's command (18 s, 5.950349 mV
-where 5.950350 is true), the warm friction of rig 1002 (34 s), its supply (82 s), the rate limit of rig 1000 (51 s), and
-the square of the load without a name too many (128 s; this one with part of ADR 45). With ADR 44 the cogging of 300
-thresholds on two masses is named (134 s alone, 209 s beside other work). Of the other five four were stopped: the stops
-of rig 1002, which give too softly to be proposed; friction with cogging twice; friction with the square of the load at
-30 thresholds, which ends after 250 s with the right name and, as a tie, the inductance that the rig has too. Friction
-with cogging at 300 thresholds is told as "something is missing".
-One that was right is not any more: beside the steps of rig 1000, which are now told to six digits, a payload is named
-that is not there.
+These eleven were run again, by later programs that are not those of the rates above, and beside other work. With
+ADR 45, which four of them asked for, five are right that were not: the steps of the belt axis's command (18 s,
+5.950349 mV where 5.950350 is true), the warm friction of rig 1002 (34 s), its supply (82 s), the rate limit of rig 1000
+(51 s), and the square of the load without a name too many (128 s; this one with part of ADR 45). With ADR 44 the
+cogging of 300 thresholds on two masses is named (134 s alone, 209 s beside other work). Of the other five four were
+stopped: the stops of rig 1002, which give too softly to be proposed; friction with cogging twice; friction with the
+square of the load at 30 thresholds, which ends after 250 s with the right name and, as a tie, the inductance that the
+rig has too. Friction with cogging at 300 thresholds is told as "something is missing". One that was right is not any
+more: beside the steps of rig 1000, which are now told to six digits, a payload is named that is not there.
 
 By hand, on recordings of 2 s without background, each of the six of commands, supply, winding, belt and stops was named
 alone, with the true size within its interval: a rate limit of 30 thresholds, a supply of 0.23 ohm at 3 V and 2.6 ohm of

@@ -9,7 +9,6 @@ simulated one by one.
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 from collections.abc import Sequence
 
@@ -52,8 +51,8 @@ TOGETHER = 16
 APART = 1.03
 """Factor between two heights that are proposed."""
 
-RANK = 1e-9
-"""Share of the largest singular value below which a direction is none."""
+RANK = 1e-12
+"""Share of the largest square below which a direction in which parameters move recordings is none."""
 
 _LAST = int(WAVES * LEVELS / NEAR)
 _COUNT = BINS * _LAST
@@ -79,6 +78,8 @@ def heights(problem: Problem, x: Array, target: str, size: float, most: int, lef
         left: what is left over, by that model if None.
     """
     over_time = [e for e in problem.training if isinstance(e, TimeExperiment) and e.drive is not None]
+    if not over_time:
+        return []
     try:
         answer = LinearAnswer(problem, x, target)
         runs = linearised(problem, x, over_time)
@@ -93,10 +94,11 @@ def heights(problem: Problem, x: Array, target: str, size: float, most: int, lef
     between = [1 / (1 / grid[k] + share * NEAR / size) for k in best for share in BESIDE]
     grid, scores = [*grid, *between], np.concatenate([scores, _explained(parts, between)], axis=1)
     chosen: list[float] = []
-    for kind, k in itertools.chain(*zip(*(((n, k) for k in np.argsort(-scores[n])) for n in range(2)), strict=True)):
-        new = all(abs(math.log(grid[k] / c)) > math.log(APART) for c in chosen)
-        if scores[kind, k] > WORTH and len(chosen) < most and new:
-            chosen.append(grid[k])
+    for turn in np.argsort(-scores, axis=1).T:
+        for kind, k in enumerate(turn):
+            new = all(abs(math.log(grid[k] / c)) > math.log(APART) for c in chosen)
+            if scores[kind, k] > WORTH and len(chosen) < most and new:
+                chosen.append(grid[k])
     return chosen
 
 
@@ -144,16 +146,16 @@ def _without_parameters(parts: Sequence[_LeftOver]) -> None:
 
     They have been fitted, and have moved to make up for steps as well as they can.
     """
-    rows = np.concatenate([one.slopes for one in parts])
-    U, sizes, _ = np.linalg.svd(rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300), full_matrices=False)
-    directions = U[:, sizes > RANK * max(sizes, default=0.0)]
-    taken = directions.T @ np.concatenate([one.rest.ravel() for one in parts])
-    first = 0
+    products = sum(np.tensordot(one.slopes, one.slopes, axes=((0, 1), (0, 1))) for one in parts)
+    scale = 1 / np.sqrt(np.maximum(np.diag(products), 1e-300))
+    sizes, axes = np.linalg.eigh(products * np.outer(scale, scale))
+    able = sizes > RANK * max(sizes, default=0.0)
+    made = scale[:, None] * axes[:, able] / np.sqrt(sizes[able])
     for one in parts:
-        last = first + one.rest.size
-        one.directions = directions[first:last].reshape(*one.rest.shape, -1)
+        one.directions = one.slopes @ made
+    taken = sum(np.tensordot(one.rest, one.directions, axes=2) for one in parts)
+    for one in parts:
         one.rest = one.rest - one.directions @ taken
-        first = last
 
 
 def _waves(one: _LeftOver, period: float) -> Array:
@@ -175,7 +177,7 @@ class _LeftOver:
     Attributes:
         command: the input, as it is held at each sample.
         rest: what is left over, as white amplitudes of cosines, shape (signals, samples).
-        slopes: of the same by the model's own parameters, shape (signals x samples, parameters).
+        slopes: of the same by the model's own parameters, shape (signals, samples, parameters).
         directions: in which these move it, orthonormal in all experiments together; see `_without_parameters`.
     """
 
@@ -194,7 +196,7 @@ class _LeftOver:
         self._weights = np.column_stack([white(e, residual[:, k]) for k in range(residual.shape[1])]).T
         self.rest = scipy.fft.dct(residual.T, norm="ortho") * self._weights
         rows = e.components(np.nan_to_num(slopes)) * self._weights.T[:, :, None]
-        self.slopes = rows.transpose(1, 0, 2).reshape(self.rest.size, -1)
+        self.slopes = rows.transpose(1, 0, 2)
         self.directions = np.zeros((*self.rest.shape, 0))
 
     @property

@@ -254,6 +254,13 @@ def test_friction_and_offset_tie_when_driven_one_way_and_not_otherwise() -> None
     assert not tie_class(both_ways, [tie.rival])[0].tied
 
 
+def test_two_laws_of_one_joint_are_no_tie_that_can_be_confirmed() -> None:
+    """The tool may cut a node twice and claim a hysteresis and a spring in it; here a joint has one law."""
+    place = "gear.output -> link.hub"
+    case = draw("srv02-flexible", ["joint_flexibility"], [10.0], 1, Options(seconds=0.5))
+    assert not tie_class(case, [(f"hysteresis@{place}", f"joint_flexibility@{place}")])[0].tied
+
+
 @pytest.mark.parametrize(
     ("plant", "truth", "place", "rivals"),
     [
