@@ -63,7 +63,7 @@ def beside(source: str | Path, *overrides: str) -> dict[str, tuple[np.ndarray, n
     told = {}
     for e in wide.experiments:
         left = wide.residual(found.x, e) * e.sigma
-        known = np.isfinite(left).all(axis=1)
+        known = np.isfinite(e.measured).all(axis=1)
         told[e.name] = (e.measured[known] - left[known], e.measured[known])
     return told
 
