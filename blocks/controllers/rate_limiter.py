@@ -59,16 +59,27 @@ class RateLimiter(SignalBlock):
             net.update(y, y + least(greatest(u - y, -down * self.period), up * self.period))
         else:
             y = net.state("limited", "*", start=self.start, doc="the limited signal")
-            # What is passed in a moment is no distance: y has reached a held input but for the last digits.
-            rate = (u - y) / (MOMENT if self.held_input else self.time_constant)
-            reached = 0.0 if self.held_input else 1.0
-
-            def guards(mode: Expression) -> tuple[Expression, Expression]:
-                back = by_mode(mode, rate + reached * down, rate - up, reached * up - rate)
-                return back, by_mode(mode, -1, -down - rate, -1)
-
-            mode = net.switch("limit", ("falling", "following", "rising"), guards)
-            net.derivative(y, by_mode(mode, -down, reached * rate, up))
-            if self.held_input:
-                y = by_mode(mode, y, u, y)
+            y = self._reaching(net, y) if self.held_input else self._lagging(net, y)
         self.publish(net, y)
+
+    def _lagging(self, net: Net, y: Expression) -> Expression:
+        """The output that follows with a lag; its rate is held between the limits."""
+        up, down, rate = self.rising, self.falling, (self.input - y) / self.time_constant
+
+        def guards(mode: Expression) -> tuple[Expression, Expression]:
+            return by_mode(mode, rate + down, rate - up, up - rate), by_mode(mode, -1, -down - rate, -1)
+
+        mode = net.switch("limit", ("falling", "following", "rising"), guards)
+        net.derivative(y, by_mode(mode, -down, rate, up))
+        return y
+
+    def _reaching(self, net: Net, y: Expression) -> Expression:
+        """The output that moves at its limits until it has reached a held input, but for what is passed in a moment."""
+        u, up, down = self.input, self.rising, self.falling
+
+        def guards(mode: Expression) -> tuple[Expression, Expression]:
+            return by_mode(mode, u - y, u - y - up * MOMENT, y - u), by_mode(mode, -1, y - u - down * MOMENT, -1)
+
+        mode = net.switch("limit", ("falling", "following", "rising"), guards)
+        net.derivative(y, by_mode(mode, -down, 0, up))
+        return by_mode(mode, y, u, y)
