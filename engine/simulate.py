@@ -55,6 +55,10 @@ class Drive:
     values: ArrayLike
     hold: str | tuple[str, ...] = "zero_order"
 
+    def holds(self, count: int) -> tuple[str, ...]:
+        """How each of so many inputs is held."""
+        return (self.hold,) * count if isinstance(self.hold, str) else self.hold
+
     @functools.cached_property
     def timetables(self) -> dict[Hashable, tuple[Vector, Vector, Timetable]]:
         """Those of runs with this drive, and the instants and values that they were made of: see `prepare`."""
@@ -488,10 +492,9 @@ def _driven(model: Model, drive: Drive | None) -> tuple[Vector, NDArray[np.float
         raise ParameterError("the drive holds values that are not finite")
     if (np.diff(time) <= 0).any():
         raise ParameterError(f"the drive's time runs backwards at row {int(np.argmax(np.diff(time) <= 0)) + 1}")
-    holds = (drive.hold,) * n if isinstance(drive.hold, str) else drive.hold
     if time[0] > 0:
         time, values = np.concatenate([[0.0], time]), np.vstack([values[:1], values])
-    return time, values, [int(hold == "linear") for hold in holds]
+    return time, values, [int(hold == "linear") for hold in drive.holds(n)]
 
 
 def _execute(model: Model, job: Job, backend: str) -> tuple[str, Outcome]:

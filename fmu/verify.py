@@ -168,10 +168,9 @@ def present(drive: Drive | None, count: int, time: float) -> tuple[Vector, Vecto
     knots, values = np.asarray(drive.time, dtype=float), np.asarray(drive.values, dtype=float)
     values = values.reshape(len(knots), -1)
     k = max(int(np.searchsorted(knots, time + 1e-9, side="right")) - 1, 0)
-    holds = (drive.hold,) * count if isinstance(drive.hold, str) else drive.hold
     now, slopes = values[k].copy(), np.zeros(count)
     if k + 1 < len(knots) and knots[0] <= time:
-        for i, hold in enumerate(holds):
+        for i, hold in enumerate(drive.holds(count)):
             if hold == "linear":
                 slopes[i] = (values[k + 1, i] - values[k, i]) / (knots[k + 1] - knots[k])
                 now[i] += slopes[i] * (time - knots[k])

@@ -47,7 +47,7 @@ def _held(scales: OperatingScales, place: Place) -> bool:
     if place.target not in names or not drives:
         return False
     number = names.index(place.target)
-    return all((d.hold if isinstance(d.hold, str) else d.hold[number]) == "zero_order" for d in drives)
+    return all(d.holds(len(names))[number] == "zero_order" for d in drives)
 
 
 def _steps(scales: OperatingScales, place: Place) -> Iterator[Candidate]:

@@ -453,10 +453,9 @@ def _mean_drive(drive: Drive, interval: float, stop: float) -> Drive:
     """The drive held over intervals at its mean there."""
     time = np.asarray(drive.time, dtype=float)
     values = np.asarray(drive.values, dtype=float).reshape(len(time), -1)
-    holds = (drive.hold,) * values.shape[1] if isinstance(drive.hold, str) else drive.hold
     edges = np.arange(int(stop / interval + 1e-6) + 2) * interval
     columns = []
-    for column, hold in zip(values.T, holds, strict=True):
+    for column, hold in zip(values.T, drive.holds(values.shape[1]), strict=True):
         rise = np.diff(time) * (column[:-1] if hold == "zero_order" else (column[:-1] + column[1:]) / 2)
         area = np.concatenate([[0.0], np.cumsum(rise)])
         k = np.clip(np.searchsorted(time, edges, side="right") - 1, 0, len(time) - 1)
