@@ -291,7 +291,7 @@ def _structural(mechanism: Mechanism, port: Port, stiffness: float, loss_factor:
 JOINT_LAWS = frozenset(
     {"belt_slack", "backlash", "joint_flexibility", "hardening_spring", "hysteresis", "structural_damping"}
 )
-"""Laws of a joint, of which each has one."""
+"""Laws of a joint; each joint obeys one of them."""
 
 
 def _joint_law(c: Concealed) -> JointLaw:
