@@ -16,7 +16,7 @@ from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.whitened import WhitenedResiduals
-from diagnosis.thresholds import FITTING
+from diagnosis.thresholds import FITTING, SEARCH
 from engine.errors import SimulationError
 from engine.threads import Threads
 
@@ -155,7 +155,8 @@ def descend(
         noise: how strong the noise is, as of `Bands`. With white noise of unknown strength the largest errors count
             most, which leads out of places where, with coloured noise, one error is as good as another.
         reach: cost that is to be reached: the fit is left where it would not be by the last step, if all that are
-            still to be taken gained as much as the last few.
+            still to be taken gained as much as the last few, or where `SEARCH.promised` times what tangents that hold
+            promise would not come there.
 
     Returns:
         Search vector, cost, as of `Problem.cost` with this noise, and whether it converged: a full step would gain no
@@ -212,6 +213,8 @@ def _by_tangents(
         if promised < FITTING.settled * unit:
             held = stack.hold(x, slopes)
             return _End(x, cost, held, left + 1, not held)
+        if cost - SEARCH.promised * promised > reach and stack.hold(x, slopes):
+            return _End(x, cost, little)
         for tried in range(12):
             step = local.step(radius)
             moved = stack.moved(x, step)

@@ -315,14 +315,21 @@ class CandidateFitter:
         points = self._begun(effects, parents)
         if not points:
             raise FlexarmError("at every size it would move faster than these recordings can show")
-        tried = []
+        tried: list[PartialFit] = []
         with Threads(1) as pool:
             for number, point in enumerate(points):
                 # A bold start has farther to go.
                 steps = SEARCH.first_steps if number < SEARCH.starts else SEARCH.bold_steps
-                there = point.problem
+                there, least = point.problem, min((partial.point.cost for partial in tried), default=math.inf)
                 x, cost, converged = descend(
-                    there, point.x, there.training, pool, iterations=steps, least_gain=SEARCH.slow, noise="white"
+                    there,
+                    point.x,
+                    there.training,
+                    pool,
+                    iterations=steps,
+                    least_gain=SEARCH.slow,
+                    noise="white",
+                    reach=least,  # only the best start goes on
                 )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged, self.mark))
         # A size that is only chosen takes no steps, and would stand where it began among others that did; one that is
@@ -380,11 +387,15 @@ class CandidateFitter:
             self._finished[begun] = reach, made
         return made
 
-    def retried(self, model: ScoredModel) -> ScoredModel:
+    def retried(self, model: ScoredModel, reach: float = math.inf) -> ScoredModel:
         """A model fitted again from points around where its fit ended, or as it is if none of them leads lower.
 
         Contacts that bounce make a cost so rough that a fit ends on its way; a little beside, it goes on. So an end
-        counts as converged only if a second try ends as low.
+        counts as converged only if a second try ends as low, and if two do, no further one is made.
+
+        Args:
+            model: which.
+            reach: cost that is to be reached, as of `descend`.
         """
         made = end_of(model)
 
@@ -395,14 +406,18 @@ class CandidateFitter:
                 there = best.x + random.normal(0.0, SEARCH.around, len(best.x))
                 with Threads(self.workers) as pool:
                     # What does not come as low says nothing, however low it is.
-                    x, cost, _ = descend(made.problem, there, made.problem.training, pool, reach=min(ends) + 1.0)
+                    aim = min(min(ends) + 1.0, reach)
+                    x, cost, _ = descend(made.problem, there, made.problem.training, pool, reach=aim)
                 ends.append(cost)
                 if cost < best.cost:
                     best = replace(made, x=x, cost=cost)
+                if sum(end - best.cost < 1.0 for end in ends) > 2:
+                    break
             lowest, second, *_ = sorted(ends)
             return PartialFit(model.effects, best, second - lowest < 1.0)
 
-        return self._trial(self._kept(f"retried {model.label} {_mark(made.x)}", model.effects, compute))
+        key = f"retried {model.label} {_mark(made.x)} to {reach!r}"
+        return self._trial(self._kept(key, model.effects, compute))
 
     def compute_finish(self, partial: PartialFit, reach: float = math.inf) -> PartialFit:
         """The work of `finish`, done anew whatever is kept and not scored.

@@ -327,3 +327,16 @@ def test_a_cost_that_the_steps_left_would_not_reach_is_given_up() -> None:
     assert left.jacobians < whole.jacobians
     same = able.descended([-1.2, 1.0], iterations=60, noise="stated", reach=end[1] + 1.0)
     np.testing.assert_array_equal(same[0], end[0])
+
+
+@pytest.mark.parametrize(("reach", "steps"), [(-3.1e4, 1), (-2.9e4, 2)])
+def test_a_cost_that_many_times_what_is_promised_would_not_reach_is_given_up_at_once(reach: float, steps: int) -> None:
+    """A line promises to gain 1000: thirty times as much is 30 thousand."""
+    rest = np.full(20, 1e3**0.5)
+
+    def line(x: Array) -> Array:
+        return np.array([*rest[:-1], rest[-1] * (1 - x[0])])
+
+    toy = Toy(line, lambda x: np.array([*[0.0] * 19, -rest[-1]])[:, None], [plain("a", spread=1e3)])
+    toy.descended([0.0], iterations=60, noise="stated", reach=float(line(np.zeros(1)) @ line(np.zeros(1))) + reach)
+    assert toy.jacobians == steps

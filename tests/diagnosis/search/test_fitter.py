@@ -217,6 +217,50 @@ def test_a_fit_that_was_tried_again_and_kept_is_the_same_model(fitter: Candidate
     assert again.log_evidence == pytest.approx(first.log_evidence)
 
 
+def test_a_fit_is_tried_again_until_two_tries_end_as_low_as_the_lowest(
+    fitter: CandidateFitter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And each is left where it would not come that low, nor to the cost that counts."""
+    refit = fitter.refit
+    for ends, tries, converged in (
+        ([0.5, -0.2], 2, True),
+        ([5.0, -9.0, -8.5, 7.0, -8.6], 5, True),
+        ([-9.0] * 3, 3, True),
+    ):
+        left, reaches = list(ends), list[float]()
+
+        def descended(problem: Problem, x: np.ndarray, *rest: Any, reach: float, left: Any = left, **_: Any) -> Any:
+            reaches.append(reach - refit.fit.cost)  # noqa: B023
+            return x, refit.fit.cost + left.pop(0), True
+
+        monkeypatch.setattr(fitting, "descend", descended)
+        again = fitter.retried(refit, refit.fit.cost + 0.4)
+        assert len(reaches) == tries
+        assert again.fit.converged == converged
+        assert again.fit.cost == pytest.approx(refit.fit.cost + min([*ends[:tries], 0.0]))
+        lowest = [min([0.0, *ends[:k]]) + 1.0 for k in range(tries)]
+        assert reaches == pytest.approx([min(low, 0.4) for low in lowest])
+
+
+def test_of_several_starts_each_is_to_come_as_low_as_the_best_before_it(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only one goes on from there."""
+    zone, made = next(c for c in listed if c.effect == "dead_zone"), fitter.base
+    points = [StartingPoint(9.0, made, np.full(1, k), (zone.starts[k],), (zone.starts[k],)) for k in range(3)]
+    monkeypatch.setattr(fitter, "_begun", lambda *_: points)
+    monkeypatch.setattr(fitter, "_refined", lambda partial: partial)
+    costs, reaches = [7.0, 8.0, 5.0], list[float]()
+
+    def descended(problem: Problem, x: np.ndarray, *rest: Any, reach: float, **_: Any) -> Any:
+        reaches.append(reach)
+        return x, costs[int(x[0])], True
+
+    monkeypatch.setattr(fitting, "descend", descended)
+    assert fitter.compute_partial_fit((zone,), [{}]).point.sizes == (zone.starts[2],)
+    assert reaches == [math.inf, 7.0, 7.0]
+
+
 def test_a_model_that_is_compared_with_a_richer_one_is_begun_from_its_end_too(
     fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
