@@ -120,6 +120,12 @@ class Candidate:
             groups.setdefault(tuple(start[name] for name in fixed), []).append(start)
         return list(groups.values())
 
+    @property
+    def model(self) -> tuple[str, str, tuple[tuple[float, ...], ...]]:
+        """What tells it from others wherever a fit begins: its key, its option, and what is chosen for good."""
+        fixed = () if self.finer else tuple(k.name for k in self.parameters if k.fixed)
+        return self.key, self.option, tuple({tuple(start[name] for name in fixed): None for start in self.starts})
+
     def choices(self) -> list[Candidate]:
         """The effect with each of the values, such as a wave's order, that are only chosen and not looked for finer."""
         groups = self.structures()

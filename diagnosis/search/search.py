@@ -163,6 +163,8 @@ class _Search:
         self.looked = looked
         """What was seen beside the user's model alone, once that was looked at."""
         self._order = best_ways(looked.order) if looked else []
+        self._extended: list[ScoredModel] = []
+        """Models that were extended."""
         self._begun: bool | None = None
         """Whether the first effect was sought, once that is known."""
 
@@ -240,7 +242,7 @@ class _Search:
             for made in self._simpler(model, effect):
                 known = self.known[made.keys]
                 if self.known.worth(known) < self.known.worth(model) and self._does_most(known, model, effect):
-                    self.known.keep(self.fitter.retried(made))
+                    self.known.keep(self.fitter.retried(made, self.known.told_below(model)))
 
     def _does_most(self, simpler: ScoredModel, model: ScoredModel, effect: Candidate) -> bool:
         """Whether a simpler law explains most of what an effect of a model does.
@@ -315,31 +317,53 @@ class _Search:
 
     def _grow(self, most: int) -> None:
         for count in range(2, most + 1):
+            leading = [m.keys for m in self.known.leading]
             if count == 2 and not self._enough(count):
-                # What is better than the best may have looked worse after a few steps on coarse recordings.
-                self._finish_waiting()
-                if not self._enough(count):
-                    self._other_laws()
+                self._look_back(most)
             # Of three effects two explain most: where they do not, what is missing is not among those that are listed.
             if self._enough(count) or (count > 2 and not self._explains_most):
                 return
-            before = self._leader(count)
-            leading = [m.keys for m in self.known.leading]
-            done = complete(before, self.known.refit)
-            steady = before.left.varying < self.known.price + SEARCH.effort and not misses(before.left)
-            if before.effects and (done or steady):
-                # What is as strong whatever moves, and little, is a sensor's coloured noise, or one weak effect more;
-                # what is little beside the effects that are in is a nuisance, or one weak effect more.
-                # Two weak effects may each owe too little while the other is missing: what leads is extended as it is.
-                whole = self.known.leading[1]
-                than = whole if len(whole.effects) < most else before
-                self._extend(than, self.listed if done else self._order[: SEARCH.beside])
+            if self._is_weak(self._leader(count)):
+                self._extend_whole(most)
             else:
                 self._deepen(count)
             self._vary(self.known.best)
             # What leads may be told without an effect that only a third one makes worth its while.
             if [m.keys for m in self.known.leading] == leading:
                 return
+
+    def _is_weak(self, before: ScoredModel) -> bool:
+        """Whether what a model with effects leaves can be one weak effect more at most.
+
+        What is as strong whatever moves, and little, is a sensor's coloured noise, or one weak effect more; what is
+        little beside the effects that are in is a nuisance, or one weak effect more.
+        """
+        steady = before.left.varying < self.known.price + SEARCH.effort and not misses(before.left)
+        return bool(before.effects) and (complete(before, self.known.refit) or steady)
+
+    def _extend_whole(self, most: int) -> None:
+        """Add an effect to what leads as it is: two weak effects may each owe too little while the other is missing."""
+        before, whole = self.known.leading
+        than = whole if len(whole.effects) < most else before
+        self._extend(than, self.listed if complete(before, self.known.refit) else self._order[: SEARCH.beside])
+
+    def _look_back(self, most: int) -> None:
+        """Fit the effects that had no turn, once it is known what a second one beside the best explains.
+
+        What is better than the best may have looked worse after a few steps on coarse recordings. Beside a pair that
+        leaves nothing it is soon seen that most do not come near.
+        """
+        before = self._leader(2)
+        if self._is_weak(before):
+            self._extend_whole(most)
+        else:
+            for parent in self._parents(1)[:1]:
+                self._extend(parent, self.listed)
+        if self.known.best is not before and self._enough(2):
+            self._vary(self.known.best)
+        self._finish_waiting()
+        if not self._enough(2):
+            self._other_laws()
 
     def _leader(self, count: int) -> ScoredModel:
         """The best model so far; one with effects is fitted until it is sure that it ends there."""
@@ -453,6 +477,9 @@ class _Search:
         A vibration's frequency or a cogging's order is hidden as long as something larger is missing, and what acts on
         the other side of a joint is one with what acts on this side as long as the joint is.
         """
+        if any(parent is model for model in self._extended):
+            return
+        self._extended.append(parent)
         anew, new = self._listed_beside(parent)
         among = [*(anew.get((c.key, c.option), c) for c in among), *new]
         kept = _as_ended(parent)

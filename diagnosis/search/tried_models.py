@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 
 from diagnosis.effects.effect import Candidate, cuts, together
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, ended
-from diagnosis.search.posterior import complete, is_in, misses, price, prices, told_as, value
+from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, told_as, value
 from diagnosis.search.ranking import place_by_place
 from diagnosis.search.scored_model import ScoredModel
-from diagnosis.thresholds import SEARCH
+from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.errors import FlexarmError
 from engine.spread import Spread
 from scenarios.variant import edited
@@ -47,6 +47,7 @@ class TriedModels:
         self._done: set[tuple[str, ...]] = set()
         self._ended: set[frozenset[str]] = set()
         self._repeated: set[frozenset[str]] = set()
+        self._ends: dict[frozenset[Hashable], list[float]] = {}
 
     def __contains__(self, keys: frozenset[str]) -> bool:
         return keys in self._models
@@ -109,7 +110,8 @@ class TriedModels:
     ) -> list[ScoredModel]:
         """Fit models a few steps, and those of the lowest cost to the end, which are given.
 
-        A model with an effect on one side of a cut that is not in it is another one, and is left out.
+        A model with an effect on one side of a cut that is not in it is another one, and is left out. So is one whose
+        fits have ended twice at the same cost, no other lower: a third would end there too.
 
         Args:
             wanted: effects, those that promise most first, and parameters to begin from.
@@ -122,7 +124,7 @@ class TriedModels:
         tasks = []
         for effects, parents in wanted:
             mark = tuple(sorted(f"{c.key} {c.option} {c.starts}" for c in effects))
-            if mark not in self._done and all(c.beyond <= cuts(effects) for c in effects):
+            if mark not in self._done and all(c.beyond <= cuts(effects) for c in effects) and not self._sure(effects):
                 self._done.add(mark)
                 tasks.append((effects, parents))
 
@@ -175,10 +177,14 @@ class TriedModels:
                 reaches |= {id(partial): self._reach_of(partial) for partial in group}
                 with Spread(self.fitter.workers, threads=True) as pool:
                     found = list(pool.map(finish, group))
-                self.failures += [why for why in found if isinstance(why, tuple)]
-                able += [made for made in found if not isinstance(made, tuple) and self._has_meaning(made)]
-                for made in able:
-                    self.keep(made)
+                for partial, made in zip(group, found, strict=True):
+                    if isinstance(made, tuple):
+                        self.failures.append(made)
+                    elif self._has_meaning(made):
+                        able.append(made)
+                        self.keep(made)
+                        if made.fit.converged and (whole or made.fit.cost <= reaches[id(partial)]):
+                            self._ends.setdefault(_model(made.effects), []).append(made.fit.cost)
             kept += able
             reach = self.reach
             if not any(self.worth(made) > reach and made.keys != self.best.keys for made in able):
@@ -186,18 +192,29 @@ class TriedModels:
                 break
         return kept
 
+    def _sure(self, effects: Sequence[Candidate]) -> bool:
+        """Whether two fits of a model have ended at the same cost, and none lower."""
+        ends = sorted(self._ends.get(_model(effects), ()))
+        return len(ends) > 1 and ends[1] - ends[0] < SEARCH.slow
+
+    def told_below(self, model: ScoredModel) -> float:
+        """Cost above which a simpler law is not told in the place of a model: it owes it more than a nuisance does."""
+        explained = energy(self.refit) - min(energy(m) for m in self.models)
+        return model.cost + EVIDENCE.share * explained + 2 * (self.price + SEARCH.effort)
+
     def _reach_of(self, partial: PartialFit) -> float:
         """Cost of the fitted recordings above which a model is not near the best, once one with effects is known.
 
-        Not even if it explained all that the best leaves of recordings that are not fitted. What is simpler than the
-        best is compared with it however far it is: the best may be told as that.
+        Not even if it explained all that the best leaves of recordings that are not fitted: noise, if that is complete.
+        What is simpler than the best is compared with it however far it is: the best may be told as that.
         """
         best = self.best
         lost = [c for c in best.effects if all(c.key != p.key for p in partial.effects)]
         more = [c for c in partial.effects if c.key not in best.keys]
         if not best.effects or not more or (len(lost) == len(more) == 1 and is_in(more[0], lost[0])):
             return math.inf
-        others = best.unseen.unexplained if best.fit.problem.held_out else 0.0
+        explains_all = complete(best, self.refit) and not misses(best.unseen)
+        others = best.unseen.unexplained if best.fit.problem.held_out and not explains_all else 0.0
         fewer = prices(best.effects) - prices(partial.effects)
         return best.cost + 2 * (others + (1 + fewer) * self.price + SEARCH.effort)
 
@@ -265,3 +282,8 @@ class TriedModels:
             self.failures.append((made.effects[-1].key, error.message))
             return False
         return True
+
+
+def _model(effects: Sequence[Candidate]) -> frozenset[Hashable]:
+    """What tells a model from others, wherever its fit begins."""
+    return frozenset(c.model for c in effects)
