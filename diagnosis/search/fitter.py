@@ -332,9 +332,30 @@ class CandidateFitter:
                     reach=least,  # only the best start goes on
                 )
                 tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged, self.mark))
+        best = self._acting(min(tried, key=lambda partial: partial.point.cost))
         # A size that is only chosen takes no steps, and would stand where it began among others that did; one that is
         # in already has taken the place of what is put in now.
-        return self._refined(min(tried, key=lambda partial: partial.point.cost))
+        return self._refined(best)
+
+    def _acting(self, partial: PartialFit) -> PartialFit:
+        """The partial fit, or one begun from where all sizes of the last effect act, if that comes lower.
+
+        A limit beyond all commands has no slope to say how much nearer it belongs, and other parameters may have made
+        up for it. So steps are taken anew from the nearest of its starting sizes at which recordings answer to it.
+        """
+        effect = partial.effects[-1]
+        for number, f in enumerate(partial.point.problem.free):
+            name, point = f.name.removeprefix(f"{effect.name}."), partial.point
+            if f.name == name or not _is_idle(point, number):
+                continue
+            there = sorted({f.position(start[name]) for start in effect.starts}, key=lambda x: abs(x - point.x[number]))
+            rows = (np.where(np.arange(len(point.x)) == number, x, point.x) for x in there)
+            begun = next((x for x in rows if not _is_idle(replace(point, x=x), number)), None)
+            if begun is not None:
+                start = replace(partial, point=replace(point, x=begun))
+                again = self._descended(start, noise="white", steps=SEARCH.first_steps)
+                partial = again if again.point.cost < point.cost else partial
+        return partial
 
     def _begun(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> list[StartingPoint]:
         """The starting points to fit, the best first, and last those that have farther to go.
@@ -504,7 +525,13 @@ class CandidateFitter:
         return best
 
     def _descended(
-        self, partial: PartialFit, *, whole: bool = False, noise: Noise = "coloured", reach: float = math.inf
+        self,
+        partial: PartialFit,
+        *,
+        whole: bool = False,
+        noise: Noise = "coloured",
+        reach: float = math.inf,
+        steps: int = SEARCH.most_steps,
     ) -> PartialFit:
         """The partial fit fitted until it converges or hardly gains: to coarse recordings, or to all."""
         point = partial.point
@@ -517,7 +544,7 @@ class CandidateFitter:
                     x,
                     made.training,
                     pool,
-                    iterations=SEARCH.most_steps,
+                    iterations=steps,
                     least_gain=SEARCH.slow,
                     noise=noise,
                     reach=reach,
@@ -576,6 +603,15 @@ class CandidateFitter:
                     point = StartingPoint(cost, made, x, _with(best.sizes, k, sizes), _with(best.built, k, sizes))
                     return replace(partial, point=point, converged=converged)
         return partial
+
+
+def _is_idle(point: StartingPoint, number: int) -> bool:
+    """Whether no recording answers to a search variable where a fit stands."""
+    made = point.problem
+    try:
+        return not any(made.linearised(point.x, e, [number])[1][:, number].any() for e in made.training)
+    except SimulationError:
+        return False
 
 
 def _with(kept: tuple[Sizes, ...], k: int, sizes: Sizes) -> tuple[Sizes, ...]:

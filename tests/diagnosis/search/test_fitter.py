@@ -19,7 +19,7 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import descend as real
 from diagnosis.estimation.problem import Problem
-from diagnosis.estimation.time_experiment import TimeExperiment
+from diagnosis.estimation.time_experiment import TimeExperiment, over_time
 from diagnosis.search import fitter as fitting
 from diagnosis.search.dask_fitter import Order, Task, perform
 from diagnosis.search.fitter import CandidateFitter, end_of
@@ -259,6 +259,34 @@ def test_of_several_starts_each_is_to_come_as_low_as_the_best_before_it(
     monkeypatch.setattr(fitting, "descend", descended)
     assert fitter.compute_partial_fit((zone,), [{}]).point.sizes == (zone.starts[2],)
     assert reaches == [math.inf, 7.0, 7.0]
+
+
+@pytest.mark.parametrize(("gain", "kept"), [(1.0, True), (-1.0, False)])
+def test_a_limit_beyond_all_commands_is_begun_anew_from_where_it_acts(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch, gain: float, kept: bool
+) -> None:
+    """It has no slope where it stands: nothing says how much nearer it belongs."""
+    limit = next(c for c in listed if c.effect == "saturation")
+    commands = np.concatenate([np.asarray(e.drive.values).ravel() for e in over_time(fitter.base.training) if e.drive])
+    sizes = {"lower": 1.5 * float(commands.min()), "upper": 0.9 * float(commands.max())}
+    made = fitter.build((limit,), (sizes,))
+    x = np.zeros(len(made.free))
+    partial = PartialFit(
+        (limit,), StartingPoint(made.cost(x, made.training, noise="white"), made, x, (sizes,), (sizes,)), False
+    )
+    begun: list[dict[str, float]] = []
+
+    def descended(given: PartialFit, **_: Any) -> PartialFit:
+        begun.append(given.point.problem.values(given.point.x)[0])
+        return replace(given, point=replace(given.point, cost=partial.point.cost - gain))
+
+    monkeypatch.setattr(fitter, "_descended", descended)
+    after = fitter._acting(partial)
+    (there,) = begun
+    acting = [start["lower"] for start in limit.starts if start["lower"] > commands.min()]
+    assert there[f"{limit.name}.lower"] == pytest.approx(min(acting))
+    assert there[f"{limit.name}.upper"] == pytest.approx(sizes["upper"])
+    assert (after is not partial) == kept
 
 
 def test_a_model_that_is_compared_with_a_richer_one_is_begun_from_its_end_too(
