@@ -590,18 +590,20 @@ class CandidateFitter:
                 near = Nearby(best.problem, best.x, pool, noise=noise)
             except SimulationError:
                 return partial
-            for begun in range(len(SEARCH.finer)):
-                share, there = near.sought(at, SEARCH.finer[begun:])
+            within = SEARCH.finer
+            while within:
+                share, there = near.sought(at, within)
                 sizes = finer(best.sizes[k], share)
                 if there is near.known or sizes is None:
                     break
                 made = built(sizes)
                 x, cost, converged = descend(
-                    made, there.x, made.training, pool, iterations=SEARCH.first_steps, noise=noise
+                    made, there.x, made.training, pool, iterations=SEARCH.first_steps, noise=noise, reach=best.cost
                 )
                 if cost < best.cost:
                     point = StartingPoint(cost, made, x, _with(best.sizes, k, sizes), _with(best.built, k, sizes))
                     return replace(partial, point=point, converged=converged)
+                within = tuple(far for far in within[1:] if 2 * far < abs(share))
         return partial
 
 
