@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 
 from diagnosis.effects.effect import Candidate, cuts, together
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.partial_fit import PartialFit, ended
+from diagnosis.search.partial_fit import PartialFit, drawn_back, ended
 from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, told_as, value
 from diagnosis.search.ranking import place_by_place
 from diagnosis.search.scored_model import ScoredModel
@@ -47,6 +47,7 @@ class TriedModels:
         self._done: set[tuple[str, ...]] = set()
         self._ended: set[frozenset[str]] = set()
         self._repeated: set[frozenset[str]] = set()
+        self._straightened: set[frozenset[str]] = set()
         self._ends: dict[frozenset[Hashable], list[float]] = {}
 
     def __contains__(self, keys: frozenset[str]) -> bool:
@@ -228,12 +229,17 @@ class TriedModels:
         return self._models[model.keys]
 
     def confirmed(self, model: ScoredModel) -> ScoredModel:
-        """A model fitted to the end, and tried again from around there if that may not be where it fits best.
+        """A model fitted to the end, and tried again if that may not be where it fits best.
 
-        That is so if it has not converged, or misses held-out recordings although it leaves too little for a further
-        effect: contacts that bounce make a cost with many low points.
+        From the values given, where its parameters are bent: they may make up for a size that ended a little off. And
+        from around there, if it has not converged, or misses held-out recordings although it leaves too little for a
+        further effect: contacts that bounce make a cost with many low points.
         """
-        model = self.settled(model)
+        if model.effects and model.bent and model.keys not in self._straightened:
+            self._straightened.add(model.keys)
+            there = tuple(ended(model, c) for c in model.effects)
+            self.fit([(there, [drawn_back(model.fit, SEARCH.drawn)])], 1, whole=True)
+        model = self.settled(self._models.get(model.keys, model))
         doubtful = not model.fit.converged or (complete(model, self.refit) and misses(model.unseen))
         if model.effects and doubtful and model.keys not in self._repeated:
             self._repeated.add(model.keys)

@@ -776,6 +776,29 @@ def test_the_best_model_is_tried_again_if_its_fit_did_not_converge() -> None:
     assert found.known.best.fit.converged
 
 
+@pytest.mark.parametrize("bent", [True, False])
+def test_the_best_model_is_begun_again_from_the_given_values_where_it_is_bent(bent: bool) -> None:
+    """Its parameters may make up for a delay that ended a little off."""
+    world = World(by({LAG.key: 4e3}))
+    known = searching._Search(world, world.refit, [LAG], None).known  # type: ignore[arg-type]
+    model = world.made((LAG,))
+    model.bent, model.fit.problem.free, model.fit.x = bent, (FreeParameter("a", 1.0, 0.1, True, 0.0),), (7.0,)
+    known.keep(model)
+    begun: list[Any] = []
+    put_in = world.partial_fit
+
+    def partial_fit(effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
+        begun.append((effects[0].starts, parents))
+        return put_in(effects, parents)
+
+    world.partial_fit = partial_fit  # type: ignore[method-assign]
+    world.excess_at_end = by({LAG.key: 0.0})
+    for _ in range(2):
+        assert known.confirmed(known[frozenset({LAG.key})]).fit.cost == COUNT + 4e3 * (not bent)
+    within = FreeParameter("a", 1.0, 0.1, True, 0.0).value(SEARCH.drawn)
+    assert begun == ([(({"p0": 0.2},), [{"a": pytest.approx(within)}])] if bent else [])
+
+
 def test_a_model_that_leaves_little_but_misses_recordings_is_tried_again() -> None:
     """Contacts that bounce: half a per cent is left, three times the noise, and a second try ends at the noise."""
     world = World(by({FRICTION.key: 3e3}, otherwise=1e6))
