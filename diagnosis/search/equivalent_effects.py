@@ -2,8 +2,8 @@
 
 While something moves, Coulomb friction with a constant force beside it is friction that differs between the
 directions; driven in one direction only, it is a dead zone. A further body on a spring and damper is, at low
-frequencies, a spring and a damper to the ground. Where the single effect is the best, the pair is fitted
-too, so that the verdict can say whether the recordings tell them apart.
+frequencies, a spring and a damper to the ground. Where the single effect is in the best model, the pair is fitted
+too, and where the pair is, the single effect, so that the verdict can say whether the recordings tell them apart.
 """
 
 from __future__ import annotations
@@ -43,10 +43,11 @@ def one_law(effects: Sequence[Candidate]) -> int:
 
 
 def lookalikes(chosen: ScoredModel, listed: Sequence[Candidate]) -> list[tuple[Candidate, ...]]:
-    """The chosen model with a single effect replaced by the pair that it may be taken for.
+    """The chosen model with a single effect replaced by the pair that it may be taken for, or a pair by a single one.
 
     Each of the two is put where the single one is, or, if it has no place there, wherever it can be: an offset that
-    does best alone, in a reference, is not the one that does a friction's work.
+    does best alone, in a reference, is not the one that does a friction's work. The single one is put where either of
+    the two is, or, if it has no place at either, wherever it can be.
 
     Args:
         chosen: the best model.
@@ -57,6 +58,13 @@ def lookalikes(chosen: ScoredModel, listed: Sequence[Candidate]) -> list[tuple[C
         others = tuple(c for j, c in enumerate(chosen.effects) if j != k)
         options = [_where(name, effect.place, listed) for name in KNOWN.get(effect.effect, ())]
         rows += [row for pair in itertools.product(*options) if pair and (row := all_beside(others, pair)) is not None]
+    for pair in itertools.combinations(chosen.effects, 2):
+        others = tuple(c for c in chosen.effects if c not in pair)
+        for name in (single for single, known in KNOWN.items() if {c.effect for c in pair} == set(known)):
+            found = [c for c in listed if c.effect == name]
+            there = {c.place: c for c in reversed(found) if c.place in {one.place for one in pair}}
+            ways = there or {c.place: c for c in reversed(found)}
+            rows += [row for c in ways.values() if (row := all_beside(others, [c])) is not None]
     return rows
 
 

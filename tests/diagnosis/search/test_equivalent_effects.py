@@ -64,6 +64,16 @@ def test_a_single_effect_is_tried_as_the_pair_that_it_may_be_taken_for() -> None
     assert lookalikes(made(("lag", "u")), [m.effects[0] for m in singles]) == []
 
 
+def test_a_pair_is_tried_as_the_single_effects_that_it_may_be() -> None:
+    """Each where either of the two is, or everywhere if it has no place there."""
+    names = [("direction_dependent_friction", "arm"), ("direction_dependent_friction", "motor"), ("dead_zone", "w")]
+    singles = [made(one).effects[0] for one in names]
+    chosen = made(("coulomb_friction", "arm"), ("lag", "u"), ("offset", "u"))
+    rows = [[c.key for c in row] for row in lookalikes(chosen, singles)]
+    assert rows == [["lag at u", "direction_dependent_friction at arm"], ["lag at u", "dead_zone at w"]]
+    assert lookalikes(made(("coulomb_friction", "arm"), ("lag", "u")), singles) == []
+
+
 def test_of_a_pair_what_has_no_place_there_is_put_everywhere() -> None:
     """An offset does best alone in a reference; beside the friction, it is the one at the motor that does its work."""
     singles = [
