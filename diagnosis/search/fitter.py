@@ -344,11 +344,13 @@ class CandidateFitter:
         up for it. So steps are taken anew from the nearest of its starting sizes at which recordings answer to it.
         """
         effect = partial.effects[-1]
+        own = {f"{effect.name}.{size}": size for size in effect.starts[0]}
         for number, f in enumerate(partial.point.problem.free):
-            name, point = f.name.removeprefix(f"{effect.name}."), partial.point
-            if f.name == name or not _is_idle(point, number):
+            size, point = own.get(f.name), partial.point
+            if size is None or not _is_idle(point, number):
                 continue
-            there = sorted({f.position(start[name]) for start in effect.starts}, key=lambda x: abs(x - point.x[number]))
+            able = {start[size] for start in effect.starts if not f.logarithmic or start[size] * f.start > 0}
+            there = sorted(map(f.position, able), key=lambda x: abs(x - point.x[number]))
             rows = (np.where(np.arange(len(point.x)) == number, x, point.x) for x in there)
             begun = next((x for x in rows if not _is_idle(replace(point, x=x), number)), None)
             if begun is not None:

@@ -231,7 +231,7 @@ class TriedModels:
     def confirmed(self, model: ScoredModel) -> ScoredModel:
         """A model fitted to the end, and tried again if that may not be where it fits best.
 
-        From the values given, where its parameters are bent: they may make up for a size that ended a little off. And
+        With its parameters drawn back, where they are bent: they may make up for a size that ended a little off. And
         from around there, if it has not converged, or misses held-out recordings although it leaves too little for a
         further effect: contacts that bounce make a cost with many low points.
         """

@@ -18,6 +18,7 @@ from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.least_squares import descend as real
+from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment, over_time
 from diagnosis.search import fitter as fitting
@@ -287,6 +288,17 @@ def test_a_limit_beyond_all_commands_is_begun_anew_from_where_it_acts(
     assert there[f"{limit.name}.lower"] == pytest.approx(min(acting))
     assert there[f"{limit.name}.upper"] == pytest.approx(sizes["upper"])
     assert (after is not partial) == kept
+
+
+def test_states_of_a_block_that_was_put_in_are_no_sizes(fitter: CandidateFitter, listed: Any) -> None:
+    """Where a further mode begins is nothing that it could be begun with, though no recording answers to it."""
+    mode = next(c for c in listed if c.effect == "extra_mode")
+    made = fitter.build((mode,), (mode.starts[0],))
+    begins = FreeParameter(f"{mode.name}.body.angle", 0.0, 1.0, False, recording=made.training[0].name)
+    idle = replace(made, free=(*made.free, begins))
+    x = np.zeros(len(idle.free))
+    partial = PartialFit((mode,), StartingPoint(0.0, idle, x, (mode.starts[0],), (mode.starts[0],)), False)
+    assert fitter._acting(partial) is partial
 
 
 def test_a_model_that_is_compared_with_a_richer_one_is_begun_from_its_end_too(

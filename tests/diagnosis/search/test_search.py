@@ -777,7 +777,7 @@ def test_the_best_model_is_tried_again_if_its_fit_did_not_converge() -> None:
 
 
 @pytest.mark.parametrize("bent", [True, False])
-def test_the_best_model_is_begun_again_from_the_given_values_where_it_is_bent(bent: bool) -> None:
+def test_the_best_model_is_begun_again_with_its_parameters_drawn_back_where_they_are_bent(bent: bool) -> None:
     """Its parameters may make up for a delay that ended a little off."""
     world = World(by({LAG.key: 4e3}))
     known = searching._Search(world, world.refit, [LAG], None).known  # type: ignore[arg-type]
