@@ -290,12 +290,15 @@ def test_a_limit_beyond_all_commands_is_begun_anew_from_where_it_acts(
     assert (after is not partial) == kept
 
 
-def test_states_of_a_block_that_was_put_in_are_no_sizes(fitter: CandidateFitter, listed: Any) -> None:
+def test_states_of_a_block_that_was_put_in_are_no_sizes(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Where a further mode begins is nothing that it could be begun with, though no recording answers to it."""
     mode = next(c for c in listed if c.effect == "extra_mode")
     made = fitter.build((mode,), (mode.starts[0],))
     begins = FreeParameter(f"{mode.name}.body.angle", 0.0, 1.0, False, recording=made.training[0].name)
     idle = replace(made, free=(*made.free, begins))
+    monkeypatch.setattr(fitting, "_is_idle", lambda point, number: point.problem.free[number] is begins)
     x = np.zeros(len(idle.free))
     partial = PartialFit((mode,), StartingPoint(0.0, idle, x, (mode.starts[0],), (mode.starts[0],)), False)
     assert fitter._acting(partial) is partial
