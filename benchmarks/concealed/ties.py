@@ -13,13 +13,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.random import default_rng
+from numpy.random import Generator, default_rng
 from numpy.typing import NDArray
 
 from benchmarks.concealed.bench import Bench
 from benchmarks.concealed.case import Case, draw
 from benchmarks.concealed.drawing import Options, conceal
 from benchmarks.concealed.effects import TURNED, Concealed
+from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.refit import WIDEST, GaussNewton, Small, least_squares, refit
 from benchmarks.concealed.simulator import Diverged
 from benchmarks.concealed.sites import Site, find, scales, sites
@@ -39,13 +40,17 @@ ADDITIVE = frozenset({"offset", "bias", "phase", "hanging_angle", "rest_angle"})
 FURTHER = {"stray_spring": {"rest_angle": 0.0}}
 """Parameters that a rival has and a truth does not."""
 
-SAME: dict[tuple[str, str], Callable[[Mapping[str, float]], dict[str, float]]] = {
+SAME: dict[tuple[str, str], Callable[[Mapping[str, float]], dict[str, float] | None]] = {
     ("gravity", "torque_ripple"): lambda p: {
         "amplitude": p["moment"],
         "order": 1.0,
         "phase": math.pi - p["hanging_angle"],
     },
-    ("torque_ripple", "gravity"): lambda p: {"moment": p["amplitude"], "hanging_angle": math.pi - p["phase"]},
+    ("torque_ripple", "gravity"): lambda p: (
+        {"moment": p["amplitude"], "hanging_angle": math.pi - p["phase"]} if p["order"] == 1.0 else None
+    ),
+    ("torque_ripple", "cogging"): dict,
+    ("cogging", "torque_ripple"): dict,
     ("joint_flexibility", "hardening_spring"): lambda p: {**p, "cubic_stiffness": 0.0},
     ("joint_flexibility", "backlash"): lambda p: {**p, "half_gap": 0.0},
     ("coulomb_friction", "direction_dependent_friction"): lambda p: {
@@ -61,10 +66,20 @@ SAME: dict[tuple[str, str], Callable[[Mapping[str, float]], dict[str, float]]] =
     },
 }
 """(truth, rival): the rival's parameters that make it the truth, where some do: gravity is a torque ripple of order one
-(and such a ripple is gravity), and what contains the truth has a size that may be nothing."""
+(and such a ripple is gravity), cogging is a ripple of many waves, and what contains the truth has a size that may be
+nothing."""
 
 ENOUGH = 0.01
 """Squared distance, in floors, that is as good as none: the search ends."""
+
+WRONG = "wrong_parameter"
+"""Name of a nominal parameter that an explanation lets leave its tolerance."""
+
+FARTHEST = 30.0
+"""By what factor such a parameter may be wrong, either way."""
+
+FACTORS = (1.0, 0.2, 5.0)
+"""Factors by which it is wrong where a fit begins."""
 
 SHARES = (0.03, 0.3, 3.0)
 DRAWS = 4
@@ -77,7 +92,7 @@ class Rival:
     """Another explanation of a case.
 
     Attributes:
-        effects: (effect, place) of each part; empty for none.
+        effects: (effect, place) of each part, `WRONG` with the name of a parameter; empty for none.
         distance: to the truth on the held-out recordings, in floors, after the fit.
         parameters: of its effects, fitted.
         more: free parameters beyond those of the truth's effects. A rival with more of them that contains the truth
@@ -116,22 +131,48 @@ def tie_class(case: Case, rivals: Iterable[Sequence[str]] | None = None) -> list
 
     Args:
         case: the truth.
-        rivals: each a sequence of ``effect`` or ``effect@place``; by default none, and every single effect the plant
-            can hide from the sensors it has.
+        rivals: each a sequence of ``effect`` or ``effect@place``, or ``wrong_parameter@name``; by default none, and
+            every single effect the plant can hide from the sensors it has.
+
+    Raises:
+        ValueError: the plant has no such effect or parameter.
     """
-    bench, base = case.bench, case.truth.bare()
+    bench, base = case.bench, _within(case.bench, case.truth.bare())
     target = bench.outputs(replace(case.truth, nuisance=Nuisance()))
+    loose: list[tuple[str, ...]]
     if rivals is None:
         own = [(site,) for site in case.sites] if len(case.sites) == 1 else []
         chosen: list[tuple[Site, ...]] = [(), *((site,) for site in sites(case.plant))]
         chosen = [c for c in chosen if c not in own and all(_recorded(bench, site) for site in c)]
+        loose = [()] * len(chosen)
     else:
-        chosen = [tuple(find(case.plant, part) for part in rival if part != "none") for rival in rivals]
+        parted = [_parted(case.plant, rival) for rival in rivals]
+        chosen, loose = [acting for acting, _ in parted], [names for _, names in parted]
     quick = bool(case.plant.habits.hidden)
     nearest = GaussNewton(bench, base).refit(target) if quick else refit(bench, base, target)
     own_count = sum(len(_free(c, base)) for c in case.truth.concealed)
-    found = [fit_rival(bench, nearest, target, rival, case.truth) for rival in chosen]
+    pairs = zip(chosen, loose, strict=True)
+    found = [fit_rival(bench, nearest, target, rival, case.truth, names) for rival, names in pairs]
     return sorted((replace(r, more=r.more - own_count) for r in found), key=lambda rival: rival.distance)
+
+
+def _within(bench: Bench, truth: Truth) -> Truth:
+    """The same with each nominal parameter at most `WIDEST` tolerances from its value, where a fit may begin."""
+    changed = {}
+    for name, width in bench.tolerance.items():
+        far = math.exp(WIDEST * width)
+        changed[name] = min(max(truth.parameters[name], bench.centre[name] / far), bench.centre[name] * far)
+    return replace(truth, parameters=dict(truth.parameters) | changed)
+
+
+def _parted(plant: Plant, rival: Sequence[str]) -> tuple[tuple[Site, ...], tuple[str, ...]]:
+    """The effects of an explanation, and the parameters that are wrong by it."""
+    wrong = tuple(part.partition("@")[2] for part in rival if part.partition("@")[0] == WRONG)
+    able = [q.name for q in plant.parameters]
+    for name in wrong:
+        if name not in able:
+            raise ValueError(f"{plant.name} has no parameter '{name}'; it has {', '.join(able)}")
+    return tuple(find(plant, part) for part in rival if part != "none" and part.partition("@")[0] != WRONG), wrong
 
 
 def _recorded(bench: Bench, site: Site) -> bool:
@@ -143,7 +184,9 @@ def _in_other_words(truth: Truth, site: Site) -> Concealed | None:
     the sizes that it has there. None if no such law is known."""
     for c in sorted(truth.concealed, key=lambda c: c.place != site.place):
         law = _as_law(c, site)
-        if law and law.place != site.place:
+        if law and law.place in site.same:
+            law = replace(law, place=site.place)
+        elif law and law.place != site.place:
             law = _across(truth, law, site)
         if law:
             return law
@@ -155,9 +198,8 @@ def _as_law(c: Concealed, site: Site) -> Concealed | None:
     if c.effect == site.effect.name:
         return c
     same = SAME.get((c.effect, site.effect.name))
-    if same is None or (c.effect == "torque_ripple" and c.parameters["order"] != 1.0):
-        return None
-    return Concealed(site.effect.name, c.place, same(c.parameters))
+    parameters = same(c.parameters) if same else None
+    return Concealed(site.effect.name, c.place, parameters) if parameters else None
 
 
 def _across(truth: Truth, c: Concealed, site: Site) -> Concealed | None:
@@ -170,7 +212,12 @@ def _across(truth: Truth, c: Concealed, site: Site) -> Concealed | None:
 
 
 def fit_rival(
-    bench: Bench, nearest: Truth, target: Sequence[Array], rival: Sequence[Site], truth: Truth | None = None
+    bench: Bench,
+    nearest: Truth,
+    target: Sequence[Array],
+    rival: Sequence[Site],
+    truth: Truth | None = None,
+    wrong: Sequence[str] = (),
 ) -> Rival:
     """Fit an explanation to noise-free outputs.
 
@@ -180,18 +227,19 @@ def fit_rival(
         target: outputs in units of the floor.
         rival: effects at places; none of them for the nominal model.
         truth: if known, the search begins at its parameters too, and what both conceal, at its size there.
+        wrong: nominal parameters that may leave their tolerances.
     """
-    names = tuple((site.effect.name, site.place) for site in rival)
+    names = (*((site.effect.name, site.place) for site in rival), *((WRONG, name) for name in wrong))
     joints = [site.place for site in rival if site.effect.name in JOINT_LAWS]
     if len({*joints}) < len(joints):
         return Rival(names, math.inf, ())  # a joint has one law here: whether two are as good cannot be told
-    if not rival:
+    if not names:
         return Rival((), bench.distance(bench.outputs(nearest), target), ())
     train = bench.training()
     wanted = [y for y, hold in zip(target, bench.held_out, strict=True) if not hold]
     best, fitted = math.inf, None
-    for start in _begun(train, nearest, wanted, rival, truth):
-        made, cost = _descend(train, start, wanted)
+    for start in _begun(train, nearest, wanted, rival, truth, wrong):
+        made, cost = _descend(train, start, wanted, wrong)
         if cost < best:
             best, fitted = cost, made
         if cost < ENOUGH * sum(np.size(y) for y in wanted):
@@ -202,18 +250,39 @@ def fit_rival(
         distance = bench.distance(bench.outputs(fitted), target)
     except Diverged:
         distance = math.inf
-    count = sum(len(_free(c, fitted)) for c in fitted.concealed)
+    count = sum(len(_free(c, fitted)) for c in fitted.concealed) + len(wrong)
     return Rival(names, distance, tuple(dict(c.parameters) for c in fitted.concealed), count)
 
 
 def _begun(
-    train: Bench, nearest: Truth, wanted: Sequence[Array], rival: Sequence[Site], truth: Truth | None
+    train: Bench,
+    nearest: Truth,
+    wanted: Sequence[Array],
+    rival: Sequence[Site],
+    truth: Truth | None,
+    wrong: Sequence[str],
 ) -> Iterator[Truth]:
-    """Where the search begins: at the truth's own parameters, if it is known, then at the refitted ones."""
+    """Where the search begins: at the truth's own parameters, if it is known, then at the refitted ones.
+
+    What lets parameters leave their tolerances begins where it ends with all of them held, too.
+    """
+    bases: list[tuple[Truth, Truth | None]] = [(nearest, None)]
     if truth is not None:
-        there = replace(nearest, parameters=truth.parameters)
-        yield from _best_starts(Small(train, there, wanted), _starts(train, there, rival, truth))
-    yield from _best_starts(Small(train, nearest, wanted), _starts(train, nearest, rival))
+        bases.insert(0, (replace(nearest, parameters=truth.parameters), truth))
+    for base, known in bases:
+        small, starts = Small(train, base, wanted), _starts(train, base, rival, known)
+        if wrong:
+            yield from (_descend(train, start, wanted, ())[0] for start in _best_starts(small, starts))
+        yield from _best_starts(small, _freed(starts, wrong))
+
+
+def _freed(starts: list[Truth], wrong: Sequence[str]) -> list[Truth]:
+    """The same starts with parameters that may leave their tolerances wrong by some factors."""
+    found = []
+    for start, factors in itertools.product(starts, itertools.product(FACTORS, repeat=len(wrong))):
+        changed = {name: start.parameters[name] * factor for name, factor in zip(wrong, factors, strict=True)}
+        found.append(replace(start, parameters=dict(start.parameters) | changed))
+    return found
 
 
 def _starts(train: Bench, nearest: Truth, rival: Sequence[Site], truth: Truth | None = None) -> list[Truth]:
@@ -221,19 +290,28 @@ def _starts(train: Bench, nearest: Truth, rival: Sequence[Site], truth: Truth | 
     rng = default_rng(20)
     each: list[list[Concealed]] = []
     for site in rival:
-        here = scales(train, nearest, site)
-        drawn = [site.effect.draw(rng, here) for _ in range(DRAWS)]
-        unlike = [f for k, f in enumerate(drawn) if f not in drawn[:k]]
-        sizes = [1.0] if site.effect.natural else [share * site.effect.first(here) for share in SHARES]
         said = _in_other_words(truth, site) if truth is not None else None
-        more = FURTHER.get(site.effect.name, {})
-        fresh = [conceal(site, size, f, here) for size in sizes for f in unlike]
-        begun = [replace(c, parameters={**c.parameters, **more}) for c in fresh]
+        begun = _fresh(train, nearest, site, rng)
         if said:
             # The law itself is where the truth has it; at another place, how it is there is a guess like others.
             begun = [said] if truth and any(c.place == site.place for c in truth.concealed) else [said, *begun]
         each.append(begun)
-    return [replace(nearest, concealed=parts) for parts in itertools.product(*each)][:: max(1, len(each[0]) // 64)]
+    thinned = max(1, len(each[0]) // 64) if each else 1
+    return [replace(nearest, concealed=parts) for parts in itertools.product(*each)][::thinned]
+
+
+def _fresh(train: Bench, nearest: Truth, site: Site, rng: Generator) -> list[Concealed]:
+    """A site's effect at several sizes, with several draws of its features; none where these recordings show none."""
+    try:
+        here = scales(train, nearest, site)
+    except ValueError:
+        return []
+    drawn = [site.effect.draw(rng, here) for _ in range(DRAWS)]
+    unlike = [f for k, f in enumerate(drawn) if f not in drawn[:k]]
+    sizes = [1.0] if site.effect.natural else [share * site.effect.first(here) for share in SHARES]
+    more = FURTHER.get(site.effect.name, {})
+    fresh = [conceal(site, size, f, here) for size in sizes for f in unlike]
+    return [replace(c, parameters={**c.parameters, **more}) for c in fresh]
 
 
 def _difference(train: Bench, truth: Truth, wanted: Sequence[Array]) -> Array:
@@ -251,10 +329,11 @@ def _best_starts(small: Small, starts: list[Truth]) -> list[Truth]:
     return [starts[k] for _, k in sorted(ranked)[:STARTS]]
 
 
-def _descend(train: Bench, start: Truth, wanted: Sequence[Array]) -> tuple[Truth, float]:
-    """Fit the nominal parameters, within their tolerances, and those of the effects."""
+def _descend(train: Bench, start: Truth, wanted: Sequence[Array], wrong: Sequence[str]) -> tuple[Truth, float]:
+    """Fit the nominal parameters, but for those that are wrong within their tolerances, and those of the effects."""
     names = list(train.tolerance)
-    width = np.array([train.tolerance[name] for name in names])
+    width = np.array([math.log(FARTHEST) / WIDEST if name in wrong else train.tolerance[name] for name in names])
+    held = np.array([name not in wrong for name in names])
     centre = np.array([train.centre[name] for name in names])
     knobs = [(i, key) for i, c in enumerate(start.concealed) for key in _free(c, start)]
     origin = np.log(np.array([start.parameters[name] for name in names]) / centre) / width
@@ -271,7 +350,7 @@ def _descend(train: Bench, start: Truth, wanted: Sequence[Array]) -> tuple[Truth
         return replace(start, parameters=dict(start.parameters) | values, concealed=concealed)
 
     def residual(x: Array) -> Array:
-        return np.concatenate([_difference(train, made(x), wanted), x[: len(names)]])
+        return np.concatenate([_difference(train, made(x), wanted), np.where(held, x[: len(names)], 0.0)])
 
     high = np.concatenate([np.full(len(names), WIDEST), np.full(len(knobs), 12.0)])
     x, cost = least_squares(residual, x, low=-high, high=high, iterations=15)

@@ -11,8 +11,8 @@ from typing import Any
 
 from benchmarks.concealed.named import plant as plant_of
 from benchmarks.concealed.plants.base import Plant
-from benchmarks.concealed.sites import Site, drive_sites, sites
-from benchmarks.concealed.ties import FLOOR, from_answers, tie_class
+from benchmarks.concealed.sites import drive_sites, sites
+from benchmarks.concealed.ties import FLOOR, WRONG, from_answers, tie_class
 from benchmarks.proof.intervals import covered
 from benchmarks.proof.run import plan
 from diagnosis.search.study import LEAST_ODDS
@@ -133,7 +133,7 @@ def _score(folder: Path, result: Path) -> Score:
         return base
     answer = json.loads(sealed.read_text(encoding="utf-8"))
     concealed, wrong = answer["concealed"], [name for name, _ in spec["options"]["wrong"]]
-    truth = [f"{c['effect']}@{c['place']}" for c in concealed] + [f"wrong_parameter@{name}" for name in wrong]
+    truth = [f"{c['effect']}@{c['place']}" for c in concealed] + [f"{WRONG}@{name}" for name in wrong]
     base = replace(
         base,
         truth=tuple(truth),
@@ -144,7 +144,7 @@ def _score(folder: Path, result: Path) -> Score:
         return base
     found = json.loads((result / "diagnosis.json").read_text(encoding="utf-8"))
     targets = [(_name(c), {c["place"], *c["same_place"]}) for c in concealed]
-    targets += [("wrong_parameter", {name}) for name in wrong]
+    targets += [(WRONG, {name}) for name in wrong]
     outcome, placed = _outcome(found, targets, folder, result, answer)
     if spec["withheld"] and outcome in ("wrong", "wrong tie", "half") and _stands_in(found, folder, result, answer):
         outcome = "equal"
@@ -296,9 +296,10 @@ def _true_tie(
     for one in [*models, *(other for *_, others in reported for other in others)]:
         if one == NOTHING:
             return False
-        parts = [_site(plant, *part.split(" at ")) for part in one.split(" + ")]
-        if None not in parts and not all(_is(part, targets) for part in parts):
-            rivals.add(tuple(sorted(str(part) for part in parts)))
+        parts = [_part(plant, *part.split(" at ")) for part in one.split(" + ")]
+        told = [part for part in parts if part is not None]
+        if len(told) == len(parts) and not all(_is(part, targets) for part in told):
+            rivals.add(tuple(sorted(told)))
     return _tied(rivals, folder, result, answer)
 
 
@@ -311,10 +312,11 @@ def _stands_in(found: dict[str, Any], folder: Path, result: Path, answer: dict[s
     for one in claims:
         if one == NOTHING:
             return False
-        parts = [_site(plant, *part.split(" at ")) for part in one.split(" + ")]
-        if None in parts:
+        parts = [_part(plant, *part.split(" at ")) for part in one.split(" + ")]
+        told = [part for part in parts if part is not None]
+        if len(told) < len(parts):
             return False
-        rivals.add(tuple(sorted(str(part) for part in parts)))
+        rivals.add(tuple(sorted(told)))
     return _tied(rivals, folder, result, answer)
 
 
@@ -331,12 +333,16 @@ def _tied(rivals: set[tuple[str, ...]], folder: Path, result: Path, answer: dict
     return all(known["+".join(r)] < FLOOR for r in rivals)
 
 
-def _site(plant: Plant, effect: str, place: str) -> Site | None:
+def _part(plant: Plant, effect: str, place: str) -> str | None:
+    """A part of an explanation, as the truth generator has it; None if it has no counterpart."""
+    if effect == WRONG:
+        return f"{WRONG}@{place}" if any(q.name == place for q in plant.parameters) else None
     able = (
         s for s in [*sites(plant), *drive_sites(plant)] if s.effect.name == effect and _at(place, {s.place, *s.same})
     )
-    return next(able, None)
+    return next((str(site) for site in able), None)
 
 
-def _is(site: Site | None, targets: list[tuple[str, set[str]]]) -> bool:
-    return site is not None and any(site.effect.name == name and site.place in allowed for name, allowed in targets)
+def _is(part: str, targets: list[tuple[str, set[str]]]) -> bool:
+    effect, _, place = part.partition("@")
+    return any(effect == name and place in allowed for name, allowed in targets)

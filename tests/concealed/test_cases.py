@@ -267,6 +267,7 @@ def test_two_laws_of_one_joint_are_no_tie_that_can_be_confirmed() -> None:
         ("srv02-flexible", "joint_flexibility", "gear.output -> link.hub", ("hardening_spring", "backlash")),
         ("harmonic-arm", "coulomb_friction", "rotor.shaft", ("direction_dependent_friction", "stribeck_friction")),
         ("srv02-flexible", "gravity", "motor.shaft", ("torque_ripple",)),
+        ("harmonic-arm", "torque_ripple", "rotor.shaft", ("cogging",)),
     ],
 )
 def test_a_law_that_contains_the_truth_ties(
@@ -275,6 +276,24 @@ def test_a_law_that_contains_the_truth_ties(
     case = draw(plant, [f"{truth}@{place}"], [10.0], 3, Options(seconds=1.0))
     for rival in tie_class(case, [(f"{name}@{place}",) for name in rivals]):
         assert rival.distance < 0.02 * FLOOR, rival.name
+
+
+def test_a_parameter_that_may_leave_its_tolerance_is_an_explanation() -> None:
+    case = draw("pendulum", [], [], 1, Options(wrong=(("weight.mass", 0.4),)))
+    ends = tie_class(case, [("none",), ("wrong_parameter@rotor.inertia",), ("wrong_parameter@weight.mass",)])
+    distances = {rival.name: rival.distance for rival in ends}
+    assert distances["wrong_parameter@weight.mass"] < 0.02 * FLOOR
+    assert min(distances["none"], distances["wrong_parameter@rotor.inertia"]) > FLOOR
+    with pytest.raises(ValueError, match=r"no parameter 'weight\.inertia'; it has .*weight\.mass"):
+        tie_class(case, [("wrong_parameter@weight.inertia",)])
+
+
+def test_what_fits_with_all_parameters_held_fits_with_one_of_them_free() -> None:
+    place = "gear.output -> link.hub"
+    case = draw("srv02-flexible", [f"joint_flexibility@{place}"], [10.0], 3, Options(seconds=1.0))
+    (rival,) = tie_class(case, [(f"joint_flexibility@{place}", "wrong_parameter@link.flexural_rigidity")])
+    assert rival.distance < 0.02 * FLOOR
+    assert rival.more == 1
 
 
 def test_a_spring_on_either_side_of_a_gear_ties() -> None:
