@@ -36,7 +36,8 @@ class EffectParameter:
         signed: whether it may change its sign; else it keeps that of its start and moves on a logarithmic scale.
         fixed: whether it is only chosen among its starting sizes: the model has no derivative with respect to it.
         unit: of one that is only chosen.
-        most: multiple of ``reference`` that it cannot exceed, if there is one: beyond it is another effect.
+        least, most: multiples of ``reference`` between which it stays, if there are any: beyond is another effect. Of
+            one that is ``signed``: ``most`` to either side of zero.
         like: another parameter that is about as large, which speaks for it where the recordings do not reach it. Of one
             that is ``signed``: the two before it, the nearer first, about on whose line it is.
         apart: standard deviation of its distance from that line, in multiples of ``reference``.
@@ -50,6 +51,7 @@ class EffectParameter:
     signed: bool = False
     fixed: bool = False
     unit: str = "1"
+    least: float = 0.0
     most: float | None = None
     like: tuple[str, ...] = ()
     apart: float = 1.0
@@ -158,7 +160,7 @@ class Candidate:
                 rows.append(replace(made, spread=spread, centre=centre, apart=parameter.apart * parameter.reference))
             else:
                 largest = math.copysign(parameter.most * parameter.reference, value) if parameter.most else 1e6 * value
-                low, high = sorted((0.0, largest))
+                low, high = sorted((math.copysign(parameter.least * parameter.reference, value), largest))
                 step, usual = SIZE_STEP, math.copysign(parameter.usual * parameter.reference, value)
                 made = FreeParameter(name, value, step, True, low, high, prior=False, like=like)
                 rows.append(replace(made, spread=parameter.spread / step, centre=math.log(usual / value) / step))

@@ -91,6 +91,11 @@ class OperatingScales:
         return self.problem.shortest
 
     @property
+    def longest(self) -> float:
+        """The longest time constant (s) that the recordings can tell from a longer one."""
+        return self.problem.longest
+
+    @property
     def unseen(self) -> tuple[str, ...]:
         """Effects that recordings of this kind do not show."""
         return tuple(dict.fromkeys(name for e in self.problem.experiments for name in e.unseen_effects()))

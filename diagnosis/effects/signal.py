@@ -55,9 +55,14 @@ def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     backward = EffectParameter("backward", 1.0, usual=1.0, spread=GAIN)
     yield from in_signal(place, "uneven_gain", "UnevenGain", uneven, backward, held=False, forward=1.0)
     corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
-    yield from in_signal(place, "lag", "LowPass", corners, EffectParameter("corner_frequency", 1 / sample))
+    yield from in_signal(place, "lag", "LowPass", corners, _corner(scales))
     yield _delay(place, sample)
     yield from _inductance(scales, place)
+
+
+def _corner(scales: OperatingScales) -> EffectParameter:
+    """The corner of a lag: one that is slower than the recordings are long passes nothing on, and is no lag."""
+    return EffectParameter("corner_frequency", 1 / scales.sample, least=scales.sample / scales.longest)
 
 
 def _delay(place: Place, sample: float) -> Candidate:
@@ -111,7 +116,7 @@ def at_sensor(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     gain = EffectParameter("gain", 1.0, usual=1.0, spread=GAIN)
     yield from behind_sensor(place, "sensor_scale", "Gain", gains, gain, unit="1")
     corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
-    yield from behind_sensor(place, "sensor_lag", "LowPass", corners, EffectParameter("corner_frequency", 1 / sample))
+    yield from behind_sensor(place, "sensor_lag", "LowPass", corners, _corner(scales))
     if scales.has_no_sign(place):
         scale = EffectParameter("sensitivity", 1.0, usual=1.0, spread=GAIN)
         same = combinations(sensitivity=(1.0,))

@@ -92,6 +92,11 @@ class Experiment(ABC):
         """The shortest time (s) that the recording resolves."""
 
     @property
+    @abstractmethod
+    def longest(self) -> float:
+        """The longest time constant (s) that the recording can tell from a longer one."""
+
+    @property
     def count(self) -> int:
         """Number of recorded values."""
         return int(np.isfinite(self.measured).sum())

@@ -92,6 +92,11 @@ class Problem:
         """The shortest time (s) that the recordings resolve."""
         return min(e.shortest for e in self.experiments)
 
+    @property
+    def longest(self) -> float:
+        """The longest time constant (s) that the recordings can tell from a longer one."""
+        return max(e.longest for e in self.experiments)
+
     def values(self, x: Array, experiment: Experiment | None = None) -> tuple[dict[str, float], dict[str, float]]:
         """Parameters and starting values at a search vector."""
         place = x.tobytes()

@@ -132,6 +132,11 @@ class TimeExperiment(Experiment):
         """The shortest time (s) that it resolves: the interval between the samples that were recorded."""
         return self.interval / self.thinned
 
+    @property
+    def longest(self) -> float:
+        """The longest time constant (s) that it can tell from a longer one: as long as it is itself."""
+        return float(self.time[-1] - self.time[0])
+
     def sampled(self, rows: Array) -> Array:
         """Simulated rows at the recorded instants, shape (samples, ...)."""
         if not self.uneven:

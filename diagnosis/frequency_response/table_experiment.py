@@ -115,6 +115,11 @@ class TableExperiment(Experiment):
         """The shortest time (s) that it resolves: a third of a radian at the highest frequency."""
         return 1 / (3 * float(self.frequency.max()))
 
+    @property
+    def longest(self) -> float:
+        """The longest time constant (s) that it can tell from a longer one: three radians at the lowest frequency."""
+        return 3 / float(self.frequency.min())
+
     def cut(self, share: float) -> TableExperiment:
         """The same: there is no horizon to grow."""
         return self
