@@ -196,6 +196,20 @@ def cuts(effects: Sequence[Candidate]) -> frozenset[tuple[str, str]]:
     )
 
 
+def across(one: Candidate, other: Candidate) -> frozenset[str] | None:
+    """The flanges that two joints have on different sides of the node they cut; None if they do not cut the same."""
+    mine, theirs = _inner(one), _inner(other)
+    return frozenset(mine) ^ frozenset(theirs) if mine and theirs and mine[0] == theirs[0] else None
+
+
+def _inner(effect: Candidate) -> tuple[str, ...]:
+    """The flanges on the inner side of where an effect cuts a node; none if it cuts none."""
+    for edit in effect.edits(effect.starts[0]):
+        if isinstance(edit, Between):
+            return (edit.target, *edit.beside)
+    return ()
+
+
 def together(effects: Sequence[Candidate], sizes: Sequence[Sizes]) -> list[Edit]:
     """The edits of several effects; nodes are cut first, so that what is put in at a flange stays on its side."""
     edits = [edit for c, s in zip(effects, sizes, strict=True) for edit in c.edits(s)]

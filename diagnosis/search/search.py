@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.effects.catalogue import candidates
-from diagnosis.effects.effect import Candidate, all_beside, beside, cuts
+from diagnosis.effects.effect import Candidate, across, all_beside, beside, cuts
 from diagnosis.effects.places import node
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.estimation.tones import tones
@@ -165,6 +165,8 @@ class _Search:
         self._order = best_ways(looked.order) if looked else []
         self._extended: list[ScoredModel] = []
         """Models that were extended."""
+        self._cut: list[ScoredModel] = []
+        """Models whose nodes were cut otherwise."""
         self._begun: bool | None = None
         """Whether the first effect was sought, once that is known."""
 
@@ -367,7 +369,7 @@ class _Search:
 
     def _leader(self, count: int) -> ScoredModel:
         """The best model so far; one with effects is fitted until it is sure that it ends there."""
-        return self.known.best if count == 1 else self.known.confirmed(self.known.best)
+        return self.known.best if count == 1 else self._cut_anew(self.known.confirmed(self.known.best))
 
     def _enough(self, count: int) -> bool:
         """Whether nothing is left that a further effect, of so many, could explain.
@@ -606,6 +608,25 @@ class _Search:
             moved = [replace(c, starts=tuple({**start, **anywhere} for start in c.starts)) for c in able]
             self.known.fit([((*kept, c), [standing(model.fit)]) for c in moved], len(moved), near=model)
 
+    def _cut_anew(self, model: ScoredModel) -> ScoredModel:
+        """Cut nodes with blocks whose parameters are far off on the other side, one by one, while that helps.
+
+        A node of many flanges can be cut in tens of ways, more than are fitted. A cut with a body on the wrong side
+        does as well with its inertia and those of its neighbours bent, which tells what is to be moved. The best model
+        then is given.
+        """
+        while model.far_off and not any(model is other for other in self._cut):
+            self._cut.append(model)
+            found, bent = [model], {name.partition(".")[0] for name in model.far_off}
+            for effect in model.effects:
+                kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+                near = [c for c in self.listed if c.effect == effect.effect and _is_moved(across(c, effect), bent)]
+                anew = [replace(c, starts=ended(model, effect).starts) for c in near]
+                tasks = [((*kept, c), _begun_from(model)) for c in _able_beside(kept, anew)]
+                found += self.known.fit(tasks, len(tasks), near=model)
+            model = max(found, key=self.known.worth)
+        return self.known.best
+
     def _alone_from(self) -> list[Values]:
         """Parameters that a first effect begins from: those of the refit, and those given where it has bent any.
 
@@ -751,6 +772,11 @@ class _Search:
         found = [course for c in self._looked_at for course in courses(origin, c)[: SEARCH.sizes]]
         pairs = together(found, origin, SEARCH.fitted)
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
+
+
+def _is_moved(flanges: frozenset[str] | None, blocks: Collection[str]) -> bool:
+    """Whether the flanges that are on another side are one, of one of some blocks."""
+    return flanges is not None and len(flanges) == 1 and {f.rpartition(".")[0] for f in flanges} <= {*blocks}
 
 
 def _as_ended(model: ScoredModel) -> tuple[Candidate, ...]:

@@ -579,6 +579,30 @@ def test_the_far_side_of_a_joint_is_a_place_beside_that_joint_alone() -> None:
     assert sum(c.key == far.key for c in made.listed) == 1
 
 
+def test_a_node_is_cut_with_bodies_on_the_other_side_whose_parameters_are_far_off() -> None:
+    """With the load on the wrong side the inertias of hub and load make up for it; the link's is where it was given."""
+
+    def joint(*beside: str) -> Candidate:
+        outer = next(end for end in ("hub.shaft", "load.shaft", "link.hub", "end.shaft") if end not in beside)
+        cut = Between("found_joint", "SpringDamper", "drive.shaft", "a", "b", {}, beside)
+        return replace(effect("joint", f"drive.shaft -> {outer}", option=str(beside)), edits=lambda sizes: [cut])
+
+    wrong, right = joint("hub.shaft"), joint("hub.shaft", "load.shaft")
+    listed = [wrong, right, joint(), joint("hub.shaft", "link.hub"), joint("link.hub", "load.shaft")]
+    left = {f"{c.key} {c.option}": 5e3 for c in listed} | {f"{right.key} {right.option}": 0.0}
+    world = World(by(left))
+    made: Any = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    model = world.made((wrong,))
+    made.known.keep(model)
+    assert made._cut_anew(model) is model
+    model.far_off = ["hub.inertia", "load.inertia"]
+    assert made._cut_anew(model).effects[0].option == right.option
+    assert world.options == {right.option, joint().option}
+    assert all(
+        start == {"p0": 0.2} for start in (m.sizes[0] for m in made.known.models if m.effects and m is not model)
+    )
+
+
 def test_what_does_as_well_alone_is_tried_beside_the_second_effect_too() -> None:
     """A lag of the sensor and one of the input tie alone; seven others promise more, so that neither is tried again."""
     sensor, gain = effect("sensor_lag", "sensor"), effect("uneven_gain", "v")
