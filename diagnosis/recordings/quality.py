@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from diagnosis.recordings.columns import Vector
@@ -186,22 +185,18 @@ def early(values: Vector, drives: Sequence[Vector]) -> int:
     rows = np.arange(MEMORY, len(y) - LATE)
     past = [y[rows - k] for k in range(1, MEMORY + 1)]
     known = [d[rows - k] for d in u for k in range(MEMORY)]
-    base = np.column_stack([np.ones(len(rows)), *past, *known])
-    target = y[rows]
-
-    def left(matrix: NDArray[np.float64]) -> float:
-        solved = np.linalg.lstsq(matrix, target, rcond=1e-10)[0]
-        return float(np.sum((target - matrix @ solved) ** 2))
-
-    without = left(base)
-    errors = [without]
-    for later in range(1, LATE + 1):
-        base = np.column_stack([base, *(d[rows + later] for d in u)])
-        errors.append(left(base))
+    later = [d[rows + k] for k in range(1, LATE + 1) for d in u]
+    base = np.column_stack([np.ones(len(rows)), *past, *known, *later])
+    # What each column takes away of the target, those before it given; one that these make up takes nothing.
+    upper = np.linalg.qr(np.column_stack([base, y[rows]]), mode="r")
+    taken, steps = upper[:, -1] ** 2, np.abs(np.diag(upper)[:-1])
+    made_up = np.append(steps < 1e-10 * steps.max(), False)
+    left = np.cumsum(np.where(made_up, 0.0, taken)[::-1])[::-1] + float(taken[made_up].sum())
+    errors = left[base.shape[1] - len(later) :: len(u)].tolist()
     free = len(rows) - base.shape[1]
-    if errors[-1] <= 0 or without < BETTER**2 * errors[-1]:
+    if errors[-1] <= 0 or errors[0] < BETTER**2 * errors[-1]:
         return 0
-    f = (without - errors[-1]) / (LATE * len(u)) / (errors[-1] / free)
+    f = (errors[0] - errors[-1]) / (LATE * len(u)) / (errors[-1] / free)
     if fdtrc(LATE * len(u), free, f) > 1e-6:
         return 0
     gained = [(errors[0] - e) / (errors[0] - errors[-1]) for e in errors]
