@@ -74,8 +74,9 @@ def hold(
     numbers: Sequence[int] | None = None,
     split: Split = whole,
     over: Over = map,
+    distance: float = FITTING.held_over,
 ) -> bool:
-    """Whether slopes foretell how residuals change over `FITTING.held_over`, all variables together, or need not.
+    """Whether slopes foretell how residuals change over a distance, all variables together, or need not.
 
     They need not where the model leaves nothing over that could be explained.
 
@@ -87,9 +88,10 @@ def hold(
         numbers: of the search variables; all if None.
         split: what is made of a residual.
         over: as `map`, such as that of a pool of threads.
+        distance: to either side, in tolerances.
     """
     numbers = range(len(x)) if numbers is None else numbers
-    after, before = sides(problem.free, x, FITTING.held_over, numbers)
+    after, before = sides(problem.free, x, distance, numbers)
     apart = (after - before)[list(numbers)]
     missed = changed = 0.0
     ends = (problem.residuals(there, experiments, split, over) for there in (after, before))

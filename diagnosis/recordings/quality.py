@@ -188,7 +188,7 @@ def early(values: Vector, drives: Sequence[Vector]) -> int:
     later = [d[rows + k] for k in range(1, LATE + 1) for d in u]
     base = np.column_stack([np.ones(len(rows)), *past, *known, *later])
     # What each column takes away of the target, those before it given; one that these make up takes nothing.
-    upper = np.linalg.qr(np.column_stack([base, y[rows]]), mode="r")
+    upper = np.asarray(np.linalg.qr(np.column_stack([base, y[rows]]), mode="r"))
     taken, steps = upper[:, -1] ** 2, np.abs(np.diag(upper)[:-1])
     made_up = np.append(steps < 1e-10 * steps.max(), False)
     left = np.cumsum(np.where(made_up, 0.0, taken)[::-1])[::-1] + float(taken[made_up].sum())

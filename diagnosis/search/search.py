@@ -646,9 +646,26 @@ class _Search:
         self.looked = Looked(tuple(ranked), refused, origins[0] if origins else None)
         self._order = best_ways(ranked)
         able = [c for c in self._order if self._pays(origins, c)]
+        first = able[:1]
+        self.known.fit([((c,), parents) for c in first], 1)
+        able = self._near_promised(origins, able)
         # A wrong parameter is as likely as a missing effect: neither kind is to crowd out the other.
         for kind in ([c for c in able if not c.freed], [c for c in able if c.freed]):
-            self.known.fit([((c,), parents) for c in kind[: SEARCH.fitted]], SEARCH.finished)
+            tasks = [((c,), parents) for c in kind[: SEARCH.fitted]]
+            self.known.fit(tasks, SEARCH.finished - sum(c is other for c in kind for other in first))
+
+    def _near_promised(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
+        """Effects that may come near the first of them, where that explains all; all of them where it does not.
+
+        What promised as much as the first may gain as much, however little was promised.
+        """
+        best, refit = self.known.best, self.known.refit
+        if not complete(best, refit) or misses(best.unseen):
+            return list(able)
+        promised = {id(c): max(self._gains(origins, c)) for c in able}
+        gained = self.known.worth(best) - self.known.worth(refit)
+        times = max(SEARCH.promised, gained / promised[id(able[0])])
+        return [c for c in able if times * promised[id(c)] > self.known.reach - self.known.worth(refit)]
 
     def _beside(
         self,

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from diagnosis.api import gather
+from diagnosis.estimation import held_out_starts
+from diagnosis.estimation.growing import grown
 from diagnosis.estimation.held_out_starts import with_held_out_starts
 from diagnosis.estimation.parameters import Array
 from diagnosis.problems import problem
@@ -76,3 +79,32 @@ def test_a_shaft_that_slips_from_wave_to_wave_is_followed_from_its_beginning(tmp
     x = with_held_out_starts(made, np.zeros(len(made.free)), noise="coloured")
     # Whole recordings of one seed end a little beside the noise: it slips once within the last digits.
     assert made.chi2(x, made.held_out) < 3 < 0.01 * made.chi2(np.zeros(len(made.free)), made.held_out)
+
+
+@pytest.mark.parametrize(("amplitude", "begun"), [(COGGING, 1), (0.0, 0)])
+def test_a_start_that_a_recording_answers_evenly_is_not_sought_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, amplitude: float, begun: int
+) -> None:
+    """Without cogging the angle is the start's and what the torque adds: one fit finds it, whatever is left over."""
+    rng, t = np.random.default_rng(0), 2e-3 * np.arange(2000)
+    torque = 0.025 * np.sin(2 * np.pi * 0.6 * t)
+    for name in ("fitted", "held"):
+        rows = np.column_stack([t, torque, turned(torque, 1.0) + rng.normal(0, NOISE, len(t))])
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="t,u,a", comments="")
+    blocks = ROTOR.replace(f"amplitude: {COGGING}", f"amplitude: {amplitude}")
+    text = blocks + "".join(
+        RECORDING.format(name=n, role=r, noise=NOISE / 10) for n, r in (("fitted", "train"), ("held", "hold_out"))
+    )
+    (tmp_path / "rotor.yaml").write_text(text, encoding="utf-8")
+    scenario = load(str(tmp_path / "rotor.yaml"))
+    made = problem(scenario, gather(scenario, [], []))
+    anew: list[int] = []
+
+    def counted(*given: Any) -> Array:
+        anew.append(1)
+        return grown(*given)
+
+    monkeypatch.setattr(held_out_starts, "grown", counted)
+    x = with_held_out_starts(made, np.zeros(len(made.free)), noise="coloured")
+    assert made.chi2(x, made.held_out) > 50
+    assert len(anew) == begun
