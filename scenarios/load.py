@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).parent
 """Folder of the scenarios that come with flexarm."""
 
+NAMED = 5
+"""Files of a folder that are named where one of them was meant."""
+
 
 @dataclass(frozen=True)
 class Simulation:
@@ -202,6 +205,9 @@ def find(path_or_name: str | Path) -> Path:
         if shipped.is_file():
             return shipped
     try:
+        if path.is_dir() and (inside := sorted(str(p) for p in path.glob("*.y*ml"))):
+            told = ", ".join(inside[:NAMED]) + (", ..." if len(inside) > NAMED else "")
+            raise ScenarioError(f"'{text}' is a folder", remedy=f"give a scenario in it: {told}")
         around = [str(p) for p in sorted(path.parent.glob("*.y*ml"))] if path.parent.is_dir() else []
         what = "is a folder" if path.is_dir() else "is no regular file" if path.exists() else "does not exist"
     except OSError as error:  # such as a name that is too long

@@ -429,15 +429,15 @@ class CandidateFitter:
                 there = best.x + random.normal(0.0, SEARCH.around, len(best.x))
                 with Threads(self.workers) as pool:
                     # What does not come as low says nothing, however low it is.
-                    aim = min(min(ends) + 1.0, reach)
+                    aim = min(min(ends) + SEARCH.slow, reach)
                     x, cost, _ = descend(made.problem, there, made.problem.training, pool, reach=aim)
                 ends.append(cost)
                 if cost < best.cost:
                     best = replace(made, x=x, cost=cost)
-                if sum(end - best.cost < 1.0 for end in ends) > 2:
+                if sum(end - best.cost < SEARCH.slow for end in ends) > 2:
                     break
             lowest, second, *_ = sorted(ends)
-            return PartialFit(model.effects, best, second - lowest < 1.0)
+            return PartialFit(model.effects, best, second - lowest < SEARCH.slow)
 
         key = f"retried {model.label} {_mark(made.x)} to {reach!r}"
         return self._trial(self._kept(key, model.effects, compute))

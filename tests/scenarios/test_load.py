@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -276,3 +277,19 @@ def test_shipped_names() -> None:
         "srv02-2mass-b1",
         "srv02-2mass-b3",
     } <= set(shipped_names())
+
+
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [
+        (["rig.yaml", "notes.txt"], "give a scenario in it: {0}/rig.yaml"),
+        ([f"{k}.yml" for k in range(7)], "give a scenario in it: {0}/0.yml, .*{0}/4.yml, ..."),
+        ([], "allowed: "),
+    ],
+)
+def test_of_a_folder_the_scenarios_in_it_are_named(tmp_path: Path, files: list[str], told: str) -> None:
+    for name in files:
+        (tmp_path / name).write_text("", encoding="utf-8")
+    with pytest.raises(FlexarmError, match="is a folder") as caught:
+        load(str(tmp_path))
+    assert re.search(told.format(re.escape(str(tmp_path))), caught.value.remedy)
