@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -88,6 +89,17 @@ class ScoredModel:
         """The user's own parameters that the fit has put farther from their values than `WORDING.far` tolerances."""
         pairs = zip(self.fit.problem.free, self.fit.x, strict=True)
         return [f.name for f, x in pairs if f.prior and abs(x) > WORDING.far]
+
+    @property
+    def at_an_end(self) -> list[str]:
+        """Sizes of effects, by name, that the fit has put to an end of their range, where another effect begins."""
+        rows, found = {f.name: (f, x) for f, x in zip(self.fit.problem.free, self.fit.x, strict=True)}, []
+        for effect in self.effects:
+            for size in (k for k in effect.parameters if k.least > 0 or k.most is not None):
+                free, x = rows.get(f"{effect.name}.{size.name}", (None, 0.0))
+                if free is not None and any(math.isclose(free.value(x), end) for end in (free.low, free.high)):
+                    found.append(f"{size.name} of {effect.key}")
+        return found
 
     @property
     def room(self) -> float:

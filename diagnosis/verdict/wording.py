@@ -94,6 +94,11 @@ def finding_sentence(
             f"parameters far from their values: {', '.join(_farthest(study.chosen.fit))}. If they may be that far off, "
             f"state their tolerances; a recording in another unit does this too."
         )
+    if status == "unknown" and explained >= EVIDENCE.most and study.chosen.at_an_end:
+        return (
+            f"Something is missing near {place}. {what.capitalize()} would explain {explained:.0%}, but only with "
+            f"{' and '.join(study.chosen.at_an_end)} at an end of its range, where it becomes another effect."
+        )
     if status == "unknown" and explained >= EVIDENCE.most:
         return (
             f"{what.capitalize()} at {place} would explain {explained:.0%}, but a recording looks wrong: "

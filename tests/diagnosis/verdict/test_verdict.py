@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.effects.effect import Candidate
+from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import WORDING
 from diagnosis.verdict.verdict import _says_the_same
-from diagnosis.verdict.wording import _both_ways
+from diagnosis.verdict.wording import _both_ways, finding_sentence
 
 STIFFNESS = FreeParameter("shaft.stiffness", 2.0, 0.2, True)
 MASS = FreeParameter("load.mass", 1.0, 0.1, True)
@@ -56,3 +56,18 @@ def test_a_machine_that_turns_back_is_not_driven_in_one_direction() -> None:
     assert _both_ways(recorded(position, force))
     assert not _both_ways(recorded(position, [3.0, 0.0, -0.3, 0.0]))
     assert not _both_ways(recorded(position))
+
+
+@pytest.mark.parametrize(("x", "named"), [(-1e3, False), (0.0, True)])
+def test_an_effect_at_an_end_of_its_range_has_no_name(x: float, named: bool) -> None:
+    """A lag slower than the recordings are long passes nothing on: the sensor is dead, or something else is wrong."""
+    size = EffectParameter("corner_frequency", 1000.0, least=1e-3)
+    lag = Candidate("sensor_lag", "tacho", "tacho", "found_lag", lambda sizes: [], (size,))
+    fit = SimpleNamespace(problem=SimpleNamespace(free=tuple(lag.free({"corner_frequency": 300.0}))), x=(x,))
+    left = SimpleNamespace(noise=np.ones(1), count=np.ones(1))
+    chosen: Any = SimpleNamespace(effects=(lag,), fit=fit, hold_out=1.0, strain=0.0, own=0, left=left)
+    chosen.at_an_end = ScoredModel.at_an_end.fget(chosen)  # type: ignore[attr-defined]
+    assert chosen.at_an_end == ([] if named else ["corner_frequency of sensor_lag at tacho"])
+    study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=9.0), chosen=chosen, tried=10)
+    said = finding_sentence(lag, "named" if named else "unknown", 0.9, study, ())
+    assert ("corner_frequency of sensor_lag at tacho at an end of its range" in said) != named
