@@ -11,9 +11,8 @@ from diagnosis.estimation.least_squares import descend
 from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
-from diagnosis.estimation.slopes import hold
+from diagnosis.estimation.slopes import foretell
 from diagnosis.thresholds import EVIDENCE
-from engine.errors import SimulationError
 from engine.threads import Threads
 
 
@@ -23,7 +22,7 @@ def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20, noise
     No other recording determines the state in which a held-out one begins, so that state is fitted to the whole of it:
     a few numbers, against thousands of samples. Fits with coloured noise go by way of white noise, as all do. Where
     much is left, the machine may have been lost on the way: the state is then fitted to the beginning first, too,
-    unless the recording answers evenly to it.
+    unless the recording answers in proportion to it over a tolerance: then one place is lowest.
 
     Args:
         problem: with experiments of all roles.
@@ -36,22 +35,12 @@ def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20, noise
         mine = [i for i, f in enumerate(problem.free) if f.recording == e.name]
         if mine:
             there, cost = _fitted(problem, x, e, mine, iterations, noise)
-            if problem.chi2(there, [e]) >= EVIDENCE.stated and not _evenly(problem, there, e, mine):
+            if problem.chi2(there, [e]) >= EVIDENCE.stated and not foretell(problem, there, [e], mine, 1.0):
                 begun = grown(problem, x, [e], mine)
                 again, other = _fitted(problem, begun, e, mine, iterations, noise)
                 there = again if other < cost else there
             x = there
     return x
-
-
-def _evenly(problem: Problem, x: Array, e: Experiment, only: Sequence[int]) -> bool:
-    """Whether a recording answers in proportion to its starting values over a tolerance: then one place is lowest."""
-    try:
-        _, slopes = problem.linearised(x, e, only)
-    except SimulationError:
-        return False
-    own = slopes.reshape(*e.measured.shape, -1)[..., list(only)]
-    return hold(problem, x, [e], [own], only, distance=1.0)
 
 
 def _fitted(

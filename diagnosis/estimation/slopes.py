@@ -103,6 +103,22 @@ def hold(
     return problem.unexplained(x, experiments) == 0.0
 
 
+def foretell(
+    problem: Problem,
+    x: Array,
+    experiments: Sequence[Experiment],
+    numbers: Sequence[int] | None = None,
+    distance: float = FITTING.held_over,
+) -> bool:
+    """Whether tangents foretell how residuals change over a distance; arguments as of `hold`."""
+    numbers = range(len(x)) if numbers is None else numbers
+    try:
+        slopes = [problem.linearised(x, e, numbers)[1].reshape(*e.measured.shape, len(x)) for e in experiments]
+    except SimulationError:
+        return False
+    return hold(problem, x, experiments, [J[..., list(numbers)] for J in slopes], numbers, distance=distance)
+
+
 def linearised(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> list[tuple[Array, Array]]:
     """Residuals and slopes, shapes (samples, signals) and (samples, signals, n), that hold over `FITTING.held_over`.
 
