@@ -54,15 +54,16 @@ def at_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     uneven = combinations(backward=(0.99, 1.01, 0.95, 1.05))
     backward = EffectParameter("backward", 1.0, usual=1.0, spread=GAIN)
     yield from in_signal(place, "uneven_gain", "UnevenGain", uneven, backward, held=False, forward=1.0)
-    corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
-    yield from in_signal(place, "lag", "LowPass", corners, _corner(scales))
+    yield from in_signal(place, "lag", "LowPass", *_corners(scales))
     yield _delay(place, sample)
     yield from _inductance(scales, place)
 
 
-def _corner(scales: OperatingScales) -> EffectParameter:
-    """The corner of a lag: one that is slower than the recordings are long passes nothing on, and is no lag."""
-    return EffectParameter("corner_frequency", 1 / scales.sample, least=scales.sample / scales.longest)
+def _corners(scales: OperatingScales) -> tuple[tuple[Sizes, ...], EffectParameter]:
+    """Corners that a lag begins from, and its size: one slower than the recordings are long passes nothing on."""
+    sample, longest = scales.sample, scales.longest
+    able = [1 / (c * sample) for c in CORNERS if c * sample < longest]
+    return combinations(corner_frequency=able), EffectParameter("corner_frequency", 1 / sample, least=sample / longest)
 
 
 def _delay(place: Place, sample: float) -> Candidate:
@@ -107,7 +108,7 @@ def _inductance(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
 
 def at_sensor(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     """What may lie between a signal and what was recorded of it."""
-    size, sample = place.size, scales.sample
+    size = place.size
     offset = EffectParameter("offset", size, signed=True)
     yield from behind_sensor(
         place, "sensor_bias", "Offset", combinations(offset=shares(size, 1e-3, -1e-3, 0.02, -0.02)), offset
@@ -115,8 +116,7 @@ def at_sensor(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
     gains = combinations(gain=(1.01, 0.99, 1.05, 0.95))
     gain = EffectParameter("gain", 1.0, usual=1.0, spread=GAIN)
     yield from behind_sensor(place, "sensor_scale", "Gain", gains, gain, unit="1")
-    corners = combinations(corner_frequency=[1 / (c * sample) for c in CORNERS])
-    yield from behind_sensor(place, "sensor_lag", "LowPass", corners, _corner(scales))
+    yield from behind_sensor(place, "sensor_lag", "LowPass", *_corners(scales))
     if scales.has_no_sign(place):
         scale = EffectParameter("sensitivity", 1.0, usual=1.0, spread=GAIN)
         same = combinations(sensitivity=(1.0,))
