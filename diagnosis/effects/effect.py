@@ -196,10 +196,10 @@ def cuts(effects: Sequence[Candidate]) -> frozenset[tuple[str, str]]:
     )
 
 
-def across(one: Candidate, other: Candidate) -> frozenset[str] | None:
-    """The flanges that two joints have on different sides of the node they cut; None if they do not cut the same."""
+def across(one: Candidate, other: Candidate) -> frozenset[str]:
+    """The flanges that two joints have on different sides of the node they cut; none if they do not cut the same."""
     mine, theirs = _inner(one), _inner(other)
-    return frozenset(mine) ^ frozenset(theirs) if mine and theirs and mine[0] == theirs[0] else None
+    return frozenset(mine) ^ frozenset(theirs) if mine[:1] == theirs[:1] else frozenset()
 
 
 def _inner(effect: Candidate) -> tuple[str, ...]:

@@ -617,7 +617,7 @@ class _Search:
         """
         while model.far_off and not any(model is other for other in self._cut):
             self._cut.append(model)
-            found, bent = [model], {name.partition(".")[0] for name in model.far_off}
+            found, bent = [model], {name.rpartition(".")[0] for name in model.far_off}
             for effect in model.effects:
                 kept = tuple(ended(model, c) for c in model.effects if c is not effect)
                 near = [c for c in self.listed if c.effect == effect.effect and _is_moved(across(c, effect), bent)]
@@ -652,7 +652,7 @@ class _Search:
         # A wrong parameter is as likely as a missing effect: neither kind is to crowd out the other.
         for kind in ([c for c in able if not c.freed], [c for c in able if c.freed]):
             tasks = [((c,), parents) for c in kind[: SEARCH.fitted]]
-            self.known.fit(tasks, SEARCH.finished - sum(c is other for c in kind for other in first))
+            self.known.fit(tasks, SEARCH.finished - (1 if kind[:1] == first else 0))
 
     def _near_promised(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
         """Effects that may come near the first of them, where that explains all; all of them where it does not.
@@ -791,9 +791,9 @@ class _Search:
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
 
 
-def _is_moved(flanges: frozenset[str] | None, blocks: Collection[str]) -> bool:
+def _is_moved(flanges: Collection[str], blocks: Collection[str]) -> bool:
     """Whether the flanges that are on another side are one, of one of some blocks."""
-    return flanges is not None and len(flanges) == 1 and {f.rpartition(".")[0] for f in flanges} <= {*blocks}
+    return len(flanges) == 1 and all(flange.rpartition(".")[0] in blocks for flange in flanges)
 
 
 def _as_ended(model: ScoredModel) -> tuple[Candidate, ...]:

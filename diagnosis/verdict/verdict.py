@@ -129,7 +129,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
         return Diagnosis(study, status, (_nothing(study, status, near),), (), None, warnings, made, force)
     models = [m for m in (refit, *study.trials) if m.keys in study.odds]
     others = tuple(m for m in credible(models, study.odds) if m is not chosen)
-    share, improbable = explained(refit, chosen), strained(chosen, study.tried) or chosen.at_an_end
+    share, improbable = explained(refit, chosen), strained(chosen, study.tried) or bool(chosen.at_an_end)
     intervals = {i.name: i for i in made.intervals()}
     findings = []
     for k, effect in enumerate(chosen.effects):

@@ -593,19 +593,19 @@ def test_a_node_is_cut_with_bodies_on_the_other_side_whose_parameters_are_far_of
     """With the load on the wrong side the inertias of hub and load make up for it; the link's is where it was given."""
 
     def joint(*beside: str) -> Candidate:
-        outer = next(end for end in ("hub.shaft", "load.shaft", "link.hub", "end.shaft") if end not in beside)
+        outer = next(end for end in ("hub.shaft", "arm.load.shaft", "link.hub", "end.shaft") if end not in beside)
         cut = Between("found_joint", "SpringDamper", "drive.shaft", "a", "b", {}, beside)
         return replace(effect("joint", f"drive.shaft -> {outer}", option=str(beside)), edits=lambda sizes: [cut])
 
-    wrong, right = joint("hub.shaft"), joint("hub.shaft", "load.shaft")
-    listed = [wrong, right, joint(), joint("hub.shaft", "link.hub"), joint("link.hub", "load.shaft")]
+    wrong, right = joint("hub.shaft"), joint("hub.shaft", "arm.load.shaft")
+    listed = [wrong, right, joint(), joint("hub.shaft", "link.hub"), joint("link.hub", "arm.load.shaft")]
     left = {f"{c.key} {c.option}": 5e3 for c in listed} | {f"{right.key} {right.option}": 0.0}
     world = World(by(left))
     made: Any = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
     model = world.made((wrong,))
     made.known.keep(model)
     assert made._cut_anew(model) is model
-    model.far_off = ["hub.inertia", "load.inertia"]
+    model.far_off = ["hub.inertia", "arm.load.inertia"]
     assert made._cut_anew(model).effects[0].option == right.option
     assert world.options == {right.option, joint().option}
     assert all(

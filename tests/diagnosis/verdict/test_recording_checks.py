@@ -209,8 +209,12 @@ def test_inputs_that_come_after_their_answer() -> None:
         y[k] = 0.95 * y[k - 1] + 0.05 * u[k - 1]
     y += random.normal(0, 1e-3, len(u))
     assert quality.early(y, [u]) == 0
-    assert quality.early(y[4:], [u[:-4]]) in (3, 4)
+    early = quality.early(y[4:], [u[:-4]])
+    assert early in (3, 4)
     assert quality.early(y[:-4], [u[4:]]) == 0
+    # A drive that was logged twice, or another one beside it, says no more and no less.
+    assert quality.early(y[4:], [u[:-4], 3 * u[:-4]]) == early
+    assert quality.early(y[4:], [random.normal(size=len(u) - 4), u[:-4]]) == early
 
 
 def test_a_line_that_no_input_holds() -> None:
