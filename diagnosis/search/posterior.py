@@ -17,6 +17,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.leftover import Leftover
@@ -183,19 +184,29 @@ def is_in(a: Candidate, b: Candidate) -> bool:
 def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int) -> dict[frozenset[str], float]:
     """How probable each model is that is told, by its effects.
 
-    What evidence claims is tempered: no model of noise is exact, and the best model may owe as much to luck.
+    That some effect is there is as probable as the evidence says. Which one it is, is tempered: those that explain the
+    same mismatch differ by little of it, and what no model has, such as nuisances, may decide that.
 
     Args:
         models: as `told_as` gives them.
         tried: as of `value`.
     """
     values = np.array([value(m, tried) for _, m in models])
-    best = models[int(values.argmax())][1]
-    weights = np.exp(np.maximum((values - values.max()) / (EVIDENCE.temperature + best.left.luck), -700.0))
+    luck = models[int(values.argmax())][1].left.luck
+    some = np.array([bool(as_.effects) for as_, _ in models])
+    plain, tempered = _softmax(values, 1 + luck), np.zeros(len(models))
+    if some.any():
+        tempered[some] = plain[some].sum() * _softmax(values[some], EVIDENCE.temperature + luck)
     found: dict[frozenset[str], float] = {}
-    for (as_, _), share in zip(models, weights / weights.sum(), strict=True):
+    for (as_, _), share in zip(models, np.where(some, tempered, plain), strict=True):
         found[as_.keys] = found.get(as_.keys, 0.0) + float(share)
     return found
+
+
+def _softmax(values: NDArray[np.float64], temperature: float) -> NDArray[np.float64]:
+    """Shares that add up to one, each in proportion to e to the power of its value over the temperature."""
+    weights = np.exp(np.maximum((values - values.max()) / temperature, -700.0))
+    return np.asarray(weights / weights.sum())
 
 
 def probability(key: str, odds: Mapping[frozenset[str], float]) -> float:

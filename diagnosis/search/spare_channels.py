@@ -21,7 +21,7 @@ from diagnosis.search.fitter import CandidateFitter, end_of
 from diagnosis.search.partial_fit import place_of, standing
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import LEAST_ODDS, SpareEvidence, Study
-from diagnosis.thresholds import SEARCH
+from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.errors import FlexarmError
 
 
@@ -55,7 +55,7 @@ def settled_by_spare_channels(fitter: CandidateFitter, found: Study) -> Study:
     if len(heard) < 2:
         return found
     best = max(one.log_likelihood for one in heard)
-    weights = {one.model: found.odds[one.model] * math.exp(one.log_likelihood - best) for one in heard}
+    weights = {one.model: found.odds[one.model] * _odds(one.log_likelihood - best) for one in heard}
     together = sum(found.odds[keys] for keys in weights) / sum(weights.values())
     odds = {**found.odds, **{keys: weight * together for keys, weight in weights.items()}}
     trials = sorted(found.trials, key=lambda m: -odds.get(m.keys, 0.0))
@@ -71,8 +71,13 @@ def _sentence(heard: Sequence[SpareEvidence], labels: Mapping[frozenset[str], st
     what = f"the spare signals {', '.join(names)}" if len(names) > 1 else f"the spare signal {names[0]}"
     if by < SEARCH.effort:
         return f"{what} was held against {len(heard)} rivals and does not tell them apart"
-    odds = f"{math.exp(by):.0f} to 1" if by < -math.log(LEAST_ODDS) else f"more than {1 / LEAST_ODDS:.0f} to 1"
+    odds = f"{_odds(by):.0f} to 1" if _odds(-by) > LEAST_ODDS else f"more than {1 / LEAST_ODDS:.0f} to 1"
     return f"{what} speaks for {labels[best.model]} rather than {labels[second.model]}, {odds}"
+
+
+def _odds(by: float) -> float:
+    """Odds of two models by a difference of evidence, tempered as all of it is."""
+    return math.exp(by / EVIDENCE.temperature)
 
 
 def _in_order(recording: Recording, names: Sequence[str]) -> Recording:

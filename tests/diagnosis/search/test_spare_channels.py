@@ -88,7 +88,7 @@ def test_the_current_says_which_side_of_a_motor_is_late(
 ) -> None:
     """From voltage and speed alone, a lag before a linear machine and one behind it are the same."""
     assert blind.verdict == "tie"
-    assert {t.label for t in (blind.study.chosen, *blind.rivals)} == {
+    assert {t.label for t in (blind.study.chosen, *blind.rivals)} >= {
         "lag at source.out -> motor.voltage",
         "sensor_lag at motor.shaft.speed",
     }
