@@ -318,8 +318,10 @@ class _Search:
         return keys in self.known and 0.5 * (self.known[keys].fit.cost - model.fit.cost) < SEARCH.effort
 
     def _grow(self, most: int) -> None:
+        leading = [m.keys for m in self.known.leading]
+        if self._follow(most):
+            return
         for count in range(2, most + 1):
-            leading = [m.keys for m in self.known.leading]
             if count == 2 and not self._enough(count):
                 self._look_back(most)
             # Of three effects two explain most: where they do not, what is missing is not among those that are listed.
@@ -330,9 +332,35 @@ class _Search:
             else:
                 self._deepen(count)
             self._vary(self.known.best)
+            before, leading = leading, [m.keys for m in self.known.leading]
             # What leads may be told without an effect that only a third one makes worth its while.
-            if [m.keys for m in self.known.leading] == leading:
+            if leading == before:
                 return
+
+    def _follow(self, most: int) -> bool:
+        """Add effect after effect to what leads, as long as a richer model leads then; whether one explains all.
+
+        Where the first effects are right this ends soonest. What leads less is looked at only where it does not.
+        """
+        for count in range(2, most + 1):
+            before = self._leader(count)
+            if self._enough(count) or self._is_weak(before) or (count > 2 and not self._explains_most):
+                return False
+            self._extend(before, self.listed)
+            if not self.known.best.keys > before.keys:
+                return False
+            if self._enough(count + 1):
+                if count > 2:
+                    self._paired_otherwise(self.known.best)
+                self._vary(self.known.best)
+                self._finish_waiting()
+                return self._enough(count + 1)
+        return False
+
+    def _paired_otherwise(self, model: ScoredModel) -> None:
+        """Look for a pair beside each effect of three that explain all: two of them may imitate one."""
+        for single in [m for m in self.known.models if len(m.effects) == 1 and m.keys < model.keys]:
+            self._extend(single, self.listed)
 
     def _is_weak(self, before: ScoredModel) -> bool:
         """Whether what a model with effects leaves can be one weak effect more at most.
@@ -465,9 +493,10 @@ class _Search:
         if count == 2 and not self._enough(count + 1):
             # Two that hide each other promise little one by one; they are sought once no other pair explains all.
             self._pairs()
-        # Two effects are likelier than three: where no pair explains all, those that lead less are extended too.
+        # Two effects are likelier than three: where no pair explains all, those that lead less are extended too; pairs
+        # where they are near the best, for of three effects two explain most.
         for number, parent in enumerate(parents if count == 2 else parents[: SEARCH.beam]):
-            if number == 0 or self._enough(count + 1):
+            if number == 0 or self._enough(count + 1) or (count > 2 and self.known.worth(parent) < self.known.reach):
                 continue
             before = [m.keys for m in parents[:number]]
             among = [c for c in self._order[: SEARCH.beside] if not any(k <= parent.keys | {c.key} for k in before)]

@@ -446,6 +446,46 @@ def test_where_no_pair_explains_all_effects_that_lead_less_are_extended_before_a
     assert max(len(keys) for keys in world.fitted) == 2
 
 
+def test_a_third_effect_is_sought_beside_the_pair_that_leads_before_anything_else() -> None:
+    """No other single effect, and no other pair, is fitted before three that explain all are known."""
+    zone = effect("dead_zone", "v")
+    pair = f"{FRICTION.key} + {LAG.key}"
+    world = World(by({FRICTION.key: 5e5, pair: 1e5, f"{pair} + {zone.key}": 0.0}))
+    found = run(world, [FRICTION, LAG, zone, *OTHERS])
+    assert found.known.best.keys == {FRICTION.key, LAG.key, zone.key}
+    before = world.fitted[: world.fitted.index(found.known.best.keys)]
+    assert {keys for keys in before if len(keys) == 2 and FRICTION.key not in keys} == set()
+    assert len([keys for keys in before if len(keys) == 1]) <= SEARCH.finished
+
+
+class Hidden(World):
+    """A lag promises much beside the friction alone."""
+
+    def origin(self, effects: tuple[Candidate, ...], values: Any) -> Any:
+        self.promise = {LAG.key: 900.0 if [c.key for c in effects] == [FRICTION.key] else 20.0}
+        return super().origin(effects, values)
+
+
+def test_where_two_of_three_effects_imitate_one_the_pair_with_that_is_found() -> None:
+    """The rate limit leads alone, and explains all beside the friction if a delay helps it; the lag needs none."""
+    limit, delay = effect("rate_limit", "v"), effect("delay", "v")
+    rows = {limit.key: 4e5, FRICTION.key: 6e5, LAG.key: 9e5, f"{limit.key} + {FRICTION.key}": 5e4}
+    rows |= {f"{limit.key} + {FRICTION.key} + {delay.key}": 0.0, f"{LAG.key} + {FRICTION.key}": 0.0}
+    found = run(Hidden(by(rows)), [limit, FRICTION, delay, *OTHERS, LAG])
+    assert found.known.best.keys == {LAG.key, FRICTION.key}
+
+
+def test_a_pair_that_is_far_from_the_best_is_not_extended_by_a_third_effect() -> None:
+    """It leaves less than others do, by parameters that cost more than that is worth."""
+    zone = effect("dead_zone", "v")
+    rows = {FRICTION.key: 5e5, LAG.key: 6e5, f"{FRICTION.key} + {LAG.key}": 1e5, f"{LAG.key} + {zone.key}": 2e5}
+    world = World(by(rows))
+    run(world, [FRICTION, LAG, zone, *OTHERS])
+    triples = [keys for keys in world.fitted if len(keys) == 3]
+    assert triples
+    assert all({FRICTION.key, LAG.key} < keys for keys in triples)
+
+
 def test_beside_another_an_effect_is_fitted_in_every_way() -> None:
     """The side that promises least may be the one that fits best, once the other effect is in."""
     sides = [effect("joint_flexibility", "joint", option=f"side {k}") for k in range(4)]
