@@ -380,7 +380,7 @@ class Evidence:
         4.0,
         "1",
         "Divides the evidence of one effect over another: what no model has may tilt it, and claims must be met.",
-        "random rigs: of 7 claims that were 3 to 9 units likelier than another one, 4 right; 1 calls them 0.95 up",
+        "random rigs: of 7 claims that were 3 to 9 units likelier than a rival, which 1 calls 0.95 or more, 4 right",
     )
     probability: float = number(
         0.95,
