@@ -551,6 +551,8 @@ class _Search:
         self.known.fit([(c, [standing(model.fit)]) for c in pairs], len(pairs), near=model)
         self._enriched(model)
         self._moved(model)
+        if len(model.effects) == 1 and complete(model, self.known.refit):
+            self._elsewhere(model)
         if len(model.effects) < 2:
             return
         if cuts(model.effects):
@@ -636,6 +638,27 @@ class _Search:
             able = _able_beside(kept, same) if anywhere else []
             moved = [replace(c, starts=tuple({**start, **anywhere} for start in c.starts)) for c in able]
             self.known.fit([((*kept, c), [standing(model.fit)]) for c in moved], len(moved), near=model)
+
+    def _elsewhere(self, model: ScoredModel) -> None:
+        """Put the only effect of a model at the places where it was not fitted, with the sizes that it has.
+
+        At the sizes that effects begin from, what is not in proportion to them may promise a hundredth of what it
+        gains, as a spring that hardens does behind a gear. Sizes are as large there beside those that are usual.
+        """
+        effect = model.effects[0]
+        found = ended(model, effect).starts[0]
+        usual = next((c.starts[0] for c in self.listed if (c.key, c.option) == (effect.key, effect.option)), {})
+        rivals = [
+            replace(c, starts=({k: v * _ratio(c.starts[0][k], usual.get(k, 0.0)) for k, v in found.items()}, found))
+            for c in self.listed
+            if c.effect == effect.effect
+            and not c.freed
+            and frozenset({c.key}) not in self.known
+            and c.starts[0].keys() == found.keys()
+        ]
+        parents = [standing(model.fit), standing(self.known.refit.fit)]
+        able = place_by_place(self._screened(self._origins((), model, parents), rivals), lambda c: c.place)
+        self.known.fit([((c,), parents) for c in able[: SEARCH.fitted]], SEARCH.few, near=model)
 
     def _cut_anew(self, model: ScoredModel) -> ScoredModel:
         """Cut nodes with blocks whose parameters are far off on the other side, one by one, while that helps.
@@ -818,6 +841,11 @@ class _Search:
         found = [course for c in self._looked_at for course in courses(origin, c)[: SEARCH.sizes]]
         pairs = together(found, origin, SEARCH.fitted)
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
+
+
+def _ratio(there: float, here: float) -> float:
+    """How many times as large a size is at one place as at another; one where it is none."""
+    return there / here if here and there / here > 0 else 1.0
 
 
 def _is_moved(flanges: Collection[str], blocks: Collection[str]) -> bool:
