@@ -13,7 +13,9 @@ import pytest
 from diagnosis.api import diagnose
 from diagnosis.binding import find_recording
 from diagnosis.recordings.types import Recording
+from diagnosis.search.posterior import probabilities, told_as
 from diagnosis.search.study import LEAST_ODDS
+from diagnosis.thresholds import EVIDENCE
 from engine.errors import FlexarmError
 from scenarios.load import load
 from tests.diagnosis.plants import (
@@ -96,6 +98,15 @@ def test_the_current_says_which_side_of_a_motor_is_late(
         seeing = diagnose(case(tmp_path, late), workers=2)
     assert seeing.verdict == "named"
     assert seeing.study.chosen.label == wanted
+    study = seeing.study
+    before = probabilities(told_as([study.refit, *study.trials], study.refit), study.tried)
+    heard = {one.model: one.log_likelihood for one in study.spare}
+    best = max(heard, key=lambda keys: heard[keys])
+    some = [keys for keys in heard if study.odds[keys] > 0]  # others are beyond what a number can hold
+    assert len(some) == (2 if late == "input" else 1)
+    for keys in some:
+        by = math.log(study.odds[best] / study.odds[keys]) - math.log(before[best] / before[keys])
+        assert by == pytest.approx((heard[best] - heard[keys]) / EVIDENCE.temperature)
     told = {row["effects"][0]: row for row in seeing.numbers()["spare_channels"]}
     assert told[wanted]["log_likelihood"] == 0.0
     assert told[wanted]["correlations"]["motor.current"] > 0.99
