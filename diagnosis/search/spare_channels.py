@@ -76,7 +76,7 @@ def _sentence(heard: Sequence[SpareEvidence], labels: Mapping[frozenset[str], st
 
 
 def _odds(by: float) -> float:
-    """Odds of two models by a difference of evidence, tempered as all of it is."""
+    """Odds of two models by a difference of evidence, tempered as it is between effects."""
     return math.exp(by / EVIDENCE.temperature)
 
 
