@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from engine.linearise import LinearModel
     from flexarm.design.reduction import Reduction
 
+ROUNDING = 1e-12
+"""Share of the largest pole or zero below which another one is told apart from 0 by rounding alone."""
+
 
 def number(value: float) -> str:
     """A number in six digits."""
@@ -192,11 +195,15 @@ def discrete_page(discrete: DiscreteModel) -> str:
 
 
 def _roots(values: Any) -> str:
+    """Poles or zeros in a line, of pairs one; what is within the rounding of the largest is 0."""
     shown = []
+    rounding = ROUNDING * max((abs(value) for value in values), default=0.0)
     for value in values:
-        if value.imag < -1e-9 * max(1.0, abs(value)):
+        if abs(value) < rounding:
+            shown.append("0")
+        elif value.imag < -1e-9 * max(1.0, abs(value)):
             continue
-        if value.imag > 1e-9 * max(1.0, abs(value)):
+        elif value.imag > 1e-9 * max(1.0, abs(value)):
             real = 0.0 if abs(value.real) < 1e-9 * abs(value) else value.real
             shown.append(f"{real:.6g} +- {value.imag:.6g}i" if real else f"+-{value.imag:.6g}i")
         else:

@@ -1,0 +1,25 @@
+"""Poles and zeros as the command prints them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from engine.linearise import LinearModel
+from flexarm.console.text import linear_page
+
+
+def made(A: list[list[float]]) -> LinearModel:
+    n = len(A)
+    states = tuple(f"x{k}" for k in range(n))
+    none = np.zeros((0, 0))
+    return LinearModel(
+        np.array(A), np.zeros((n, 0)), np.zeros((0, n)), none, states, (), (), units={}, modes={}, point={}, rate=0.0
+    )
+
+
+@pytest.mark.parametrize(("slow", "shown"), [(2.6e-12, "0"), (-2.6e-12, "0"), (-1e-3, "-0.001"), (0.0, "0")])
+def test_what_rounding_leaves_of_a_pole_at_rest_is_zero(slow: float, shown: str) -> None:
+    """A turning body has a pole at 0; eigenvalues leave the rounding of the fastest one, another on each machine."""
+    page = linear_page(made([[slow, 0.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, -5000.0]]))
+    assert f"poles [1/s]:  {shown};  -3;  -5000" in page
