@@ -589,7 +589,7 @@ class Search:
     beam: int = number(
         3,
         "models",
-        "Models that are extended by a further effect.",
+        "Models of two effects that are extended by a third one, if they are near the best.",
         "random rigs",
     )
     parents: int = number(

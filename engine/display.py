@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 MOST_ROWS = 30
 """Rows of a table that are shown."""
 
+ROUNDING = 1e-12
+"""Share of the largest root below which another one is shown as 0: eigenvalues are rounded by about as much."""
+
 _POINTS = 60
 
 
@@ -43,9 +46,16 @@ def root(value: complex) -> str:
     return f"{value.real:.6g}{value.imag:+.6g}i"
 
 
+def without_rounding(values: Iterable[complex]) -> list[complex]:
+    """Roots, those within rounding of the largest as 0: what a free body's pole comes to differs between processors."""
+    found = [complex(value) for value in values]
+    least = ROUNDING * max(map(abs, found), default=0.0)
+    return [value if abs(value) > least else 0j for value in found]
+
+
 def roots(values: Iterable[complex], most: int = 12) -> str:
     """Roots in a row, the first ``most`` of them."""
-    found = list(values)
+    found = without_rounding(values)
     return ", ".join(map(root, found[:most])) + (f", and {len(found) - most} more" if len(found) > most else "")
 
 

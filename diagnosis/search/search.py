@@ -642,8 +642,9 @@ class _Search:
     def _elsewhere(self, model: ScoredModel) -> None:
         """Put the only effect of a model at the places where it was not fitted, with the sizes that it has.
 
-        At the sizes that effects begin from, what is not in proportion to them may promise a hundredth of what it
-        gains, as a spring that hardens does behind a gear. Sizes are as large there beside those that are usual.
+        What promised too little to be fitted there may do as well: from the sizes that effects begin from, a spring
+        that hardens promised a hundredth of what it gains, and other laws spoke for its cut. Sizes are as large at
+        another place beside those that are usual there: behind a gear, by its ratio.
         """
         effect = model.effects[0]
         found = ended(model, effect).starts[0]

@@ -69,7 +69,7 @@ def _sentence(heard: Sequence[SpareEvidence], labels: Mapping[frozenset[str], st
     best, second = sorted(heard, key=lambda one: -one.log_likelihood)[:2]
     by = best.log_likelihood - second.log_likelihood
     what = f"the spare signals {', '.join(names)}" if len(names) > 1 else f"the spare signal {names[0]}"
-    if by < SEARCH.effort:
+    if by < EVIDENCE.temperature * SEARCH.effort:  # odds below twenty to one
         return f"{what} was held against {len(heard)} rivals and does not tell them apart"
     odds = f"{_odds(by):.0f} to 1" if _odds(-by) > LEAST_ODDS else f"more than {1 / LEAST_ODDS:.0f} to 1"
     return f"{what} speaks for {labels[best.model]} rather than {labels[second.model]}, {odds}"

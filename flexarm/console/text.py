@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from engine.block import Block
+from engine.display import without_rounding
 
 if TYPE_CHECKING:
     from diagnosis.compare import Comparison
@@ -16,9 +17,6 @@ if TYPE_CHECKING:
     from engine.family import LinearFamily
     from engine.linearise import LinearModel
     from flexarm.design.reduction import Reduction
-
-ROUNDING = 1e-12
-"""Share of the largest pole or zero below which another one is told apart from 0 by rounding alone."""
 
 
 def number(value: float) -> str:
@@ -90,7 +88,7 @@ def block_page(name: str, cls: type[Block]) -> str:
 def complex_number(value: complex) -> str:
     """A root: ``-7.917 + 24.785i``."""
     if abs(value.imag) < 1e-9 * max(1.0, abs(value)):
-        return f"{value.real if abs(value.real) > 1e-12 else 0.0:.6g}"
+        return f"{value.real:.6g}"
     return f"{value.real:.6g} {'+' if value.imag > 0 else '-'} {abs(value.imag):.6g}i"
 
 
@@ -135,7 +133,7 @@ def _modes(modes: Mapping[str, str]) -> str:
 
 
 def _rightmost(poles: Sequence[Any]) -> str:
-    every = [complex(p) for row in poles for p in row]
+    every = [p for row in poles for p in without_rounding(row)]
     return complex_number(max(every, key=lambda p: p.real)) if every else "none"
 
 
@@ -195,15 +193,11 @@ def discrete_page(discrete: DiscreteModel) -> str:
 
 
 def _roots(values: Any) -> str:
-    """Poles or zeros in a line, of pairs one; what is within the rounding of the largest is 0."""
     shown = []
-    rounding = ROUNDING * max((abs(value) for value in values), default=0.0)
-    for value in values:
-        if abs(value) < rounding:
-            shown.append("0")
-        elif value.imag < -1e-9 * max(1.0, abs(value)):
+    for value in without_rounding(values):
+        if value.imag < -1e-9 * max(1.0, abs(value)):
             continue
-        elif value.imag > 1e-9 * max(1.0, abs(value)):
+        if value.imag > 1e-9 * max(1.0, abs(value)):
             real = 0.0 if abs(value.real) < 1e-9 * abs(value) else value.real
             shown.append(f"{real:.6g} +- {value.imag:.6g}i" if real else f"+-{value.imag:.6g}i")
         else:

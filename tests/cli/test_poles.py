@@ -21,5 +21,10 @@ def made(A: list[list[float]]) -> LinearModel:
 @pytest.mark.parametrize(("slow", "shown"), [(2.6e-12, "0"), (-2.6e-12, "0"), (-1e-3, "-0.001"), (0.0, "0")])
 def test_what_rounding_leaves_of_a_pole_at_rest_is_zero(slow: float, shown: str) -> None:
     """A turning body has a pole at 0; eigenvalues leave the rounding of the fastest one, another on each machine."""
-    page = linear_page(made([[slow, 0.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, -5000.0]]))
-    assert f"poles [1/s]:  {shown};  -3;  -5000" in page
+    linear = made([[slow, 0.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, -5000.0]])
+    assert f"poles [1/s]:  {shown};  -3;  -5000" in linear_page(linear)
+    assert f"poles {shown}, -3, -5000" in repr(linear)
+
+
+def test_a_slow_pole_of_a_slow_machine_is_no_rounding() -> None:
+    assert "poles [1/s]:  -1e-13;  -0.002" in linear_page(made([[-1e-13, 0.0], [0.0, -0.002]]))

@@ -447,7 +447,7 @@ def test_where_no_pair_explains_all_effects_that_lead_less_are_extended_before_a
 
 
 def test_a_third_effect_is_sought_beside_the_pair_that_leads_before_anything_else() -> None:
-    """No other single effect, and no other pair, is fitted before three that explain all are known."""
+    """Before three that explain all are known no pair without the first one is fitted, and no single effect more."""
     zone = effect("dead_zone", "v")
     pair = f"{FRICTION.key} + {LAG.key}"
     world = World(by({FRICTION.key: 5e5, pair: 1e5, f"{pair} + {zone.key}": 0.0}))
@@ -476,7 +476,7 @@ def test_where_two_of_three_effects_imitate_one_the_pair_with_that_is_found() ->
 
 
 def test_a_pair_that_is_far_from_the_best_is_not_extended_by_a_third_effect() -> None:
-    """It leaves less than others do, by parameters that cost more than that is worth."""
+    """The friction and the lag lead; the lag and a dead zone leave twice as much, and are left as they are."""
     zone = effect("dead_zone", "v")
     rows = {FRICTION.key: 5e5, LAG.key: 6e5, f"{FRICTION.key} + {LAG.key}": 1e5, f"{LAG.key} + {zone.key}": 2e5}
     world = World(by(rows))

@@ -14,7 +14,8 @@ from diagnosis.api import diagnose
 from diagnosis.binding import find_recording
 from diagnosis.recordings.types import Recording
 from diagnosis.search.posterior import probabilities, told_as
-from diagnosis.search.study import LEAST_ODDS
+from diagnosis.search.spare_channels import _sentence
+from diagnosis.search.study import LEAST_ODDS, SpareEvidence
 from diagnosis.thresholds import EVIDENCE
 from engine.errors import FlexarmError
 from scenarios.load import load
@@ -88,11 +89,15 @@ def seeing(tmp_path_factory: pytest.TempPathFactory) -> Any:
 def test_the_current_says_which_side_of_a_motor_is_late(
     tmp_path: Path, blind: Any, seeing: Any, late: Literal["input", "sensor"], wanted: str
 ) -> None:
-    """From voltage and speed alone, a lag before a linear machine and one behind it are the same."""
+    """From voltage and speed alone, a lag before a linear machine and one behind it are the same.
+
+    A winding's inductance, with one pole more as well, is little less likely.
+    """
     assert blind.verdict == "tie"
-    assert {t.label for t in (blind.study.chosen, *blind.rivals)} >= {
+    assert {t.label for t in (blind.study.chosen, *blind.rivals)} == {
         "lag at source.out -> motor.voltage",
         "sensor_lag at motor.shaft.speed",
+        "inductance at motor",
     }
     if late == "input":
         seeing = diagnose(case(tmp_path, late), workers=2)
@@ -111,6 +116,14 @@ def test_the_current_says_which_side_of_a_motor_is_late(
     assert told[wanted]["log_likelihood"] == 0.0
     assert told[wanted]["correlations"]["motor.current"] > 0.99
     assert any(f"motor.current speaks for {wanted}" in text for text in seeing.warnings)
+
+
+@pytest.mark.parametrize(("by", "said"), [(11.0, "does not tell them apart"), (14.0, "rather than b, 33 to 1")])
+def test_what_a_spare_column_says_is_told_from_twenty_to_one_on(by: float, said: str) -> None:
+    """The logarithms of likelihoods are divided by four: exp(11 / 4) = 16, exp(14 / 4) = 33."""
+    keys = {name: frozenset([name]) for name in "ab"}
+    heard = [SpareEvidence(keys["a"], by, {}), SpareEvidence(keys["b"], 0.0, {})]
+    assert said in _sentence(heard, {key: name for name, key in keys.items()}, ["motor.current"])
 
 
 def test_nothing_is_fitted_to_a_spare_column(blind: Any, seeing: Any) -> None:
