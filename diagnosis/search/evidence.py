@@ -14,9 +14,10 @@ the prior and H that of the recordings, each band weighed by 1 / v_b. A size tha
 delay, is a parameter like others here: what has no derivative has not been chosen for nothing.
 
 Held-out recordings are foretold with parameters that the fitted ones leave uncertain. How well they happen to be met is
-luck within that uncertainty, and two models that do the same may differ in it by tens. So x is where the fit ended, or
-one step further, towards what all recordings together ask for, whichever is likelier. What is left over is told there,
-too. How well a model foretells held-out recordings is the evidence of all recordings over that of the fitted ones.
+luck within that uncertainty, and two models that do the same may differ in it by tens. So x is where all recordings
+together are likeliest, by one step from where the fit ended where that does, by more where it promises more. What is
+left over is told there, too. How well a model foretells held-out recordings is the evidence of all recordings over that
+of the fitted ones.
 """
 
 from __future__ import annotations
@@ -28,12 +29,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.estimation.experiment import Experiment
+from diagnosis.estimation.least_squares import descend
 from diagnosis.estimation.leftover import Leftover, left_by
 from diagnosis.estimation.parameters import Array, moved
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.slopes import linearised
-from diagnosis.thresholds import EVIDENCE
+from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.errors import SimulationError
+from engine.threads import Threads
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class Evidence:
     Attributes:
         log: logarithm of the evidence of all recordings, but for a constant that all models of a study share.
         foretold: how much of it held-out recordings add to that of the fitted ones; all, where none is held out.
-        x: search vector at which all recordings together are likelier: where the fit ended, or a step further.
+        x: search vector at which all recordings together are likelier: where the fit ended, or further on.
         moved: what sizes that are only chosen change of the residual of each recording with that step, shape (samples,
             signals) each.
     """
@@ -91,10 +94,45 @@ def evidence(
         return Evidence(-math.inf, -math.inf, x, still)
     every = range(len(instants))
     fitted = [number for number, e in enumerate(instants) if e.role != "hold_out"]
-    log, step = near.marginal(every)
-    before = near.marginal(fitted)[0] if len(fitted) < len(instants) else 0.0
-    there, changes = near.stepped(step)
-    return Evidence(log, log - before, there, tuple(changes))
+    found = near.marginal(every)
+    before = near.marginal(fitted).log if len(fitted) < len(instants) else 0.0
+    if len(fitted) < len(instants) and found.owed > SEARCH.slow:
+        near, found = _followed(near, found)
+    there, changes = near.stepped(found.step)
+    return Evidence(found.log, found.log - before, there, tuple(changes))
+
+
+@dataclass(frozen=True)
+class _Marginal:
+    """The evidence of some recordings near the end of a fit.
+
+    Attributes:
+        log: its logarithm.
+        likely: that of the likelihood, less what parameters cost, after the step.
+        step: to where they are likelier, none if they are not.
+        owed: by how much the likelihood rises less with it than the tangents promised.
+    """
+
+    log: float
+    likely: float
+    step: Array
+    owed: float
+
+
+def _followed(near: _Near, found: _Marginal) -> tuple[_Near, _Marginal]:
+    """Where all recordings are likeliest, and their evidence there: where one step does not lead, several do.
+
+    An angle at which a pendulum hangs, or a knee of a friction, may be told by held-out recordings alone.
+    """
+    problem = near.problem
+    with Threads(1) as pool:
+        x, *_ = descend(problem, near.x, problem.experiments, pool, least_gain=SEARCH.slow)
+    try:
+        there = _Near(problem, x, near.chosen, near.instants)
+    except SimulationError:
+        return near, found
+    other = there.marginal(range(len(near.instants)))
+    return (there, other) if other.likely > found.likely else (near, found)
 
 
 class _Near:
@@ -116,23 +154,25 @@ class _Near:
         self._rows, self._slopes = [r for r, _ in found], [J for _, J in found]
         self._parts = [_by_band(e, r, J) for e, (r, J) in zip(instants, found, strict=True)]
 
-    def marginal(self, numbers: Sequence[int]) -> tuple[float, Array]:
-        """Logarithm of the evidence of some of the recordings, and the step to where they are likelier, if any is."""
+    def marginal(self, numbers: Sequence[int]) -> _Marginal:
+        """The evidence of some of the recordings."""
         some = [self.instants[k] for k in numbers]
         left = left_by(some, [self._rows[k] for k in numbers])
         away, own = self._away, self._own
         pull, data = self._information(numbers, left)
-        step: Array = -np.asarray(np.linalg.lstsq(data + own.T @ own, pull + own.T @ away, rcond=None)[0])
+        slope = pull + own.T @ away
+        step: Array = -np.asarray(np.linalg.lstsq(data + own.T @ own, slope, rcond=None)[0])
+        promised = -0.5 * float(slope @ step)
         likely = left.log_likelihood - 0.5 * float(away @ away)
         beyond, away = self._left_after(step, numbers)
-        likelier = beyond.log_likelihood - 0.5 * float(away @ away)
-        if likelier > likely:
-            likely, left = likelier, beyond
+        gained = beyond.log_likelihood - 0.5 * float(away @ away) - likely
+        if gained > 0:
+            likely, left = likely + gained, beyond
             data = self._information(numbers, left)[1]
         else:
             step = np.zeros(len(step))
         volume = float(np.linalg.slogdet(data + own.T @ own)[1] - np.linalg.slogdet(own.T @ own)[1])
-        return likely - 0.5 * volume, step
+        return _Marginal(likely - 0.5 * volume, likely, step, promised - max(gained, 0.0))
 
     def _left_after(self, step: Array, numbers: Sequence[int]) -> tuple[Leftover, Array]:
         """What some recordings leave over after a step, and how far from the prior's middle it leads."""
