@@ -23,6 +23,7 @@ from engine.native import Job, Outcome, Timetable
 from engine.start import start_values
 from engine.step import fastest
 from engine.step import internal_step as choose_step
+from engine.work import counting
 
 MOST_BEGUN = 64
 """Starts that a model keeps, and internal steps; see `prepare`."""
@@ -519,6 +520,7 @@ def carried_out(model: Model, job: Job, backend: str = "auto") -> tuple[str, Out
         SimulationError: it diverged or chattered.
     """
     used, outcome = _execute(model, job, backend)
+    note_work(model, [outcome])
     reason = fault(model, job, outcome)
     if reason:
         raise SimulationError(reason) from outcome.cause
@@ -531,9 +533,17 @@ def carried_out_together(model: Model, jobs: Sequence[Job]) -> list[Outcome | Si
         outcomes = lanes.run_together(model, jobs)
     except CompilerUnavailable:
         outcomes = [_execute(model, job, "auto")[1] for job in jobs]
+    note_work(model, outcomes)
     reasons = [fault(model, job, outcome) for job, outcome in zip(jobs, outcomes, strict=True)]
     pairs = zip(outcomes, reasons, strict=True)
     return [SimulationError(reason) if reason else outcome for outcome, reason in pairs]
+
+
+def note_work(model: Model, outcomes: Sequence[Outcome]) -> None:
+    """Count what runs of a model took, if this thread's are counted (`engine.work`)."""
+    work = counting()
+    if work is not None:
+        work.add(sum(outcome.steps for outcome in outcomes) * model.operations)
 
 
 def fault(model: Model, job: Job, outcome: Outcome) -> str:

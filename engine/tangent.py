@@ -19,7 +19,7 @@ from engine.codegen import tangent_source
 from engine.compile import known, library
 from engine.errors import ParameterError, SimulationError, nearest
 from engine.model import Model, Vector
-from engine.simulate import MOST_BEGUN, Drive, Result, as_result, explain, prepare
+from engine.simulate import MOST_BEGUN, Drive, Result, as_result, explain, note_work, prepare
 from engine.start import start_values, starting_names
 
 GRAZING = 1e-9
@@ -119,6 +119,7 @@ def tangents(
     function = way.own if code is None else native.interpreter(bytecode.room_for(room), _entry)
     extra = [a.ctypes.data_as(POINTER(c_double)) for a in (S0, D0, rows, least)]
     outcome = native.call(model, job, lambda c: function(ctypes.addressof(c), *extra), code)
+    note_work(model, [outcome])
     if outcome.status:
         raise SimulationError(explain(model, outcome))
     back = [ordered.index(name) for name in wrt]

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 from engine import native
+from engine.work import Work, count_by, counting
 
 Answer = TypeVar("Answer")
 
@@ -16,8 +17,8 @@ Answer = TypeVar("Answer")
 class Threads(ThreadPoolExecutor):
     """A pool of threads; a context manager. Ctrl-C inside it ends the runs that are under way.
 
-    That holds for the runs of pools that these threads make, too. A pool that outlives its maker is no matter for this
-    class.
+    That holds for the runs of pools that these threads make, too. They are counted with those of the maker's thread
+    (`engine.work`). A pool that outlives its maker is no matter for this class.
 
     Args:
         workers: how many.
@@ -28,7 +29,7 @@ class Threads(ThreadPoolExecutor):
         inherited = native.cancelling()
         self._flag = ctypes.c_int32(0) if inherited is None else inherited
         self.workers = workers
-        super().__init__(workers, name, initializer=native.cancelled_by, initargs=(self._flag,))
+        super().__init__(workers, name, initializer=_begin, initargs=(self._flag, counting()))
 
     def map(
         self, fn: Callable[..., Answer], *iterables: Iterable[Any], timeout: float | None = None, chunksize: int = 1
@@ -53,3 +54,8 @@ class Threads(ThreadPoolExecutor):
             self.cancel()
         self.shutdown(wait=True, cancel_futures=interrupted)
         return None
+
+
+def _begin(flag: ctypes.c_int32, work: Work | None) -> None:
+    native.cancelled_by(flag)
+    count_by(work)

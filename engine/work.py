@@ -1,0 +1,48 @@
+"""Work that runs take, counted over all threads that share in it: a measure of effort that no clock disturbs."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+class Work:
+    """A sum that threads add to.
+
+    Attributes:
+        done: steps of runs, each times the operations of its model's right-hand side.
+    """
+
+    def __init__(self) -> None:
+        self.done = 0
+        self._lock = threading.Lock()
+
+    def add(self, done: int) -> None:
+        """Count more; whole numbers, so that their sum does not hang on their order."""
+        with self._lock:
+            self.done += done
+
+
+_own = threading.local()
+
+
+def counting() -> Work | None:
+    """What the runs of this thread are counted by, or None."""
+    return getattr(_own, "work", None)
+
+
+def count_by(work: Work | None) -> None:
+    """Let the runs of this thread be counted."""
+    _own.work = work
+
+
+@contextmanager
+def counted() -> Iterator[Work]:
+    """Count the runs within by themselves, and by nobody else; those of pools of threads that are made there too."""
+    before, work = counting(), Work()
+    count_by(work)
+    try:
+        yield work
+    finally:
+        count_by(before)
