@@ -7,6 +7,7 @@ distance to the cost: the tolerance is prior knowledge. A size of an effect has 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -86,7 +87,7 @@ class FreeParameter:
             return (share - 1) / self.scale
         return math.log(max(share, 1e-300)) / self.scale
 
-    @property
+    @functools.cached_property
     def ends(self) -> tuple[float, float]:
         """The least and the greatest search variable that stay within the bounds; infinite where there is none."""
         ends = [

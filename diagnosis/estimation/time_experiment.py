@@ -305,7 +305,15 @@ class TimeExperiment(Experiment):
             rows = rows - np.where(self.from_first, rows[0], 0.0)
         with np.errstate(over="ignore"):  # a run that nearly diverges: its residual is bounded by whoever asks
             made = np.asarray((self.measured - rows) / self._sigmas)
+        if self._unknown is not None:
+            made[self._unknown] = 0.0
         return made if np.isfinite(made).all() else np.nan_to_num(made, nan=0.0)
+
+    @functools.cached_property
+    def _unknown(self) -> Array | None:
+        """Where nothing was recorded; None if everything was."""
+        unknown = np.isnan(self.measured)
+        return unknown if unknown.any() else None
 
     @functools.cached_property
     def _sigmas(self) -> Array:
@@ -318,9 +326,8 @@ class TimeExperiment(Experiment):
         if any(self.from_first):
             rows = rows - np.where(np.asarray(self.from_first)[:, None], rows[0], 0.0)
         made = (rows.transpose(2, 0, 1) / -self._sigmas).transpose(1, 2, 0)
-        unknown = np.isnan(self.measured)
-        if unknown.any():
-            made[unknown] = 0.0
+        if self._unknown is not None:
+            made[self._unknown] = 0.0
         return made
 
     def on_variant(
