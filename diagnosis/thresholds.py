@@ -412,6 +412,12 @@ class Search:
         "What a further effect could gain at most, beyond its price, for a search to be worth its time.",
         "odds of twenty to one",
     )
+    patience: float = number(
+        1.5,
+        "1",
+        "A search ends that has gained nothing for so many times the work that it took to find what leads.",
+        "random rigs of the page of ADR 48",
+    )
     samples: int = number(
         4000,
         "samples",

@@ -20,6 +20,7 @@ from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit
 from engine.errors import FlexarmError
 from engine.spread import Spread, Store
+from engine.work import counted, counting
 from scenarios.files import Shipment, packed, unpacked
 from scenarios.load import Scenario, load
 
@@ -72,7 +73,9 @@ class DaskFitter(CandidateFitter):
 
     def again(self, recordings: Sequence[Recorded]) -> DaskFitter:
         """The same with other recordings."""
-        return DaskFitter(self.scenario, recordings, self.spread, self.seed, self.store)
+        other = DaskFitter(self.scenario, recordings, self.spread, self.seed, self.store)
+        other.work = self.work
+        return other
 
     def compute_partial_fit(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> PartialFit:
         """As of `CandidateFitter`, on a worker."""
@@ -85,7 +88,11 @@ class DaskFitter(CandidateFitter):
     def _done(self, task: Task) -> PartialFit:
         if self.centre is not None:
             task = replace(task, around=(self.centre.effects, self.centre.row()))
-        return self.restored(task.effects, self.spread.call(perform, (self.order, task)))
+        row = self.spread.call(perform, (self.order, task))
+        work = counting()
+        if work is not None:
+            work.add(row["work"])
+        return self.restored(task.effects, row)
 
 
 def perform(given: tuple[Order, Task]) -> dict[str, Any]:
@@ -99,11 +106,12 @@ def perform(given: tuple[Order, Task]) -> dict[str, Any]:
         fitter = _shop(order)
         if task.around is not None:
             fitter = fitter.around(fitter.restored(*task.around))
-        if task.begun is None:
-            made = fitter.compute_partial_fit(task.effects, task.parents)
-        else:
-            made = fitter.compute_finish(fitter.restored(task.effects, task.begun), task.reach)
-    return made.row()
+        with counted() as work:
+            if task.begun is None:
+                made = fitter.compute_partial_fit(task.effects, task.parents)
+            else:
+                made = fitter.compute_finish(fitter.restored(task.effects, task.begun), task.reach)
+    return replace(made, work=work.done).row()
 
 
 def _shop(order: Order) -> CandidateFitter:

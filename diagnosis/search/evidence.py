@@ -64,12 +64,14 @@ class Evidence:
         x: search vector at which all recordings together are likelier: where the fit ended, or further on.
         moved: what sizes that are only chosen change of the residual of each recording with that step, shape (samples,
             signals) each.
+        owed: by how much it gains less with one step than the tangents promised; 0 where more than one was taken.
     """
 
     log: float
     foretold: float
     x: Array
     moved: tuple[Array, ...]
+    owed: float = 0.0
 
 
 def evidence(
@@ -77,6 +79,8 @@ def evidence(
     x: Array,
     chosen: Sequence[ChosenSize] = (),
     instants: Sequence[Experiment] | None = None,
+    *,
+    followed: bool = False,
 ) -> Evidence:
     """The evidence of a fitted model.
 
@@ -85,6 +89,7 @@ def evidence(
         x: where its fit ended.
         chosen: sizes that are only chosen.
         instants: experiments whose values count, one for each of the model's; its own, if None.
+        followed: whether as many steps are taken as it takes, to where all recordings are likeliest, or one.
     """
     instants = problem.experiments if instants is None else instants
     still = tuple(np.zeros(e.measured.shape) for e in instants)
@@ -96,10 +101,11 @@ def evidence(
     fitted = [number for number, e in enumerate(instants) if e.role != "hold_out"]
     found = near.marginal(every)
     before = near.marginal(fitted).log if len(fitted) < len(instants) else 0.0
-    if len(fitted) < len(instants) and found.owed > SEARCH.slow:
+    if followed:
         near, found = _followed(near, found)
+    owed = 0.0 if followed or len(fitted) == len(instants) else found.owed
     there, changes = near.stepped(found.step)
-    return Evidence(found.log, found.log - before, there, tuple(changes))
+    return Evidence(found.log, found.log - before, there, tuple(changes), owed)
 
 
 @dataclass(frozen=True)

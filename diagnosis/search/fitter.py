@@ -35,6 +35,7 @@ from diagnosis.thresholds import COARSE, EVIDENCE, FITTING, SEARCH
 from engine.errors import FlexarmError, SimulationError
 from engine.spread import Store
 from engine.threads import Threads
+from engine.work import Work, counted
 from scenarios.load import Scenario
 
 KEPT = 400
@@ -69,6 +70,8 @@ class CandidateFitter:
         """The model that recordings are made coarse around; the user's own, if None."""
         self.mark = ""
         """Tells it from others."""
+        self.work = Work()
+        """What all fits took, those of the same study with other recordings among them."""
         self._around = {self.mark: self}
         self._origins: dict[str, Origin | None] = {}
         self._built: OrderedDict[str, Problem] = OrderedDict()
@@ -80,7 +83,9 @@ class CandidateFitter:
         recordings = tuple(recordings)
         if len(recordings) == len(self.recordings) and all(map(operator.is_, recordings, self.recordings)):
             return self
-        return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store)
+        other = CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store)
+        other.work = self.work
+        return other
 
     def near(self, model: ScoredModel) -> CandidateFitter:
         """The same with recordings that are made coarse around a model, to put other effects in beside its own.
@@ -98,7 +103,8 @@ class CandidateFitter:
         if mark not in self._around:
             made = copy.copy(self)
             made.centre, made.mark = centre, mark
-            made.coarse = as_coarse(self.base, coarse(centre.point.problem, centre.point.x))
+            with counted():  # what is kept for other fits is of none of them
+                made.coarse = as_coarse(self.base, coarse(centre.point.problem, centre.point.x))
             self._around[mark] = made
         return self._around[mark]
 
@@ -170,26 +176,34 @@ class CandidateFitter:
         """What ``compute`` gives, or what it gave before under the same key."""
         key = f"{self.digest}{self.mark} {key}"
         if self.store is None or key not in self.store:
-            partial = compute()
+            with counted() as work:
+                partial = compute()
+            partial = replace(partial, work=work.done)
             if self.store is not None:
                 self.store[key] = partial.row()
-            return partial
-        return self.restored(effects, self.store[key])
+        else:
+            partial = self.restored(effects, self.store[key])
+        self.work.add(partial.work)
+        return partial
 
     def restored(self, effects: tuple[Candidate, ...], row: dict[str, Any]) -> PartialFit:
         """The partial fit that was written down by `PartialFit.row`."""
         made = self.build(effects, row["built"], whole=row["whole"]) if effects else self.base
         made = replace(made, internal_step=row["internal_step"])
         point = StartingPoint(row["cost"], made, np.array(row["x"]), tuple(row["sizes"]), tuple(row["built"]))
-        return PartialFit(effects, point, row["converged"], self.mark)
+        return PartialFit(effects, point, row["converged"], self.mark, row["work"])
 
-    def _trial(self, partial: PartialFit, noise: Noise = "coloured") -> ScoredModel:
-        """A partial fit as it is, scored; ``noise`` as of `scored`."""
+    def followed(self, model: ScoredModel) -> ScoredModel:
+        """A model judged where all recordings together are likeliest, however many steps away; see `evidence`."""
+        return self._trial(PartialFit(model.effects, end_of(model), model.fit.converged), followed=True)
+
+    def _trial(self, partial: PartialFit, noise: Noise = "coloured", *, followed: bool = False) -> ScoredModel:
+        """A partial fit as it is, scored; ``noise`` and ``followed`` as of `scored`."""
         made, x = partial.point.problem, partial.point.x
         n = len(x)
         chi2 = made.chi2(x, made.training)
         found = Fit(made, x, partial.point.cost, chi2, partial.converged, np.zeros((n, n)))
-        return scored(found, partial.effects, partial.point.sizes, noise, self._chosen(partial))
+        return scored(found, partial.effects, partial.point.sizes, noise, self._chosen(partial), followed=followed)
 
     def _chosen(self, partial: PartialFit) -> list[ChosenSize]:
         """The sizes of a model that are only chosen, and looked for finer, with what its residual owes to each."""
@@ -215,7 +229,9 @@ class CandidateFitter:
     @functools.cached_property
     def coarse(self) -> Problem:
         """The user's model with coarse recordings, on which effects are looked at before they are fitted."""
-        return coarse(self.base, self.refit.fit.x)
+        x = self.refit.fit.x
+        with counted():
+            return coarse(self.base, x)
 
     def build(self, effects: Sequence[Candidate], starts: Sequence[Sizes], *, whole: bool = False) -> Problem:
         """The problem with effects put in at starting values; some of those built last are kept.
@@ -378,8 +394,9 @@ class CandidateFitter:
                     cost = made.cost(x, made.training, noise="white")
                     points.append(StartingPoint(cost, made, x, sizes, only))
             else:
-                origin = self.origin(tuple(before), values)
-                found = begun(origin, new, SEARCH.starts, bold=not before) if origin else []
+                with counted():
+                    origin = self.origin(tuple(before), values)
+                    found = begun(origin, new, SEARCH.starts, bold=not before) if origin else []
                 points += found[: SEARCH.starts]
                 bold += found[SEARCH.starts :][:1]
             each.append(sorted(points, key=lambda point: point.cost))

@@ -46,12 +46,14 @@ class PartialFit:
         point: where the steps ended.
         converged: whether no step leads lower.
         around: mark of the model that the recordings are made coarse around; see `CandidateFitter.near`.
+        work: that its fit took; see `engine.work`.
     """
 
     effects: tuple[Candidate, ...]
     point: StartingPoint
     converged: bool
     around: str = ""
+    work: int = 0
 
     @property
     def label(self) -> str:
@@ -67,6 +69,7 @@ class PartialFit:
             "sizes": self.point.sizes,
             "built": self.point.built,
             "internal_step": self.point.problem.internal_step,
+            "work": self.work,
             "whole": not any(e.coarse for e in self.point.problem.experiments),
         }
 

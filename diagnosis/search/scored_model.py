@@ -29,6 +29,7 @@ class ScoredModel:
         unseen: the same of those that are held out, or of the fitted ones where none is.
         log_evidence: see `diagnosis.search.evidence`.
         foretold: how well it foretells those that are held out; see there.
+        owed: by how much all recordings are less likely a step further on than the tangents promise; see there.
     """
 
     effects: tuple[Candidate, ...]
@@ -39,6 +40,7 @@ class ScoredModel:
     unseen: Leftover
     log_evidence: float
     foretold: float
+    owed: float = 0.0
 
     @property
     def size(self) -> int:
@@ -130,6 +132,8 @@ def scored(
     sizes: tuple[dict[str, float], ...] = (),
     noise: Noise = "coloured",
     chosen: Sequence[ChosenSize] = (),
+    *,
+    followed: bool = False,
 ) -> ScoredModel:
     """A fit judged on all recordings.
 
@@ -139,10 +143,13 @@ def scored(
         sizes: as of `ScoredModel`.
         noise: with which the starting values of held-out recordings are fitted.
         chosen: sizes that are only chosen.
+        followed: as of `evidence`.
     """
     problem, x = made.problem, with_held_out_starts(made.problem, made.x, noise=noise)
-    found = evidence(problem, x, chosen)
+    found = evidence(problem, x, chosen, followed=followed)
     left = problem.leftover(found.x, problem.experiments, found.moved if chosen else ())
     unseen = left.of([number for number, e in enumerate(problem.experiments) if any(e is j for j in problem.judged)])
     hold_out = problem.chi2(x, problem.judged)
-    return ScoredModel(effects, replace(made, x=x), sizes, hold_out, left, unseen, found.log, found.foretold)
+    return ScoredModel(
+        effects, replace(made, x=x), sizes, hold_out, left, unseen, found.log, found.foretold, found.owed
+    )

@@ -19,6 +19,7 @@ from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import drawn_back, ended, place_of, standing
+from diagnosis.search.patience import Patience
 from diagnosis.search.posterior import (
     complete,
     energy,
@@ -49,6 +50,7 @@ def study(
     told: Sequence[str] = (),
     known: Sequence[ScoredModel] = (),
     looked: Looked | None = None,
+    patience: Patience | None = None,
 ) -> Study:
     """Refit the model, search for the effects that it lacks, and say how probable each is.
 
@@ -61,6 +63,7 @@ def study(
         known: models that were found with other recordings, which are fitted to these too.
         looked: what was seen of these recordings read otherwise. Readings are less than a sample apart: effects are not
             looked at again beside the user's model, and those are fitted first that were worth most.
+        patience: what was spent on other recordings.
     """
     if progress:
         progress("fitting the model's own parameters", 0, 1)
@@ -76,6 +79,7 @@ def study(
         progress,
         lambda model: candidates(_seen_beside(scales, model), without),
         looked,
+        patience,
     )
     search.fit_known(known)
     search.begin()
@@ -89,6 +93,7 @@ def study(
             told=told,
             known=known,
             looked=search.handed_on,
+            patience=search.known.patience,
         )
     swapped = _exchanged(search, told)
     if not swapped:
@@ -102,6 +107,7 @@ def study(
             progress=progress,
             told=[swapped[1]],
             known=search.known.foremost(),
+            patience=search.known.patience,
         )
     named = search.study(before, scales, told)
     return search.study(before, scales, told) if search.add_curves(named) else named
@@ -144,7 +150,7 @@ class _Search:
         listed: effects at places.
         progress: told what is done.
         beside: lists them by what a model leaves over; as they are, if None.
-        looked: as of `study`.
+        looked, patience: as of `study`.
     """
 
     def __init__(
@@ -155,9 +161,10 @@ class _Search:
         progress: Progress | None,
         beside: Callable[[ScoredModel], list[Candidate]] | None = None,
         looked: Looked | None = None,
+        patience: Patience | None = None,
     ) -> None:
         self.fitter, self.listed, self.progress, self._list = fitter, list(listed), progress, beside
-        self.known = TriedModels(fitter, refit, sum(1 for c in self.listed if not c.freed), progress)
+        self.known = TriedModels(fitter, refit, sum(1 for c in self.listed if not c.freed), progress, patience)
         self._plain = {c.key for c in self.listed}
         """Effects at places of the user's model; others are at places that a joint that was put in has parted."""
         self.looked = looked
@@ -182,6 +189,7 @@ class _Search:
                     tasks = [(_as_ended(m), [standing(m.fit)]) for m in self.looked.fitted]
                     self.known.fit(tasks, SEARCH.finished)
                 self._vary(self.known.best)
+                self.known.patience.at_least(self.fitter.work.done)
 
     def run(self, most: int) -> None:
         """Add effects one by one, from the best few models, while even a perfect further effect would pay."""
@@ -400,11 +408,13 @@ class _Search:
         return self.known.best if count == 1 else self._cut_anew(self.known.confirmed(self.known.best))
 
     def _enough(self, count: int) -> bool:
-        """Whether nothing is left that a further effect, of so many, could explain.
+        """Whether nothing is left that a further effect, of so many, could explain, or the search gives up.
 
         Where the user's model leaves no more than a sensor's noise may, one effect is the most, unless parameters are
         far off with it: nuisances are as large there as a second one.
         """
+        if count > 1 and self.known.given_up:
+            return True
         before = self._leader(count)
         done = complete(before, self.known.refit)
         if done and not misses(before.unseen) and not strained(before, self.known.tried):

@@ -8,6 +8,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from diagnosis.effects.effect import Candidate, cuts, together
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, drawn_back, ended
+from diagnosis.search.patience import Patience
 from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, told_as, value
 from diagnosis.search.ranking import place_by_place
 from diagnosis.search.scored_model import ScoredModel
@@ -28,6 +29,7 @@ class TriedModels:
         refit: the user's model, fitted.
         tried: number of effects at places that are chosen from.
         progress: told what is done.
+        patience: of the search, handed on from one with other recordings; new if None.
 
     Attributes:
         failures: effects that could not be fitted, and why.
@@ -36,9 +38,16 @@ class TriedModels:
     """
 
     def __init__(
-        self, fitter: CandidateFitter, refit: ScoredModel, tried: int, progress: Progress | None = None
+        self,
+        fitter: CandidateFitter,
+        refit: ScoredModel,
+        tried: int,
+        progress: Progress | None = None,
+        patience: Patience | None = None,
     ) -> None:
         self.fitter, self.refit, self.tried, self.progress = fitter, refit, tried, progress
+        self.patience = patience or Patience()
+        self.patience.begin()
         self.price = price(tried)
         self.failures: list[tuple[str, str]] = []
         self.waiting: list[PartialFit] = []
@@ -100,6 +109,12 @@ class TriedModels:
         known = self._models.get(made.keys)
         if known is None or self.worth(made) > self.worth(known):
             self._models[made.keys] = made
+            self.patience.note(made.keys, self.worth(made), self.fitter.work.done)
+
+    @property
+    def given_up(self) -> bool:
+        """Whether nothing was gained for so long that the search is to end."""
+        return self.patience.is_over(self.fitter.work.done)
 
     def fit(
         self,
@@ -182,8 +197,9 @@ class TriedModels:
                     if isinstance(made, tuple):
                         self.failures.append(made)
                     elif self._has_meaning(made):
-                        able.append(made)
-                        self.keep(made)
+                        able.append(self._judged(made))
+                        self.keep(able[-1])
+                        self._keep_refit(self._judged(self.refit))
                         if made.fit.converged and (whole or made.fit.cost <= reaches[id(partial)]):
                             self._ends.setdefault(_model(made.effects), []).append(made.fit.cost)
             kept += able
@@ -192,6 +208,17 @@ class TriedModels:
                 self.waiting += partials[few + SEARCH.few :]
                 break
         return kept
+
+    def _judged(self, model: ScoredModel) -> ScoredModel:
+        """A model as it is, or where all recordings together are likeliest, if that is several steps away.
+
+        If it would not come near the best even if it explained all of what was not fitted, it stays as it is.
+        """
+        near = self.worth(model) + model.unseen.unexplained > self.reach
+        return self.fitter.followed(model) if near and model.owed > 0.5 * SEARCH.slow else model
+
+    def _keep_refit(self, refit: ScoredModel) -> None:
+        self.refit = self._models[refit.keys] = refit
 
     def _sure(self, effects: Sequence[Candidate]) -> bool:
         """Whether two fits of a model have ended at the same cost, and none lower."""
@@ -223,9 +250,9 @@ class TriedModels:
         """A model whose fit was left early, fitted to the end."""
         if not model.fit.converged and model.keys not in self._ended:
             self._ended.add(model.keys)
-            self._models[model.keys] = self.fitter.settled(model)
+            self._models[model.keys] = self._judged(self.fitter.settled(model))
             if not model.effects:
-                self.refit = self._models[model.keys]
+                self._keep_refit(self._models[model.keys])
         return self._models[model.keys]
 
     def confirmed(self, model: ScoredModel) -> ScoredModel:
@@ -243,7 +270,7 @@ class TriedModels:
         doubtful = not model.fit.converged or (complete(model, self.refit) and misses(model.unseen))
         if model.effects and doubtful and model.keys not in self._repeated:
             self._repeated.add(model.keys)
-            made = self.fitter.retried(model)
+            made = self._judged(self.fitter.retried(model))
             if self.worth(made) > self.worth(model) or not model.fit.converged:
                 self._models[model.keys] = made
         return self._models[model.keys]

@@ -17,7 +17,7 @@ from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search.evidence import ChosenSize, evidence
-from diagnosis.thresholds import EVIDENCE
+from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.errors import SimulationError
 
 Array = NDArray[np.float64]
@@ -343,7 +343,7 @@ def test_what_only_held_out_recordings_tell_is_several_steps_away() -> None:
     problem: Any = Hanging(runs, angles, spreads)
     held = truth[0] * np.sin(truth[1])
     begun = np.array([held / np.sin(1.3), 1.3])  # the same torque where it was fitted
-    ours = evidence(problem, begun)
+    near, ours = evidence(problem, begun), evidence(problem, begun, followed=True)
     a, b = np.meshgrid(np.linspace(11.0, 13.0, 801), np.linspace(0.4, 0.5, 801))
     log = -0.5 * (a / spreads[0]) ** 2 - 0.5 * (b / spreads[1]) ** 2 - np.log(2 * np.pi * spreads[0] * spreads[1])
     for e, q in zip(runs, angles, strict=True):
@@ -360,6 +360,8 @@ def test_what_only_held_out_recordings_tell_is_several_steps_away() -> None:
     assert edges.max() < log.max() - 12  # all of it lies within the grid
     assert ours.log == pytest.approx(exact, abs=0.3)
     np.testing.assert_allclose(ours.x, truth, atol=0.05)
+    assert near.log < exact - 30
+    assert near.owed > SEARCH.slow
 
 
 def test_what_the_fitted_recordings_leave_open_refutes_no_model() -> None:

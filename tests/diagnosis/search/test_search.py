@@ -19,11 +19,13 @@ from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search import search as searching
 from diagnosis.search import tried_models
 from diagnosis.search.partial_fit import PartialFit, StartingPoint
+from diagnosis.search.patience import Patience
 from diagnosis.search.posterior import energy, probabilities, told_as
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.errors import FlexarmError
 from engine.system import Connection
+from engine.work import Work
 from scenarios.amend import Between
 
 COUNT = 1000.0
@@ -46,6 +48,7 @@ class World:
         excess: see `Excess`.
         promise: by how much an effect, by key and option, promises to raise the likelihood; 50 where it is not said.
         shapes: what an effect, by key, changes of the recordings; nothing where it is not said.
+        fit: work that the fit of one effect takes; that of two takes ten times as much.
     """
 
     workers, tables = 1, False
@@ -56,7 +59,9 @@ class World:
         excess: Excess,
         promise: Mapping[str, float] | None = None,
         shapes: Mapping[str, Sequence[float]] | None = None,
+        fit: int = 0,
     ) -> None:
+        self.work, self.fit = Work(), fit
         self.excess = self.excess_at_end = excess
         self.promise, self.shapes = promise or {}, shapes or {}
         self.fitted: list[frozenset[str]] = []
@@ -98,6 +103,7 @@ class World:
             bent=False,
             far_off=[],
             own=0,
+            owed=0.0,
             fit=fit,
         )
 
@@ -117,12 +123,14 @@ class World:
         pass
 
     def partial_fit(self, effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
+        self.work.add(self.fit * 10 ** (len(effects) - 1))
         left = self.made(effects).left
         problem: Any = SimpleNamespace(cost=lambda x, e: -left.log_likelihood, training=())
         point = StartingPoint(float(left.energy[0]), problem, np.zeros(0), tuple(c.starts[0] for c in effects), ())
         return PartialFit(effects, point, True)
 
     def finish(self, partial: PartialFit, reach: float = math.inf) -> Any:
+        self.work.add(self.fit * 10 ** (len(partial.effects) - 1))
         made = self.made(partial.effects, after=self.excess_at_end)
         self.reaches.append((made.keys, reach))
         made.fit.converged = made.keys not in self.bad
@@ -203,6 +211,42 @@ def test_where_an_effect_leaves_much_it_is_put_in_otherwise_too(left: float, way
     assert world.options == ways
     assert found.known.best.keys == {stops[0].key}
     assert found.known.best.left.energy[0] == COUNT
+
+
+def test_a_search_that_gains_nothing_for_long_ends() -> None:
+    """All that is tried leaves much, as where the effect is not listed: what leads was found soon, and is not bettered.
+
+    It ends within one move after `SEARCH.patience` times the work of the first effects.
+    """
+
+    def of(fit: int) -> tuple[World, Any]:
+        world = World(by({c.key: 8e4 + 1e4 * k for k, c in enumerate(OTHERS)}), fit=fit)
+        begun = searching._Search(world, world.refit, OTHERS, None)  # type: ignore[arg-type]
+        begun.begin()
+        first = world.work.done
+        begun.run(3)
+        return world, first
+
+    endless, _ = of(0)
+    world, first = of(1)
+    assert first > 0
+    assert len(world.fitted) < len(endless.fitted)
+    assert (1 + SEARCH.patience) * first < world.work.done < (1 + SEARCH.patience) * first + 10 * len(OTHERS)
+
+
+def test_a_gain_renews_the_patience_of_a_search_and_a_hairs_breadth_does_not() -> None:
+    patience = Patience()
+    patience.note(frozenset("a"), 100.0, 10)
+    patience.note(frozenset("b"), 100.0 + 0.9 * SEARCH.effort, 30)
+    patience.note(frozenset("a"), 100.5, 35)  # what leads, fitted again
+    end = 10 * (1 + SEARCH.patience)
+    assert (patience.is_over(int(end)), patience.is_over(int(end) + 1)) == (False, True)
+    patience.note(frozenset("b"), 101.0 + SEARCH.effort, 40)
+    assert not patience.is_over(int(end) + 1)
+    # With other recordings the same effects gain nothing; what leads came to lead with 40.
+    patience.begin()
+    patience.note(frozenset("b"), -500.0, 60)
+    assert patience.is_over(int(40 * (1 + SEARCH.patience)) + 1)
 
 
 @pytest.mark.parametrize("times", [0.5, 2.0])
