@@ -413,10 +413,10 @@ class Search:
         "odds of twenty to one",
     )
     patience: float = number(
-        1.5,
+        1.0,
         "1",
         "A search ends that has gained nothing for so many times the work that it took to find what leads.",
-        "random rigs of the page of ADR 48",
+        "as long again; on random rigs of the page of ADR 48 all that was right came sooner",
     )
     samples: int = number(
         4000,
