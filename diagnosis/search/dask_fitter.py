@@ -73,9 +73,7 @@ class DaskFitter(CandidateFitter):
 
     def again(self, recordings: Sequence[Recorded]) -> DaskFitter:
         """The same with other recordings."""
-        other = DaskFitter(self.scenario, recordings, self.spread, self.seed, self.store)
-        other.work = self.work
-        return other
+        return DaskFitter(self.scenario, recordings, self.spread, self.seed, self.store)
 
     def compute_partial_fit(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> PartialFit:
         """As of `CandidateFitter`, on a worker."""

@@ -71,7 +71,7 @@ class CandidateFitter:
         self.mark = ""
         """Tells it from others."""
         self.work = Work()
-        """What all fits took, those of the same study with other recordings among them."""
+        """What all fits took."""
         self._around = {self.mark: self}
         self._origins: dict[str, Origin | None] = {}
         self._built: OrderedDict[str, Problem] = OrderedDict()
@@ -83,9 +83,7 @@ class CandidateFitter:
         recordings = tuple(recordings)
         if len(recordings) == len(self.recordings) and all(map(operator.is_, recordings, self.recordings)):
             return self
-        other = CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store)
-        other.work = self.work
-        return other
+        return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store)
 
     def near(self, model: ScoredModel) -> CandidateFitter:
         """The same with recordings that are made coarse around a model, to put other effects in beside its own.

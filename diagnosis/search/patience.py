@@ -15,21 +15,17 @@ from diagnosis.thresholds import SEARCH
 
 @dataclass
 class Patience:
-    """What a search has spent, and when it last gained something; handed on where it begins again.
+    """What leads in a search, and when it came to lead.
 
     Attributes:
-        led: work that was done when what leads came to lead; that of the first effects at least.
+        led: work that was done when it did; that of the first effects at least.
         leading: effects, by key, of the model that leads by its worth.
-        level: its worth; of other recordings another one.
+        level: its worth.
     """
 
     led: int = 0
     leading: Set[str] = frozenset()
     level: float = -math.inf
-
-    def begin(self) -> None:
-        """Begin with other recordings, of which worths are not to be compared with those before."""
-        self.level = -math.inf
 
     def note(self, keys: Set[str], worth: float, spent: int) -> None:
         """A model that was fitted.

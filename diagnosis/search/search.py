@@ -19,7 +19,6 @@ from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import drawn_back, ended, place_of, standing
-from diagnosis.search.patience import Patience
 from diagnosis.search.posterior import (
     complete,
     energy,
@@ -50,7 +49,6 @@ def study(
     told: Sequence[str] = (),
     known: Sequence[ScoredModel] = (),
     looked: Looked | None = None,
-    patience: Patience | None = None,
 ) -> Study:
     """Refit the model, search for the effects that it lacks, and say how probable each is.
 
@@ -63,7 +61,6 @@ def study(
         known: models that were found with other recordings, which are fitted to these too.
         looked: what was seen of these recordings read otherwise. Readings are less than a sample apart: effects are not
             looked at again beside the user's model, and those are fitted first that were worth most.
-        patience: what was spent on other recordings.
     """
     if progress:
         progress("fitting the model's own parameters", 0, 1)
@@ -79,7 +76,6 @@ def study(
         progress,
         lambda model: candidates(_seen_beside(scales, model), without),
         looked,
-        patience,
     )
     search.fit_known(known)
     search.begin()
@@ -93,7 +89,6 @@ def study(
             told=told,
             known=known,
             looked=search.handed_on,
-            patience=search.known.patience,
         )
     swapped = _exchanged(search, told)
     if not swapped:
@@ -107,7 +102,6 @@ def study(
             progress=progress,
             told=[swapped[1]],
             known=search.known.foremost(),
-            patience=search.known.patience,
         )
     named = search.study(before, scales, told)
     return search.study(before, scales, told) if search.add_curves(named) else named
@@ -150,7 +144,7 @@ class _Search:
         listed: effects at places.
         progress: told what is done.
         beside: lists them by what a model leaves over; as they are, if None.
-        looked, patience: as of `study`.
+        looked: as of `study`.
     """
 
     def __init__(
@@ -161,10 +155,9 @@ class _Search:
         progress: Progress | None,
         beside: Callable[[ScoredModel], list[Candidate]] | None = None,
         looked: Looked | None = None,
-        patience: Patience | None = None,
     ) -> None:
         self.fitter, self.listed, self.progress, self._list = fitter, list(listed), progress, beside
-        self.known = TriedModels(fitter, refit, sum(1 for c in self.listed if not c.freed), progress, patience)
+        self.known = TriedModels(fitter, refit, sum(1 for c in self.listed if not c.freed), progress)
         self._plain = {c.key for c in self.listed}
         """Effects at places of the user's model; others are at places that a joint that was put in has parted."""
         self.looked = looked

@@ -29,7 +29,6 @@ class TriedModels:
         refit: the user's model, fitted.
         tried: number of effects at places that are chosen from.
         progress: told what is done.
-        patience: of the search, handed on from one with other recordings; new if None.
 
     Attributes:
         failures: effects that could not be fitted, and why.
@@ -38,16 +37,10 @@ class TriedModels:
     """
 
     def __init__(
-        self,
-        fitter: CandidateFitter,
-        refit: ScoredModel,
-        tried: int,
-        progress: Progress | None = None,
-        patience: Patience | None = None,
+        self, fitter: CandidateFitter, refit: ScoredModel, tried: int, progress: Progress | None = None
     ) -> None:
         self.fitter, self.refit, self.tried, self.progress = fitter, refit, tried, progress
-        self.patience = patience or Patience()
-        self.patience.begin()
+        self.patience = Patience()
         self.price = price(tried)
         self.failures: list[tuple[str, str]] = []
         self.waiting: list[PartialFit] = []
