@@ -418,6 +418,12 @@ class Search:
         "A search ends that has gained nothing for so many times the work that it took to find what leads.",
         "as long again; on random rigs of the page of ADR 48 all that was right came sooner",
     )
+    shortest: int = number(
+        20_000_000_000,
+        "operations",
+        "Work for which it goes on after a gain in any case, about a minute of processor time.",
+        "a minute is worth a third effect; in random rig 194213 one was 47 s behind the second",
+    )
     samples: int = number(
         4000,
         "samples",

@@ -23,7 +23,7 @@ from engine.native import Job, Outcome, Timetable
 from engine.start import start_values
 from engine.step import fastest
 from engine.step import internal_step as choose_step
-from engine.work import counting
+from engine.work import EACH, counting
 
 MOST_BEGUN = 64
 """Starts that a model keeps, and internal steps; see `prepare`."""
@@ -543,7 +543,7 @@ def note_work(model: Model, outcomes: Sequence[Outcome]) -> None:
     """Count what runs of a model took, if this thread's are counted (`engine.work`)."""
     work = counting()
     if work is not None:
-        work.add(sum(outcome.steps for outcome in outcomes) * model.operations)
+        work.add(sum(outcome.steps for outcome in outcomes) * model.operations + len(outcomes) * EACH)
 
 
 def fault(model: Model, job: Job, outcome: Outcome) -> str:

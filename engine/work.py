@@ -6,12 +6,15 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+EACH = 500_000
+"""Operations that take as long as what surrounds a run: to begin it, and to work out what it leaves; measured."""
+
 
 class Work:
     """A sum that threads add to.
 
     Attributes:
-        done: steps of runs, each times the operations of its model's right-hand side.
+        done: operations: steps of runs, each times those of its model's right-hand side, and `EACH` for each run.
     """
 
     def __init__(self) -> None:

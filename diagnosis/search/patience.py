@@ -1,4 +1,4 @@
-"""When a search gives up: once it has gained nothing for some times the work that it took to find what leads.
+"""When a search gives up: once it has gained nothing for as long again as it took to find what leads, or a minute.
 
 How long to look for what may not be there, no threshold of evidence tells: machines that are far from any listed effect
 leave much over whatever is tried. What came to lead soon, where nothing has been gained for long, is seldom bettered.
@@ -46,4 +46,4 @@ class Patience:
 
     def is_over(self, spent: int) -> bool:
         """Whether nothing was gained for so long that the search is to end."""
-        return spent - self.led > SEARCH.patience * self.led
+        return spent - self.led > max(SEARCH.patience * self.led, SEARCH.shortest)

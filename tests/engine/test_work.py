@@ -1,4 +1,4 @@
-"""Work that runs take: steps times operations, whichever thread does it, counted by the innermost that counts."""
+"""Work that runs take: steps times operations and so much for each, whoever does it, counted by the innermost."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from engine.model import Model
 from engine.simulate import carried_out_together, prepare, simulate
 from engine.tangent import tangents
 from engine.threads import Threads
-from engine.work import counted, counting
+from engine.work import EACH, counted, counting
 from tests.engine.parts import Body, Spring, system
 
 
@@ -27,7 +27,7 @@ def test_steps_are_counted_times_the_operations_of_the_right_hand_side(model: Mo
     with counted() as work:
         run = simulate(model, 0.5, 1e-2, internal_step=2e-3)
     assert run.steps == 250
-    assert work.done == 250 * model.operations
+    assert work.done == 250 * model.operations + EACH
     assert counting() is None
 
 
@@ -36,16 +36,16 @@ def test_tangents_and_runs_together_are_counted_too(model: Model) -> None:
     with counted() as work:
         tangents(model, 0.5, 1e-2, wrt=["m.inertia"], internal_step=2e-3)
         carried_out_together(model, jobs)
-    assert work.done == 4 * 250 * model.operations
+    assert work.done == 4 * (250 * model.operations + EACH)
 
 
 def test_what_is_counted_within_is_not_counted_without(model: Model) -> None:
     with counted() as outer:
         with counted() as inner:
             simulate(model, 0.5, 1e-2, internal_step=2e-3)
-        assert (outer.done, inner.done) == (0, 250 * model.operations)
+        assert (outer.done, inner.done) == (0, 250 * model.operations + EACH)
         simulate(model, 0.1, 1e-2, internal_step=2e-3)
-    assert outer.done == 50 * model.operations
+    assert outer.done == 50 * model.operations + EACH
 
 
 @pytest.mark.parametrize("workers", [1, 3])
@@ -53,4 +53,4 @@ def test_threads_count_for_whoever_made_them(model: Model, workers: int) -> None
     with counted() as work, Threads(workers) as pool:
         runs = list(pool.map(lambda k: simulate(model, 0.1 * k, 1e-2, internal_step=2e-3).steps, range(1, 9)))
     assert sum(runs) == 36 * 50
-    assert work.done == 36 * 50 * model.operations
+    assert work.done == 36 * 50 * model.operations + 8 * EACH

@@ -228,10 +228,12 @@ def test_a_search_that_gains_nothing_for_long_ends() -> None:
         return world, first
 
     endless, _ = of(0)
-    world, first = of(1)
+    unit = SEARCH.shortest // 19  # the first effects take 19 of these
+    world, first = of(unit)
     assert first > 0
     assert len(world.fitted) < len(endless.fitted)
-    assert (1 + SEARCH.patience) * first < world.work.done < (1 + SEARCH.patience) * first + 10 * len(OTHERS)
+    most = first + max(SEARCH.patience * first, SEARCH.shortest)
+    assert most < world.work.done < most + 10 * unit * len(OTHERS)
 
 
 @pytest.mark.parametrize(("owed", "least", "followed"), [(5.0, 0.0, True), (0.1, 0.0, False), (5.0, 4e4, False)])
@@ -262,14 +264,20 @@ def test_what_owes_a_step_what_it_promised_is_followed_where_it_may_come_near_th
 
 
 def test_a_gain_renews_the_patience_of_a_search_and_a_hairs_breadth_does_not() -> None:
+    patience, found = Patience(), 10 * SEARCH.shortest
+    patience.note(frozenset("a"), 100.0, found)
+    patience.note(frozenset("b"), 100.0 + 0.9 * SEARCH.effort, int(1.3 * found))
+    patience.note(frozenset("a"), 100.5, int(1.4 * found))  # what leads, fitted again
+    end = int(found * (1 + SEARCH.patience))
+    assert (patience.is_over(end), patience.is_over(end + 1)) == (False, True)
+    patience.note(frozenset("b"), 101.0 + SEARCH.effort, int(1.5 * found))
+    assert not patience.is_over(end + 1)
+
+
+def test_what_is_found_at_once_leaves_a_search_a_minute() -> None:
     patience = Patience()
     patience.note(frozenset("a"), 100.0, 10)
-    patience.note(frozenset("b"), 100.0 + 0.9 * SEARCH.effort, 30)
-    patience.note(frozenset("a"), 100.5, 35)  # what leads, fitted again
-    end = 10 * (1 + SEARCH.patience)
-    assert (patience.is_over(int(end)), patience.is_over(int(end) + 1)) == (False, True)
-    patience.note(frozenset("b"), 101.0 + SEARCH.effort, 40)
-    assert not patience.is_over(int(end) + 1)
+    assert (patience.is_over(10 + SEARCH.shortest), patience.is_over(11 + SEARCH.shortest)) == (False, True)
 
 
 @pytest.mark.parametrize("times", [0.5, 2.0])
