@@ -145,9 +145,9 @@ def test_an_empty_proof_is_a_page_too(tmp_path: Path) -> None:
 def test_a_case_is_rerun_by_one_command_and_the_name_appears(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    case = ["--plant", "pendulum", "--effect", "coulomb_friction", "--seed", "101"]
+    case = ["--plant", "pendulum", "--effect", "dead_zone", "--seed", "101"]
     assert main(["one", *case, "-o", str(tmp_path)]) == 0
     out = capsys.readouterr().out
-    assert "reported:  named: coulomb_friction at " in out
-    assert "concealed: coulomb_friction@arm.shaft" in out
+    assert "reported:  named: dead_zone at source.out -> drive.torque" in out
+    assert "concealed: dead_zone@source.out -> drive.torque" in out
     assert out.rstrip().endswith("that is: named")
