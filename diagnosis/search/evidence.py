@@ -15,9 +15,9 @@ delay, is a parameter like others here: what has no derivative has not been chos
 
 Held-out recordings are foretold with parameters that the fitted ones leave uncertain. How well they happen to be met is
 luck within that uncertainty, and two models that do the same may differ in it by tens. So x is where all recordings
-together are likeliest, by one step from where the fit ended where that does, by more where it promises more. What is
-left over is told there, too. How well a model foretells held-out recordings is the evidence of all recordings over that
-of the fitted ones.
+together are likeliest: one step from where the fit ended, or as many as it takes, where the first does not keep what it
+promised and the caller asks for them. What is left over is told there, too. How well a model foretells held-out
+recordings is the evidence of all recordings over that of the fitted ones.
 """
 
 from __future__ import annotations
