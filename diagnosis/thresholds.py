@@ -416,9 +416,9 @@ class Search:
         1.0,
         "1",
         "A search ends that has gained nothing for so many times the work that it took to find what leads.",
-        "as long again; on random rigs of the page of ADR 48 all that was right came sooner",
+        "as long again; in six random rigs that conceal several effects each of them came sooner (ADR 49)",
     )
-    shortest: int = number(
+    least_work: int = number(
         20_000_000_000,
         "operations",
         "Work for which it goes on after a gain in any case, about a minute of processor time.",

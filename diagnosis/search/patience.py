@@ -46,4 +46,4 @@ class Patience:
 
     def is_over(self, spent: int) -> bool:
         """Whether nothing was gained for so long that the search is to end."""
-        return spent - self.led > max(SEARCH.patience * self.led, SEARCH.shortest)
+        return spent - self.led > max(SEARCH.patience * self.led, SEARCH.least_work)

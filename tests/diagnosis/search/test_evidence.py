@@ -83,16 +83,7 @@ class Linear:
 
 
 class Hanging(Linear):
-    """y = a sin(q + b) + noise of variance 1, with normal priors of a and b about nothing.
-
-    Args:
-        experiments: what was recorded, one signal each.
-        angles: q of each, shape (samples,).
-        spreads: standard deviations of the priors of a and b, shape (2,).
-    """
-
-    def __init__(self, experiments: list[TimeExperiment], angles: list[Array], spreads: Array) -> None:
-        super().__init__(experiments, angles, spreads)
+    """y = a sin(q + b) + noise of variance 1, with normal priors of a and b about nothing; each table is a row of q."""
 
     def residual(self, x: Array, e: TimeExperiment) -> Array:
         return np.asarray(e.measured - (x[0] * np.sin(self.tables[e.name] + x[1]))[:, None])

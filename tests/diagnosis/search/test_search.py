@@ -216,7 +216,7 @@ def test_where_an_effect_leaves_much_it_is_put_in_otherwise_too(left: float, way
 def test_a_search_that_gains_nothing_for_long_ends() -> None:
     """All that is tried leaves much, as where the effect is not listed: what leads was found soon, and is not bettered.
 
-    It ends within one move after `SEARCH.patience` times the work of the first effects.
+    It ends within one move after as much work again as the first effects took, or `SEARCH.least_work`.
     """
 
     def of(fit: int) -> tuple[World, Any]:
@@ -228,11 +228,11 @@ def test_a_search_that_gains_nothing_for_long_ends() -> None:
         return world, first
 
     endless, _ = of(0)
-    unit = SEARCH.shortest // 19  # the first effects take 19 of these
+    unit = SEARCH.least_work // 19  # the first effects take 19 of these
     world, first = of(unit)
     assert first > 0
     assert len(world.fitted) < len(endless.fitted)
-    most = first + max(SEARCH.patience * first, SEARCH.shortest)
+    most = first + max(SEARCH.patience * first, SEARCH.least_work)
     assert most < world.work.done < most + 10 * unit * len(OTHERS)
 
 
@@ -264,7 +264,7 @@ def test_what_owes_a_step_what_it_promised_is_followed_where_it_may_come_near_th
 
 
 def test_a_gain_renews_the_patience_of_a_search_and_a_hairs_breadth_does_not() -> None:
-    patience, found = Patience(), 10 * SEARCH.shortest
+    patience, found = Patience(), 10 * SEARCH.least_work
     patience.note(frozenset("a"), 100.0, found)
     patience.note(frozenset("b"), 100.0 + 0.9 * SEARCH.effort, int(1.3 * found))
     patience.note(frozenset("a"), 100.5, int(1.4 * found))  # what leads, fitted again
@@ -277,7 +277,7 @@ def test_a_gain_renews_the_patience_of_a_search_and_a_hairs_breadth_does_not() -
 def test_what_is_found_at_once_leaves_a_search_a_minute() -> None:
     patience = Patience()
     patience.note(frozenset("a"), 100.0, 10)
-    assert (patience.is_over(10 + SEARCH.shortest), patience.is_over(11 + SEARCH.shortest)) == (False, True)
+    assert (patience.is_over(10 + SEARCH.least_work), patience.is_over(11 + SEARCH.least_work)) == (False, True)
 
 
 @pytest.mark.parametrize("times", [0.5, 2.0])
