@@ -200,24 +200,21 @@ def conversion(channel: Channel, unit: str, where: Where) -> float:
 def row_interval(time: Vector, longest: float) -> tuple[float, int]:
     """Interval of the simulated rows (s), and their number per recorded interval (0 if the time axis is uneven).
 
-    Intervals are fractions with small denominators or whole nanoseconds, so that rows and samples share instants. An
-    even axis with missing instants gives rows that meet the remaining ones exactly.
+    Intervals are fractions with small denominators or whole nanoseconds, so that rows and samples share instants. On an
+    uneven axis the rows are simulated where the samples are, and no integration step exceeds the interval given here.
 
     Args:
         time: of the samples (s), shape (samples,).
         longest: upper bound of the interval (s).
     """
     intervals = len(time) - 1
-    mean, least = float(time[-1]) / intervals, float(np.diff(time).min())
+    mean = float(time[-1]) / intervals
     for candidate in (float(Fraction(mean).limit_denominator(1_000_000)), round(mean, 9)):
         if candidate > 0 and np.abs(time - candidate * np.arange(intervals + 1)).max() < 1e-6 * mean:
             parts = max(1, math.ceil(candidate / longest - 1e-9))
             return candidate / parts, parts
-    for candidate in (float(Fraction(least).limit_denominator(1_000_000)), round(least, 9)):
-        if candidate > mean / 20 and np.abs(time - candidate * np.round(time / candidate)).max() < 1e-6 * candidate:
-            return candidate / max(1, math.ceil(candidate / longest - 1e-9)), 0
-    finest = max(least, mean / 20)
-    return max(1e-9, round(min(longest, finest), 9)), 0
+    usual = float(np.median(np.diff(time)))
+    return max(1e-9, round(usual / max(1, math.ceil(usual / longest - 1e-9)), 9)), 0
 
 
 def starting_unit(scenario: Scenario, model: Model, name: str) -> str:

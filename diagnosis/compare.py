@@ -124,7 +124,7 @@ def _compare_time(scenario: Scenario, recording: Recording) -> Comparison:
     internal = scenario.simulation.internal_step if scenario.simulation else None
     if internal is None and model.stiffens:
         internal = problem(scenario, [recording]).internal_step  # as a fit takes it
-    stop = step * exact * (len(recording.time) - 1) if exact else float(recording.time[-1]) + step
+    stop = step * exact * (len(recording.time) - 1) if exact else float(recording.time[-1])
     data = np.column_stack([c.values * f for c, f in zip(recording.measurements, binding.factors, strict=True)])
     initial, note = fitted_start(scenario, recording)
     notes += [note] if note else []
@@ -136,11 +136,12 @@ def _compare_time(scenario: Scenario, recording: Recording) -> Comparison:
         drive=binding.drive,
         initial=initial,
         internal_step=internal,
+        rows=None if exact else recording.time,
     )
     signals = {}
     for channel, variable, measured in zip(recording.measurements, model.outputs, data.T, strict=True):
         curve = result[variable.name]
-        simulated = curve[::exact] if exact else np.interp(recording.time, result.time, curve)
+        simulated = curve[:: exact or 1]
         if channel.from_first:
             simulated = simulated - simulated[0]
         there = np.isfinite(measured)

@@ -35,7 +35,7 @@ from scenarios.variant import edited, renamed
 def experiment(made: Binding, recording: Recording, longest: float, statics: Statics) -> TimeExperiment:
     """A recording in the form a fit needs.
 
-    An uneven time axis stays as it is: the model is simulated on a finer even grid and read at the recorded instants.
+    An uneven time axis stays as it is: the model is simulated at the recorded instants.
 
     Raises:
         RecordingError: too many samples, an unknown starting value, or noise that cannot be estimated.

@@ -123,7 +123,7 @@ def batch(
                 outcomes = [alone(jobs[k]) for k in group]
             for k, (backend, outcome) in zip(group, outcomes, strict=True):
                 case, reason = given[places[k]], fault(model, jobs[k], outcome)
-                made = as_result(model, jobs[k], outcome, step, backend, case.parameters) if not reason else None
+                made = as_result(model, jobs[k], outcome, backend, case.parameters) if not reason else None
                 found[places[k]] = made or Failure(case, reason)
         return found
 

@@ -273,10 +273,10 @@ class Simulation:
                 rise = (times.value[k + 1, i] - times.value[k, i]) / span
             self.base[i], self.slope[i], self.origin[i] = times.value[k, i], rise, self.t
 
-    def next_tick(self, tick: int, knot: int) -> int:
-        """The next tick at which something happens."""
+    def next_tick(self, tick: int, row: int, knot: int) -> int:
+        """The next tick at which something happens, row ``row`` being the next."""
         times = self.job.timetable
-        hits = [tick - tick % times.output_ticks + times.output_ticks]
+        hits = [int(times.rows[row])]
         for period, offset in zip(times.period.tolist(), times.offset.tolist(), strict=True):
             since = tick - offset
             hits.append(offset if since < 0 else tick - since % period + period)
@@ -316,16 +316,16 @@ def run(model: Model, job: Job) -> Outcome:
         s.tick(0)
         record(0)
         row = 1
-        while tick < job.outputs * job.output_ticks:
-            tick = s.next_tick(tick, knot if driven else len(knots))
+        while row < rows:
+            tick = s.next_tick(tick, row, knot if driven else len(knots))
             s.integrate(job.t0 + tick * job.resolution)
             before, knot = knot, feed(tick, knot)
             if knot != before:
                 s.settle()
             s.tick(tick)
-            if tick % job.output_ticks == 0:
-                record(tick // job.output_ticks)
-                row = tick // job.output_ticks + 1
+            if tick == job.timetable.rows[row]:
+                record(row)
+                row += 1
                 if job.cancel is not None and job.cancel.value:
                     raise Stop(CANCELLED, 0)
     except Stop as stop:

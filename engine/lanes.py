@@ -107,7 +107,7 @@ class Lanes:
 
 def alike(job: Job) -> Hashable:
     """Equal for runs that share rows, clocks and knots; and the number of steps between rows, as lanes take them."""
-    between = math.ceil(job.output_ticks * job.resolution / job.hmax)
+    between = math.ceil(job.timetable.apart / job.hmax)
     return job.t0, job.timetable.mark, between, job.record_states, id(job.cancel)
 
 

@@ -14,7 +14,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from ctypes import POINTER, c_double, c_int32, c_int64, c_void_p
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,32 +35,50 @@ class Timetable:
     """When things happen that do not depend on what a model does: instants are whole ticks of ``resolution`` seconds.
 
     Runs that differ in parameters, starts and steps alone share one; see ``simulate.c`` for the attributes.
+
+    Attributes:
+        time: instants of the rows (s), from the start of the run, as whoever asked for them wrote them.
     """
 
     resolution: float
-    outputs: int
-    output_ticks: int
+    rows: NDArray[np.int64]
+    time: Vector
     period: NDArray[np.int64]
     offset: NDArray[np.int64]
     knot: NDArray[np.int64]
     value: NDArray[np.float64]
     linear: NDArray[np.int32]
 
+    @property
+    def outputs(self) -> int:
+        """Rows after the first."""
+        return len(self.rows) - 1
+
+    def ticking(self, tick: float, count: int) -> Timetable:
+        """The same with another tick (s), and so many rows after the first, one at each tick."""
+        rows = np.arange(count + 1)
+        return replace(self, resolution=tick, rows=rows, time=rows * np.float64(tick))
+
+    @functools.cached_property
+    def apart(self) -> float:
+        """The longest time (s) between rows."""
+        return float(np.diff(self.rows).max(initial=0)) * self.resolution
+
     @functools.cached_property
     def struct(self) -> _Job:
         """The struct of a run with these instants, the rest of it empty."""
         c = _Job()
-        c.resolution, c.outputs, c.output_ticks = self.resolution, self.outputs, self.output_ticks
+        c.resolution, c.outputs = self.resolution, self.outputs
         c.knots = len(self.knot)
-        for name in ("period", "offset", "knot", "value", "linear"):
+        for name in ("rows", "period", "offset", "knot", "value", "linear"):
             setattr(c, name, getattr(self, name).ctypes.data)
         return c
 
     @functools.cached_property
     def mark(self) -> bytes:
         """Equal for those with the same instants, whatever the inputs are there."""
-        sizes = (self.resolution, self.outputs, self.output_ticks, len(self.period))
-        arrays = (self.period, self.offset, self.knot)
+        sizes = (self.resolution, self.outputs, len(self.period))
+        arrays = (self.rows, self.period, self.offset, self.knot)
         return hashlib.sha256(b"".join([repr(sizes).encode(), *(array.tobytes() for array in arrays)])).digest()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -92,11 +110,6 @@ class Job:
         """Rows after the first."""
         return self.timetable.outputs
 
-    @property
-    def output_ticks(self) -> int:
-        """Ticks between rows."""
-        return self.timetable.output_ticks
-
 
 @dataclass
 class Outcome:
@@ -126,7 +139,7 @@ class _Job(ctypes.Structure):
         *((name, c_void_p) for name in ("p", "x0", "d0", "m0")),
         *((name, c_double) for name in ("t0", "resolution", "hmax")),
         ("outputs", c_int64),
-        ("output_ticks", c_int64),
+        ("rows", c_void_p),
         *((name, c_void_p) for name in ("period", "offset", "stage")),
         ("knots", c_int64),
         *((name, c_void_p) for name in ("knot", "value", "linear")),
@@ -222,7 +235,7 @@ def steps_of(job: Job) -> int:
     """About how many steps a run takes; one that ends before its first row may have steps of any shortness."""
     if not job.outputs:
         return len(job.timetable.knot)
-    return job.outputs * math.ceil(job.output_ticks * job.resolution / job.hmax) + len(job.timetable.knot)
+    return job.outputs * math.ceil(job.timetable.apart / job.hmax) + len(job.timetable.knot)
 
 
 class Way:
@@ -470,7 +483,7 @@ _LONG = 2e7
 
 def _is_long(model: Model, job: Job) -> bool:
     # A function in Python is interrupted where it stands; and it may not be made for another thread than the main one.
-    steps = job.outputs * (job.output_ticks * job.resolution / job.hmax + 1)
+    steps = job.outputs * (job.timetable.apart / job.hmax + 1)
     return not model.externals and steps * (model.operations + 20) > _LONG
 
 

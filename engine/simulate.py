@@ -206,6 +206,7 @@ class SimulationKeywords(TypedDict, total=False):
     initial: dict[str, float] | None
     internal_step: float | None
     record_states: bool | Callable[[Model], bool]
+    rows: ArrayLike | None
     backend: str
     log_capacity: int
     step_tolerance: float | None
@@ -221,6 +222,7 @@ class SimulationOptions:
         initial: starting values by name, SI units.
         internal_step: longest integration step (s); chosen from the fastest mode if None.
         record_states: also keep states and modes at every row; or a function of the model that says so.
+        rows: instants of the rows (s), rising, the first zero, shape (n,); every ``step`` from zero on if None.
         backend: ``c``, ``interpreter`` or ``auto`` (c where a compiler works).
         log_capacity: how many events are kept.
         step_tolerance: if given, the run is repeated with half the internal step, and a warning names the fastest mode
@@ -232,6 +234,7 @@ class SimulationOptions:
     initial: dict[str, float] | None = None
     internal_step: float | None = None
     record_states: bool | Callable[[Model], bool] = False
+    rows: ArrayLike | None = None
     backend: str = "auto"
     log_capacity: int = 100_000
     step_tolerance: float | None = None
@@ -268,9 +271,10 @@ def simulate(
         internal_step=o.internal_step,
         record_states=o.record_states(model) if callable(o.record_states) else o.record_states,
         log_capacity=o.log_capacity,
+        rows=None if o.rows is None else np.asarray(o.rows, dtype=float),
     )
     used, outcome = carried_out(model, job, o.backend)
-    result = as_result(model, job, outcome, step, used, o.parameters)
+    result = as_result(model, job, outcome, used, o.parameters)
     if o.step_tolerance is not None:
         _check_step(model, job, result, used, o.step_tolerance)
     return result
@@ -295,15 +299,13 @@ def _check_step(model: Model, job: Job, result: Result, backend: str, tolerance:
         )
 
 
-def as_result(
-    model: Model, job: Job, outcome: Outcome, step: float, backend: str, parameters: dict[str, float] | None
-) -> Result:
+def as_result(model: Model, job: Job, outcome: Outcome, backend: str, parameters: dict[str, float] | None) -> Result:
     """A finished run with its names."""
     names = [mode.name for mode in model.modes]
     instants, switched, values = outcome.log.reshape(-1, 3).T.tolist()
     return Result(
         model=model,
-        time=np.arange(job.outputs + 1, dtype=np.float64) * np.float64(rational(step)),
+        time=job.timetable.time.copy(),
         values=outcome.y,
         states=outcome.states,
         modes=outcome.modes,
@@ -330,6 +332,7 @@ def prepare(
     internal_step: float | None = None,
     record_states: bool = False,
     log_capacity: int = 100_000,
+    rows: Vector | None = None,
 ) -> Job:
     """Everything one run needs, checked and in the runtime's form; see `SimulationOptions` for the arguments."""
     for name, value in (("stop", stop), ("step", step)):
@@ -347,7 +350,7 @@ def prepare(
             )
     p = model.parameter_vector(parameters)
     x0, d0 = _begin(model, p, initial)
-    shared = _timetable(model, stop, step, drive, len(model.outputs) + record_states * _whole_state(model))
+    shared = _timetable(model, stop, step, drive, len(model.outputs) + record_states * _whole_state(model), rows)
     hmax = _checked_step(model, p, x0, step, stop, internal_step)
     return Job(
         p=p,
@@ -365,58 +368,87 @@ def _whole_state(model: Model) -> int:
     return len(model.states) + len(model.modes)
 
 
-def _timetable(model: Model, stop: float, step: float, drive: Drive | None, columns: int) -> Timetable:
+def _timetable(
+    model: Model, stop: float, step: float, drive: Drive | None, columns: int, rows: Vector | None
+) -> Timetable:
     """The instants of a run, worked out once for all runs with the same drive, as long as its lists stay what they are.
 
     Arguments are as of `prepare`, and the numbers that are recorded in a row.
     """
     if drive is None:
-        return _new_timetable(model, stop, step, drive, columns)
-    same = (stop, step, len(model.inputs), model.clocks, columns)
+        return _new_timetable(model, stop, step, drive, columns, rows)
+    same = (stop, step, len(model.inputs), model.clocks, columns, None if rows is None else rows.tobytes())
     time, values = np.asarray(drive.time), np.asarray(drive.values)
     before = drive.timetables.get(same)
     if before is not None and np.array_equal(before[0], time) and np.array_equal(before[1], values):
         return before[2]
-    found = _new_timetable(model, stop, step, drive, columns)
+    found = _new_timetable(model, stop, step, drive, columns, rows)
     if len(drive.timetables) >= MOST_BEGUN:
         drive.timetables.clear()
     drive.timetables[same] = time.copy(), values.copy(), found
     return found
 
 
-def _new_timetable(model: Model, stop: float, step: float, drive: Drive | None, columns: int) -> Timetable:
+def _new_timetable(
+    model: Model, stop: float, step: float, drive: Drive | None, columns: int, rows: Vector | None
+) -> Timetable:
     knots, values, linear = _driven(model, drive)
     instants = [step, *[c.period for c in model.clocks], *[c.offset for c in model.clocks]]
     tick = common_tick(instants)
-    if (np.abs(knots - np.round(knots / float(tick)) * float(tick)) > 0.5e-9).any():
+    uneven = knots if rows is None else np.concatenate([knots, _checked_rows(rows, stop)])
+    if (np.abs(uneven - np.round(uneven / float(tick)) * float(tick)) > 0.5e-9).any():
         tick = common_tick([*instants, 1e-9])
     if tick < Fraction(1, 10**13):
         raise ParameterError(
             f"step and sample periods {instants} have no common tick", remedy="make them multiples of one another"
         )
-    if stop / step > min(200_000_000, MOST_VALUES / max(columns, 1)):
+    if rows is None and stop / step > min(200_000_000, MOST_VALUES / max(columns, 1)):
         raise ParameterError(
             f"{stop / step:.3g} rows of {columns} numbers are too many", remedy="give a longer step or an earlier stop"
         )
     if stop > 1e300:
         raise ParameterError(f"stop is {stop:g} s", remedy="give an earlier stop")
-    outputs = int(Fraction(stop + 1e-9 * step) / rational(step))
     farthest = max(stop, float(np.abs(knots).max())) / float(tick)
     if farthest > NEVER:
         raise ParameterError(
             f"times up to {farthest * float(tick):g} s do not go with a tick of {float(tick):g} s",
             remedy="give an earlier stop or drive, or sample periods that are multiples of a longer time",
         )
+    if rows is None:
+        number = np.arange(int(Fraction(stop + 1e-9 * step) / rational(step)) + 1)
+        ticks, time = number * int(rational(step) / tick), number * np.float64(rational(step))
+    else:
+        ticks, time = np.round(rows / float(tick)).astype(np.int64), rows.copy()
     return Timetable(
         resolution=float(tick),
-        outputs=outputs,
-        output_ticks=int(rational(step) / tick),
+        rows=ticks,
+        time=time,
         period=np.array([_ticks(c.period, tick) for c in model.clocks], dtype=np.int64),
         offset=np.array([_ticks(c.offset, tick) for c in model.clocks], dtype=np.int64),
         knot=np.round(knots / float(tick)).astype(np.int64),
         value=np.ascontiguousarray(values, dtype=np.float64),
         linear=np.array(linear, dtype=np.int32),
     )
+
+
+def _checked_rows(rows: Vector, stop: float) -> Vector:
+    """Instants of rows, which can be had.
+
+    Raises:
+        ParameterError: they do not begin at zero, do not rise, or go on after the end.
+    """
+    if rows.ndim != 1 or not len(rows) or rows[0] != 0 or not np.isfinite(rows).all():
+        raise ParameterError("the instants of rows are not a list of finite numbers that begins with zero")
+    close = np.diff(rows) < SHORTEST * (1 - 1e-6)
+    if close.any():
+        row = int(np.argmax(close)) + 1
+        raise ParameterError(
+            f"row {row} is at {rows[row]:.9g} s and the one before it at {rows[row - 1]:.9g} s",
+            remedy=f"let instants rise by at least {SHORTEST:g} s",
+        )
+    if rows[-1] > stop * (1 + 1e-12):
+        raise ParameterError(f"the last row is at {rows[-1]:.9g} s, after the stop at {stop:.9g} s")
+    return rows
 
 
 def _ticks(time: float, tick: Fraction) -> int:
@@ -552,7 +584,7 @@ def fault(model: Model, job: Job, outcome: Outcome) -> str:
         return explain(model, outcome)
     if not np.isfinite(outcome.y).all():
         row, column = np.argwhere(~np.isfinite(outcome.y))[0]
-        time = job.t0 + int(row) * job.output_ticks * job.resolution
+        time = job.t0 + float(job.timetable.time[row])
         return f"the simulation diverged at t = {time:.9g} s: output '{model.outputs[column].name}' is not finite"
     if not np.isfinite(outcome.d1).all():
         name = model.memories[int(np.argmin(np.isfinite(outcome.d1)))].name

@@ -83,6 +83,7 @@ def tangents(
     drive: Drive | None = None,
     initial: dict[str, float] | None = None,
     internal_step: float | None = None,
+    rows: Vector | None = None,
     room: int = 0,
 ) -> Tangents:
     """Simulate with sensitivities; needs a C compiler.
@@ -96,6 +97,7 @@ def tangents(
         drive: the external inputs.
         initial: starting values by name, SI units.
         internal_step: longest integration step (s).
+        rows: instants of the rows (s); as of `SimulationOptions`.
         room: directions that the compiled code has room for, at least; runs of equal room share it.
 
     Raises:
@@ -109,23 +111,32 @@ def tangents(
             remedy="leave it out of the model, or compare runs with slightly different values",
         )
     ordered, indices = _directions(model, tuple(wrt))
-    job = prepare(model, stop, step, parameters=parameters, drive=drive, initial=initial, internal_step=internal_step)
+    job = prepare(
+        model,
+        stop,
+        step,
+        parameters=parameters,
+        drive=drive,
+        initial=initial,
+        internal_step=internal_step,
+        rows=rows,
+    )
     room = max(len(ordered), room)
     S0, D0 = _seeds(model, job.p, dict(initial or {}), ordered, indices, room)
-    rows = np.empty((room, job.outputs + 1, len(model.outputs)))
+    slopes = np.empty((room, job.outputs + 1, len(model.outputs)))
     least = np.zeros(1)
     way = _way(model, indices, room)
     code = None if way.chosen(native.steps_of(job)) else way.code
     function = way.own if code is None else native.interpreter(bytecode.room_for(room), _entry)
-    extra = [a.ctypes.data_as(POINTER(c_double)) for a in (S0, D0, rows, least)]
+    extra = [a.ctypes.data_as(POINTER(c_double)) for a in (S0, D0, slopes, least)]
     outcome = native.call(model, job, lambda c: function(ctypes.addressof(c), *extra), code)
     note_work(model, [outcome])
     if outcome.status:
         raise SimulationError(explain(model, outcome))
     back = [ordered.index(name) for name in wrt]
-    rows = rows[: len(back)] if back == sorted(back) else rows[back]
-    result = as_result(model, job, outcome, step, "c", parameters)
-    return Tangents(result, tuple(wrt), rows.transpose(1, 2, 0), bool(least[0] < GRAZING))
+    slopes = slopes[: len(back)] if back == sorted(back) else slopes[back]
+    result = as_result(model, job, outcome, "c", parameters)
+    return Tangents(result, tuple(wrt), slopes.transpose(1, 2, 0), bool(least[0] < GRAZING))
 
 
 def _directions(model: Model, wrt: tuple[str, ...]) -> tuple[list[str], tuple[int, ...]]:

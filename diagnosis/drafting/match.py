@@ -219,7 +219,7 @@ def _responses(scenario: Scenario, log: LogFile, part: slice, inputs: dict[str, 
     """Every signal of the model as given, driven by columns from rest; none where it cannot be simulated."""
     time = log.time.seconds[part] - log.time.seconds[part.start]
     step, exact = row_interval(time, scenario.simulation.step if scenario.simulation else 1e-3)
-    stop = step * exact * (len(time) - 1) if exact else float(time[-1]) + step
+    stop = step * exact * (len(time) - 1) if exact else float(time[-1])
     driven = np.column_stack([values[part] for values in inputs.values()])
     replaced = set(bypass(scenario.system, list(inputs))[1])
     outputs = [name for name in names_of(scenario)[0] if scenario.system.split(name)[0] not in replaced]
@@ -227,13 +227,13 @@ def _responses(scenario: Scenario, log: LogFile, part: slice, inputs: dict[str, 
         model = scenario.build(list(inputs), outputs)
         drive = Drive(time, driven, ("zero_order",) * len(inputs))
         internal = scenario.simulation.internal_step if scenario.simulation else None
-        result = simulate(model, stop, step, drive=drive, internal_step=internal)
+        result = simulate(model, stop, step, drive=drive, internal_step=internal, rows=None if exact else time)
     except (FlexarmError, ArithmeticError):
         return {}
     made = {}
     for variable in model.outputs:
         curve = result[variable.name]
-        values = curve[::exact][: len(time)] if exact else np.interp(time, result.time, curve)
+        values = curve[:: exact or 1][: len(time)]
         if np.isfinite(values).all() and np.ptp(values) > 1e-12 * max(1e-9, float(np.abs(values).max())):
             made[variable.name] = np.asarray(values, dtype=float)
     return made

@@ -41,7 +41,7 @@ class TimeExperiment(Experiment):
         every: simulated rows per sample.
         drive: inputs, in the model's order.
         from_first: for each signal, whether it counts from the first sample.
-        uneven: whether ``time`` is not a multiple of the rows' interval: outputs are then interpolated between rows.
+        uneven: whether ``time`` is not a multiple of the rows' interval: the rows are then simulated at these instants.
         outliers: for each signal, how many samples were left out as spikes.
         logged: for each signal, its unit over a number as it was logged.
         loop, assumed, wraps: as of the recording.
@@ -109,7 +109,7 @@ class TimeExperiment(Experiment):
     def stop(self) -> float:
         """End of the simulation (s)."""
         if self.uneven:
-            return float(self.step * (math.floor(self.time[-1] / self.step + 1e-6) + 1))
+            return float(self.time[-1])
         return float(self.step * self.every * (len(self.time) - 1))
 
     @property
@@ -139,12 +139,12 @@ class TimeExperiment(Experiment):
 
     def sampled(self, rows: Array) -> Array:
         """Simulated rows at the recorded instants, shape (samples, ...)."""
-        if not self.uneven:
-            return rows[:: self.every][: len(self.time)]
-        place = self.time / self.step
-        below = np.minimum(np.floor(place + 1e-6).astype(int), len(rows) - 2)
-        share = np.maximum(place - below, 0.0).reshape(-1, *[1] * (rows.ndim - 1))
-        return np.asarray(rows[below] * (1 - share) + rows[below + 1] * share)
+        return rows if self.uneven else rows[:: self.every][: len(self.time)]
+
+    @property
+    def _instants(self) -> Array | None:
+        """Where the simulated rows are (s); None: at multiples of ``step``."""
+        return self.time if self.uneven else None
 
     def cut(self, share: float) -> TimeExperiment:
         """The first part of it, at least eight samples."""
@@ -242,6 +242,7 @@ class TimeExperiment(Experiment):
             internal_step=longest,
             record_states=record_states,
             log_capacity=0,
+            rows=self._instants,
         )
 
     def linearised(
@@ -277,6 +278,7 @@ class TimeExperiment(Experiment):
                 drive=self.drive,
                 initial=self.begin.complete(starts),
                 internal_step=longest,
+                rows=self._instants,
                 room=room,
             )
         except ParameterError as error:

@@ -108,7 +108,7 @@ class PeriodSimulator:
 
     def job(self, p: Vector, x: Vector | None, step: float, rows: int, begin: int = 0) -> Job:
         """A run of ``rows`` steps of ``step`` seconds from state ``x`` (None: the model's start) at row ``begin``."""
-        times = replace(self._pattern.timetable, resolution=step, outputs=rows, output_ticks=1)
+        times = self._pattern.timetable.ticking(step, rows)
         job = replace(self._pattern, p=p, hmax=step, timetable=times, t0=begin * step)
         return replace(job, x0=start_values(self.model, p) if x is None else x)
 
@@ -153,9 +153,7 @@ class PeriodSimulator:
             near = replace(job, x0=found.states[int(row)], m0=found.modes[int(row)], record_states=False)
             near = replace(near, t0=job.t0 + row * job.resolution, log_capacity=0)
             sides = (part - ASIDE, part + ASIDE) if self.jumps else (part,)
-            times = [
-                replace(job.timetable, resolution=side * job.resolution, outputs=1) for side in sides if side > ASIDE
-            ]
+            times = [job.timetable.ticking(side * job.resolution, 1) for side in sides if side > ASIDE]
             runs = [self.run(replace(near, timetable=one)) for one in times]
             return np.array([found.y[int(row)], *(run.y[1] for run in runs)])
 

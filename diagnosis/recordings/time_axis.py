@@ -133,7 +133,7 @@ def even_time(time: Vector, *, evenly: bool = False) -> tuple[Vector, tuple[str,
         )
     return time, (
         f"the time axis is uneven, with intervals from {steps.min():g} s to {steps.max():g} s; the model is simulated "
-        "on a finer even grid and read at the recorded instants",
+        "at the recorded instants",
     )
 
 

@@ -284,7 +284,7 @@ static void fa_lanes_begin(fa_lanes *L, int l, int64_t *knot, int64_t *due) {
 /* What fa_run does. */
 static void fa_lanes_run(fa_lanes *L) {
   const fa_job *job = L->job[0];
-  const int64_t last = job->outputs * job->output_ticks;
+  const int64_t last = job->rows[job->outputs];
   int64_t tick = 0, knot = 0, row = 0, due[FA_SIZE(FA_NC)];
   FA_EACH_LANE(l) if (L->on[l]) fa_lanes_begin(L, l, &knot, due);
   while (tick < last && fa_any(L->on)) {
@@ -307,7 +307,7 @@ static void fa_lanes_run(fa_lanes *L) {
       if (due[c] == tick) due[c] += job->period[c], any = 1;
     }
     if (any) fa_lanes_tick(L, fire);
-    if (tick == (row + 1) * job->output_ticks) fa_lanes_record(L, ++row);
+    if (tick == job->rows[row + 1]) fa_lanes_record(L, ++row);
   }
   FA_EACH_LANE(l) if (L->on[l]) {
     fa_update_derivative(fa_alone(L, l));

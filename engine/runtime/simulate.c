@@ -3,7 +3,7 @@
 typedef struct {
   const double *p, *x0, *d0, *m0;          /* m0: not finite where the run is to decide */
   double t0, resolution, hmax;             /* seconds; instants are t0 + tick * resolution */
-  int64_t outputs, output_ticks;           /* rows after the first, ticks between rows */
+  int64_t outputs; const int64_t *rows;    /* rows after the first, and the ticks of all rows */
   const int64_t *period, *offset;          /* clocks, in ticks */
   const int64_t *stage;                    /* what is read of delay lines, in instants of their clocks */
   int64_t knots;                           /* rows of the driven inputs */
@@ -83,14 +83,14 @@ static int fa_clocks(fa_sim *s, const fa_job *job, int64_t tick, int64_t *due) {
 /* The tick up to which nothing but the model itself happens; due: the next tick of each clock. */
 static int64_t fa_next_tick(const fa_sim *s, const fa_job *job, int64_t row, int64_t knot, const int64_t *due) {
   (void)s;
-  int64_t tick = (row + 1) * job->output_ticks;
+  int64_t tick = job->rows[row + 1];
   for (int c = 0; c < FA_NC; c++) if (due[c] < tick) tick = due[c];
   if (FA_NU && knot < job->knots && job->knot[knot] < tick) tick = job->knot[knot];
   return tick;
 }
 
 static int fa_run(fa_sim *s, fa_job *job) {
-  const int64_t last = job->outputs * job->output_ticks;
+  const int64_t last = job->rows[job->outputs];
   int64_t tick = 0, knot = 0, row = 0, due[FA_SIZE(FA_NC)];
   for (int c = 0; c < FA_NC; c++) due[c] = job->offset[c];
   if (FA_NU) while (knot < job->knots && job->knot[knot] <= 0) fa_drive_inputs(s, job, knot++);
@@ -103,7 +103,7 @@ static int fa_run(fa_sim *s, fa_job *job) {
     if (FA_NU) while (knot < job->knots && job->knot[knot] <= tick) { fa_drive_inputs(s, job, knot++); driven = 1; }
     if (driven && fa_settle(s)) return s->status;
     if (fa_clocks(s, job, tick, due)) return s->status;
-    if (tick == (row + 1) * job->output_ticks) fa_record(s, job, ++row);
+    if (tick == job->rows[row + 1]) fa_record(s, job, ++row);
   }
   return fa_update_derivative(s);
 }

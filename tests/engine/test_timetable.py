@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine.simulate import Drive, prepare, simulate
+from engine.batch import Case, batch
+from engine.errors import ParameterError
+from engine.model import Model
+from engine.simulate import Drive, Result, prepare, simulate
+from engine.tangent import tangents
 from scenarios.load import load
 
 
@@ -79,3 +83,73 @@ def test_a_drive_whose_numbers_were_changed_in_place_drives_by_the_new_ones(kind
     alone = simulate(model, 0.4, drive=Drive(time.copy(), values.copy())).values
     np.testing.assert_array_equal(after, alone)
     assert not np.array_equal(after, before)
+
+
+def _pushed(folder: Path) -> Model:
+    """A mass of 2 kg that a force moves: its acceleration jumps with the force."""
+    path = folder / "pushed.yaml"
+    path.write_text(
+        "schema: 1\nname: pushed\nblocks:\n  push: {type: Force}\n  table: {type: Mass, mass: 2 kg}\n"
+        "  source: {type: Step, height: 1 N}\nconnect: [[source.out, push.force], [push.flange, table.flange]]\n"
+        "simulate: {stop: 1 s, step: 10 ms}\n"
+    )
+    outputs = ["table.flange.acceleration", "table.flange.speed", "table.flange.position"]
+    return load(path).build(inputs=["push.force"], outputs=outputs)
+
+
+FORCE, JUMP = np.array([3.0, -1.0]), 0.4321
+ROWS = np.array([0.0, 0.017, 0.0311, JUMP, JUMP + 1e-6, 0.78, 0.9999])
+
+
+def _expected(mass: float) -> NDArray[np.float64]:
+    """Acceleration, speed and position under the first force until the jump and the second from then on."""
+    before, after = np.minimum(ROWS, JUMP), np.maximum(ROWS - JUMP, 0.0)
+    force = np.where(ROWS < JUMP, *FORCE)
+    speed = (FORCE[0] * before + FORCE[1] * after) / mass
+    place = (FORCE[0] * before**2 / 2 + FORCE[0] * JUMP * after + FORCE[1] * after**2 / 2) / mass
+    return np.column_stack([force / mass, speed, place])
+
+
+@pytest.mark.parametrize("backend", ["c", "interpreter"])
+def test_rows_stand_at_the_instants_asked_for_on_the_right_side_of_a_jump(tmp_path: Path, backend: str) -> None:
+    model, drive = _pushed(tmp_path), Drive([0.0, JUMP], FORCE[:, None])
+    for _ in range(2):
+        found = simulate(model, 1.0, 0.01, drive=drive, rows=ROWS, backend=backend)
+        np.testing.assert_array_equal(found.time, ROWS)
+        np.testing.assert_allclose(found.values, _expected(2.0), rtol=1e-12, atol=1e-15)
+        even = simulate(model, 1.0, 0.01, drive=drive, backend=backend)
+        assert len(even.time) == 101, "the same drive with even rows is another run"
+
+
+def test_tangents_stand_at_the_instants_asked_for(tmp_path: Path) -> None:
+    model, drive = _pushed(tmp_path), Drive([0.0, JUMP], FORCE[:, None])
+    found = tangents(model, 1.0, 0.01, wrt=["table.mass"], drive=drive, rows=ROWS)
+    np.testing.assert_array_equal(found.result.time, ROWS)
+    np.testing.assert_allclose(found.values[:, :, 0], -_expected(2.0) / 2.0, rtol=1e-12, atol=1e-15)
+
+
+def test_runs_side_by_side_stand_where_each_stands_alone(tmp_path: Path) -> None:
+    model = load("reference-a").build()
+    name = model.parameters[0].name
+    value = model.parameters[0].value
+    cases = [Case(parameters={name: value * (1 + k / 100)}) for k in range(8)]
+    for case, found in zip(cases, batch(model, cases, 0.2, 0.01, workers=1), strict=True):
+        alone = simulate(model, 0.2, 0.01, parameters=case.parameters, rows=np.arange(21) * 0.01)
+        assert isinstance(found, Result)
+        np.testing.assert_allclose(found.values, alone.values, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([0.1, 0.2], "begins with zero"),
+        ([], "begins with zero"),
+        ([0.0, np.nan], "finite"),
+        ([0.0, 0.2, 0.2], "row 2 is at 0.2 s and the one before it at 0.2 s"),
+        ([0.0, 0.3, 0.2], "row 2 is at 0.2 s"),
+        ([0.0, 2.0], "after the stop at 1 s"),
+    ],
+)
+def test_rows_that_cannot_be_had_are_refused(tmp_path: Path, rows: list[float], said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        simulate(_pushed(tmp_path), 1.0, 0.01, rows=rows)

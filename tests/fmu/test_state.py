@@ -161,8 +161,8 @@ def _restart(model: Model, instance: Any, description: Any, p: np.ndarray, at: f
         hmax=1e-3,
         timetable=Timetable(
             resolution=5e-4,
-            outputs=rows,
-            output_ticks=2,
+            rows=2 * np.arange(rows + 1),
+            time=np.arange(rows + 1) * np.float64(1e-3),
             period=np.full(len(model.clocks), 2, dtype=np.int64),
             offset=np.full(len(model.clocks), half, dtype=np.int64),
             knot=np.zeros(1, dtype=np.int64),

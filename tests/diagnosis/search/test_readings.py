@@ -135,13 +135,24 @@ def test_the_model_tells_whether_an_input_was_held(tmp_path: Path, held: bool) -
     assert as_they_were_taken(load(path), given, 1)[0] is given[0]
 
 
-def jerked(folder: Path, *, first: bool, steps: bool = True, odd: float = 0.0, late: float = 0.0) -> Path:
+def jerked(
+    folder: Path,
+    *,
+    first: bool,
+    steps: bool = True,
+    odd: float = 0.0,
+    late: float = 0.0,
+    jitter: float = 0.0,
+    stray: bool = False,
+) -> Path:
     """m a = u - c v under held steps: the acceleration of a row is that of the step before, or of its own.
 
     Without steps the force is constant. The acceleration of the first row is ``odd`` by so much. The force acts
-    ``late`` by a share of an interval.
+    ``late`` by a share of an interval. Samples ``jitter`` by a share of it at most; or their stamps ``stray`` alone.
     """
-    t = np.asarray(INTERVAL * np.arange(2000))
+    even = np.asarray(INTERVAL * np.arange(2000))
+    moved = np.round(even + jitter * INTERVAL * np.random.default_rng(6).uniform(0, 1, len(even)) * (even > 0), 9)
+    t, stamps = (even, moved) if stray else (moved, moved)
     force = np.repeat(np.random.default_rng(4).choice([-1.0, 1.0], 200), 10) if steps else np.ones(len(t))
     before = np.concatenate([[0.0], force[:-1]])
     instants = np.column_stack([t, t + late * INTERVAL]).ravel()
@@ -149,13 +160,13 @@ def jerked(folder: Path, *, first: bool, steps: bool = True, odd: float = 0.0, l
     v = np.zeros(len(t))
     for k in range(1, len(t)):
         v[k] = v[k - 1]
-        for u, share in ((before[k - 1], late), (force[k - 1], 1 - late)):
-            v[k] = u / FRICTION + (v[k] - u / FRICTION) * math.exp(-FRICTION / MASS * share * INTERVAL)
+        for u, lasting in ((before[k - 1], late * INTERVAL), (force[k - 1], t[k] - t[k - 1] - late * INTERVAL)):
+            v[k] = u / FRICTION + (v[k] - u / FRICTION) * math.exp(-FRICTION / MASS * lasting)
     acting = before if first or late else force
     rng = np.random.default_rng(8)
     a = (acting - FRICTION * v) / MASS + 1e-3 * rng.standard_normal(len(t))
     a[0] += odd
-    rows = np.column_stack([t, force, x + NOISE * rng.standard_normal(len(t)), a])
+    rows = np.column_stack([stamps, force, x + NOISE * rng.standard_normal(len(t)), a])
     np.savetxt(folder / "swing.csv", rows, delimiter=",", header="t,u,x,a", comments="", fmt="%.9f")
     measured = "      table.flange.position: {column: x, unit: m, noise: 1e-6}\n"
     path = folder / "slide.yaml"
@@ -185,6 +196,19 @@ def test_the_model_tells_whether_a_row_was_read_before_its_input_acted(tmp_path:
         (again,) = gather(load(path, text=text), (), ())
         assert isinstance(again, Recording)
         assert again.sampled == "before_input"
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("stray", [True, False])
+def test_the_model_tells_it_of_stamps_that_are_not_even_too(tmp_path: Path, first: bool, stray: bool) -> None:
+    """Stamps may stray about an even clock, or be the instants at which samples were taken."""
+    path = jerked(tmp_path, first=first, jitter=0.2, stray=stray)
+    made, scores = fit_to(path, workers=1)
+    told = {("recordings", "swing", "sampled"): "before_input"} if first else {}
+    clock = {("recordings", "swing", "time", "clock"): "even"} if stray else {}
+    assert made.problem.assumed == told | clock
+    assert scores["fitted"] == pytest.approx(1.0, abs=0.1)
+    assert made.parameters()["table.mass"] == pytest.approx(MASS, rel=2e-3)
 
 
 def test_an_odd_first_sample_does_not_tell_it(tmp_path: Path) -> None:
