@@ -8,7 +8,8 @@ with the nuisances that fit beside each of them. Nuisances are several, and bend
 all that another model leaves above the sensors' noise is none, however little that is beside a strong effect, nor is
 what lets bent parameters return to their values. What an effect makes worse on recordings that were not fitted is not
 believed at all, nor is one where the user's model leaves no more than noise, unless it takes away most of that. A
-richer law from which the fitted recordings gain nothing is told as the simpler one, whatever the others gain.
+richer law is no nuisance by itself: it stands for one only where others do as well, in its place or beside the simpler
+law. One from which the fitted recordings gain nothing is told as the simpler one, whatever the others gain.
 """
 
 from __future__ import annotations
@@ -78,7 +79,11 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
             if worse(model, s)
             or unlearned(model, s)
             or lucky(model, s)
-            or (_owes_little(model, s, explained) and _one_of_several(whole, s))
+            or (
+                owes_little(model, s, explained)
+                and _one_of_several(whole, s)
+                and (len(s.keys) < len(model.keys) or _is_met_otherwise(whole, model, s, models))
+            )
         ]
         return simplest(max(enough, key=lambda s: s.log_evidence), whole) if enough else model
 
@@ -115,12 +120,26 @@ def lucky(model: ScoredModel, simpler: ScoredModel) -> bool:
     return bool(simpler.effects) and luck > 0 and model.log_evidence - simpler.log_evidence < luck
 
 
-def _owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:
+def owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:
     """Whether what a model has more than a simpler one may be a nuisance: nuisances are small, and they are several."""
     if simpler.bent and model.strain < EVIDENCE.most * simpler.strain:
         return False  # nuisances do not bend parameters
     little = energy(simpler) - energy(model) < EVIDENCE.share * explained
     return little and _one_of_several(model, simpler)
+
+
+def _is_met_otherwise(
+    whole: ScoredModel, richer: ScoredModel, simpler: ScoredModel, models: Sequence[ScoredModel]
+) -> bool:
+    """Whether what a richer law explains beyond a simpler one may be a nuisance that others meet about as well.
+
+    A further effect may be a nuisance itself. A law stands for one that is no part of it, as friction that differs
+    between the directions does for an offset: then the simpler law does as well as the whole model with other effects
+    beside it, or enriched otherwise. Where none does, by odds of twenty to one, the richer law is what is there.
+    """
+    near = whole.log_evidence - EVIDENCE.temperature * SEARCH.effort
+    others = (m for m in models if m.keys != richer.keys and not is_simpler(richer, m))
+    return any(m.log_evidence > near and (m.keys == simpler.keys or is_simpler(simpler, m)) for m in others)
 
 
 def _one_of_several(model: ScoredModel, simpler: ScoredModel) -> bool:

@@ -24,7 +24,9 @@ from diagnosis.search.posterior import (
     energy,
     explained,
     is_in,
+    is_simpler,
     misses,
+    owes_little,
     price,
     prices,
     probabilities,
@@ -200,6 +202,8 @@ class _Search:
             done.append(left[0])
             self._simplified(left[0])
             self._enriched(left[0])
+            if left[0] is self.known.best:
+                self._doubted(left[0])
         for rival in self._rivals() if self._explains_most else []:
             self._chosen_anew(rival)
             for effect in rival.effects:
@@ -246,6 +250,19 @@ class _Search:
                 known = self.known[made.keys]
                 if self.known.worth(known) < self.known.worth(model) and self._does_most(known, model, effect):
                     self.known.keep(self.fitter.retried(made, self.known.told_below(model)))
+
+    def _doubted(self, model: ScoredModel) -> None:
+        """Add an effect to each law that is hardly poorer than one of a model, in place of what makes that one rich.
+
+        A nuisance that is no part of the richer law may be what that owes little to.
+        """
+        whole = energy(self.known.refit) - min(energy(m) for m in self.known.models)
+        poorer = [m for m in self.known.models if len(m.keys) == len(model.keys) and is_simpler(m, model)]
+        for simpler in poorer:
+            if len(simpler.effects) < SEARCH.most and owes_little(model, simpler, whole):
+                self._extend(simpler, self.listed)
+                pairs = [c for c in lookalikes(model, self.listed) if prices(c) <= SEARCH.most]
+                self.known.fit([(c, [standing(model.fit)]) for c in pairs], len(pairs), near=model)
 
     def _does_most(self, simpler: ScoredModel, model: ScoredModel, effect: Candidate) -> bool:
         """Whether a simpler law explains most of what an effect of a model does.

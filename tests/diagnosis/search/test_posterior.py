@@ -81,6 +81,35 @@ def test_a_law_that_owes_little_to_its_richer_part_is_not_believed(gained: float
     assert simple in believed([REFIT, simple, rich], REFIT)
 
 
+LIKELY = EVIDENCE.temperature * SEARCH.effort
+"""By so much a model is likelier than another by odds of twenty to one."""
+
+
+@pytest.mark.parametrize(("lead", "kept"), [(0.9 * LIKELY, False), (1.1 * LIKELY, True)])
+@pytest.mark.parametrize("nuisance", [(), (LAG,)])
+def test_a_richer_law_is_told_however_little_it_explains_where_nothing_else_meets_that(
+    lead: float, kept: bool, nuisance: tuple[Candidate, ...]
+) -> None:
+    """What leads may have a nuisance beside the law: then the simpler law is to do as well with that."""
+    simple = model(FRICTION, *nuisance, excess=1e3, log_evidence=500.0)
+    rich = model(STRIBECK, *nuisance, excess=600.0, log_evidence=500.0 + lead)
+    alone = [model(FRICTION, excess=1.4e3), model(STRIBECK, excess=1e3, log_evidence=lead)] if nuisance else []
+    told = [as_.keys for as_, m in told_as([REFIT, simple, rich, *alone], REFIT) if m is rich]
+    assert told == [{(STRIBECK if kept else FRICTION).key}]
+
+
+@pytest.mark.parametrize("behind", [0.9 * LIKELY, 1.1 * LIKELY])
+@pytest.mark.parametrize("other", [(FRICTION, effect("offset", "u")), (effect("load_dependent_friction", parameters=2),)])
+def test_a_richer_law_stands_for_a_nuisance_that_others_meet_as_well(
+    behind: float, other: tuple[Candidate, ...]
+) -> None:
+    simple = model(FRICTION, excess=1e3)
+    rich = model(STRIBECK, excess=600.0, log_evidence=900.0)
+    otherwise = model(*other, excess=600.0, log_evidence=900.0 - behind)
+    told = [as_.keys for as_, m in told_as([REFIT, simple, rich, otherwise], REFIT) if m is rich]
+    assert told == [{(FRICTION if behind < LIKELY else STRIBECK).key}]
+
+
 @pytest.mark.parametrize(("cost", "kept"), [(2000.0, False), (2016.0, False), (1990.0, True)])
 def test_a_richer_law_that_only_held_out_recordings_ask_for_is_told_as_the_simpler_one(cost: float, kept: bool) -> None:
     """Friction beside cogging: an axis that rests in another valley leaves much, and the last digits decide on it."""

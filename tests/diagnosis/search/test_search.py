@@ -201,6 +201,19 @@ def test_laws_that_are_alike_leave_their_turn_to_another_place() -> None:
     assert found.known.best.keys == {LAG.key}
 
 
+@pytest.mark.parametrize(("left", "told"), [(200.0, FRICTION), (400.0, STRIBECK)])
+def test_a_law_that_explains_little_more_is_held_against_other_effects_beside_the_simpler_one(
+    left: float, told: Candidate
+) -> None:
+    """Beside friction an offset that promises nothing alone does as well as the richer law, or does not."""
+    offset = effect("offset", "u")
+    table = {FRICTION.key: 400.0, STRIBECK.key: 200.0, f"{FRICTION.key} + {offset.key}": left}
+    world = World(by(table), {FRICTION.key: 3000.0, STRIBECK.key: 3000.0, offset.key: 60.0})
+    found = run(world, [FRICTION, STRIBECK, offset], most=2)
+    odds = probabilities(found.known.told, found.known.tried)
+    assert max(odds, key=lambda keys: odds[keys]) == {told.key}
+
+
 @pytest.mark.parametrize(("left", "ways"), [(5e3, {"upper", "both"}), (0.0, {"upper"})])
 def test_where_an_effect_leaves_much_it_is_put_in_otherwise_too(left: float, ways: set[str]) -> None:
     """A stop at one end promises as much as stops at both, and fits the few touches of one."""
