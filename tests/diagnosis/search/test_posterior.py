@@ -99,7 +99,9 @@ def test_a_richer_law_is_told_however_little_it_explains_where_nothing_else_meet
 
 
 @pytest.mark.parametrize("behind", [0.9 * LIKELY, 1.1 * LIKELY])
-@pytest.mark.parametrize("other", [(FRICTION, effect("offset", "u")), (effect("load_dependent_friction", parameters=2),)])
+@pytest.mark.parametrize(
+    "other", [(FRICTION, effect("offset", "u")), (effect("load_dependent_friction", parameters=2),)]
+)
 def test_a_richer_law_stands_for_a_nuisance_that_others_meet_as_well(
     behind: float, other: tuple[Candidate, ...]
 ) -> None:
