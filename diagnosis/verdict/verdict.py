@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, EffectParameter
-from diagnosis.estimation.least_squares import Fit, with_covariance
+from diagnosis.estimation.least_squares import Fit, Interval, with_covariance
+from diagnosis.search.equivalent_effects import NESTED
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
 from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, strained
 from diagnosis.search.scored_model import ScoredModel
@@ -136,13 +137,14 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
         agree = [t for t in others if _says_the_same(t, effect)]
         odds = probability(effect.key, study.odds) + sum(study.odds[t.keys] for t in agree)
         against = [t for t in others if effect.key not in t.keys and not _says_the_same(t, effect)]
-        if effect.effect == "unknown" or share < EVIDENCE.most or improbable or any(r.grave for r in found):
+        untold = untold_sizes(study, effect, made.intervals())
+        if effect.effect == "unknown" or share < EVIDENCE.most or improbable or untold or any(r.grave for r in found):
             status = "unknown"
         elif odds < EVIDENCE.probability and against:
             status = "tie"
         else:
             status = "wrong_parameter" if effect.effect == "wrong_parameter" else "named"
-        findings.append(_finding(study, k, status, share, odds, intervals, against))
+        findings.append(_finding(study, k, status, share, odds, intervals, against, untold))
     weakest = min((f["status"] for f in findings), key=WEAKEST.index)
     proposal = propose([chosen, *others], refit.fit.problem.model) if others else None
     force = recover(study, *place_of(chosen.effects[0], study))
@@ -154,6 +156,21 @@ def _says_the_same(model: ScoredModel, effect: Candidate) -> bool:
     if model.effects or effect.freed is None:
         return False
     return effect.freed.name in model.far_off
+
+
+def untold_sizes(study: Study, effect: Candidate, intervals: Sequence[Interval]) -> list[str]:
+    """Sizes without any bound of a law that contains a simpler one which was not fitted in its place.
+
+    What does as well whatever makes it richer is that simpler law, or another one that contains it. Where the simpler
+    law was fitted, the evidence has told which of them it is.
+    """
+    simpler = {name for name, richer in NESTED.items() if effect.effect in richer}
+    fitted = {c.effect for m in study.trials for c in m.effects if c.place == effect.place}
+    if not simpler or simpler & fitted:
+        return []
+    rows = {i.name: i.numbers() for i in intervals}
+    sizes = {k.name: rows.get(f"{effect.name}.{k.name}") for k in effect.parameters}
+    return [name for name, row in sizes.items() if row and row["low"] is None and row["high"] is None]
 
 
 def _missing(study: Study) -> bool:
@@ -184,6 +201,7 @@ def _finding(
     odds: float,
     intervals: dict[str, Any],
     others: Sequence[ScoredModel],
+    untold: Sequence[str],
 ) -> dict[str, Any]:
     chosen = study.chosen
     effect = chosen.effects[k]
@@ -211,7 +229,7 @@ def _finding(
         "conditional_on": _conditional(study.chosen.fit, effect.name),
         "when": when,
         "frequency": frequency,
-        "sentence": finding_sentence(effect, status, share, study, others),
+        "sentence": finding_sentence(effect, status, share, study, others, untold),
         "probability": min(odds, 1 - LEAST_ODDS),
         "explained": share,
         "remaining": 1 - share,

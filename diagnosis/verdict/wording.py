@@ -63,7 +63,12 @@ def name_of(effect: str) -> str:
 
 
 def finding_sentence(
-    found: Candidate, status: str, explained: float, study: Study, rivals: Sequence[ScoredModel]
+    found: Candidate,
+    status: str,
+    explained: float,
+    study: Study,
+    rivals: Sequence[ScoredModel],
+    untold: Sequence[str] = (),
 ) -> str:
     """The finding as a sentence, with the held-out error before and after.
 
@@ -73,6 +78,7 @@ def finding_sentence(
         explained: share of the held-out excess that it explains.
         study: what was tried.
         rivals: that the recordings cannot tell from it.
+        untold: sizes that would tell it from a simpler law which was not tried, and that nothing bounds.
     """
     effect, place = found.effect, found.place + (f" ({found.option})" if found.option else "")
     what = name_of(effect)
@@ -98,6 +104,11 @@ def finding_sentence(
         return (
             f"Something is missing near {place}. {what.capitalize()} would explain {explained:.0%}, but only with "
             f"{' and '.join(study.chosen.at_an_end)} at an end of its range, where it becomes another effect."
+        )
+    if status == "unknown" and explained >= EVIDENCE.most and untold:
+        return (
+            f"Something is missing near {place}. {what.capitalize()} would explain {explained:.0%}, but whatever its "
+            f"{' and '.join(untold)}: a simpler law that was not tried may do as well."
         )
     if status == "unknown" and explained >= EVIDENCE.most:
         return (

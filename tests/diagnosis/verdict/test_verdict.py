@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,10 +10,11 @@ import numpy as np
 import pytest
 
 from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.estimation.least_squares import Interval
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import WORDING
-from diagnosis.verdict.verdict import _says_the_same
+from diagnosis.verdict.verdict import _says_the_same, untold_sizes
 from diagnosis.verdict.wording import _both_ways, finding_sentence
 
 STIFFNESS = FreeParameter("shaft.stiffness", 2.0, 0.2, True)
@@ -71,3 +73,28 @@ def test_an_effect_at_an_end_of_its_range_has_no_name(x: float, named: bool) -> 
     study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=9.0), chosen=chosen, tried=10)
     said = finding_sentence(lag, "named" if named else "unknown", 0.9, study, ())
     assert ("corner_frequency of sensor_lag at tacho at an end of its range" in said) != named
+
+
+@pytest.mark.parametrize("tried", ["nothing", "joint_flexibility", "elsewhere"])
+@pytest.mark.parametrize("bounded", [True, False])
+def test_a_richer_law_whose_own_size_nothing_bounds_has_no_name_unless_the_simpler_one_was_tried(
+    tried: str, bounded: bool
+) -> None:
+    """A gap of nothing is a joint that gives: where that may not be told, it is not told as backlash."""
+    sizes = tuple(EffectParameter(name, 1.0) for name in ("half_gap", "stiffness"))
+    backlash = Candidate("backlash", "a -> b", "a -> b", "found_backlash", lambda sizes: [], sizes)
+    spring = Candidate("joint_flexibility", "c -> d" if tried == "elsewhere" else "a -> b", "x", "y", lambda sizes: [])
+    tries = [SimpleNamespace(effects=(c,)) for c in ([backlash] if tried == "nothing" else [backlash, spring])]
+    gap = (1e-3, 2e-3) if bounded else (-math.inf, math.inf)
+    rows = [
+        Interval("found_backlash.half_gap", 1.5e-3, *gap, "rad", 1e-3),
+        Interval("found_backlash.stiffness", 9.0, 8.0, 10.0, "N.m/rad", 9.0),
+        Interval("load.inertia", 1.0, -math.inf, math.inf, "kg.m2", 1.0),
+    ]
+    study: Any = SimpleNamespace(trials=tries, refit=SimpleNamespace(hold_out=9.0))
+    found = untold_sizes(study, backlash, rows)
+    assert found == ([] if bounded or tried == "joint_flexibility" else ["half_gap"])
+    if found:
+        study.chosen, study.tried = SimpleNamespace(hold_out=1.0, strain=0.0, own=0, at_an_end=[]), 10
+        said = finding_sentence(backlash, "unknown", 0.9, study, (), found)
+        assert "but whatever its half_gap: a simpler law that was not tried may do as well" in said
