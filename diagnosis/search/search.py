@@ -252,9 +252,9 @@ class _Search:
                     self.known.keep(self.fitter.retried(made, self.known.told_below(model)))
 
     def _doubted(self, model: ScoredModel) -> None:
-        """Add an effect to each law that is hardly poorer than one of a model, in place of what makes that one rich.
+        """Add an effect to each model with a simpler law that explains nearly as much as the one of a model.
 
-        A nuisance that is no part of the richer law may be what that owes little to.
+        What the richer law explains beyond that may be a nuisance for which another effect accounts as well.
         """
         whole = energy(self.known.refit) - min(energy(m) for m in self.known.models)
         poorer = [m for m in self.known.models if len(m.keys) == len(model.keys) and is_simpler(m, model)]
