@@ -122,6 +122,10 @@ class Candidate:
             groups.setdefault(tuple(start[name] for name in fixed), []).append(start)
         return list(groups.values())
 
+    def way(self, sizes: Sizes) -> tuple[float, ...]:
+        """All sizes of a wave but its amplitude: what it adds is in proportion to that. Nothing of other effects."""
+        return () if self.wave is None else tuple(v for name, v in sizes.items() if name != self.wave.amplitude)
+
     @property
     def model(self) -> tuple[str, str, tuple[tuple[float, ...], ...]]:
         """What tells it from others wherever a fit begins: its key, its option, and what is chosen for good."""

@@ -9,6 +9,7 @@ Two that are missing may hide each other, so that neither promises much alone.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -133,7 +134,7 @@ class Origin:
         Args:
             effect: which.
             added: what it adds.
-            least: whether no other size adds less.
+            least: whether no other size adds less in the same way, such as with a wave's phase.
         """
         factor, values = self.white.best(added.values, least)
         likelihood = self._bands.likelihood(self.white.rest + factor * values)
@@ -266,8 +267,11 @@ def courses(origin: Origin, effect: Candidate) -> list[Course]:
                 added += origin.added(list(alike))
         except FlexarmError as error:
             origin.refused[effect.key, effect.option] = error.message
-    least = min((one.power for one in added), default=0.0)
-    found += [origin.course(effect, one, one.power <= SEARCH.alike * least) for one in added]
+    least: dict[tuple[float, ...], float] = {}
+    for one in added:
+        way = effect.way(one.sizes)
+        least[way] = min(one.power, least.get(way, math.inf))
+    found += [origin.course(effect, one, one.power <= SEARCH.alike * least[effect.way(one.sizes)]) for one in added]
     origin.kept[key] = sorted(found, key=lambda course: -course.likelihood)
     return origin.kept[key]
 

@@ -573,6 +573,7 @@ class _Search:
         self._moved(model)
         if len(model.effects) == 1 and complete(model, self.known.refit):
             self._elsewhere(model)
+            self._beside((), model, SEARCH.exchanged, self._alike(model.effects[0]))
         if len(model.effects) < 2:
             return
         if cuts(model.effects):
@@ -581,11 +582,14 @@ class _Search:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
             self._beside_in_every_way(kept, model, effect)
-            alike = [*(c for c in self.listed if related(c, [effect])), *self._mimics(effect)]
-            others = {id(c): c for c in [*alike, *self._order[: SEARCH.exchanged]] if c.key != effect.key}
-            among = list(others.values())
-            self._beside(kept, model, SEARCH.exchanged, among)
+            others = [*self._alike(effect), *(c for c in self._order[: SEARCH.exchanged] if c.key != effect.key)]
+            self._beside(kept, model, SEARCH.exchanged, list({id(c): c for c in others}.values()))
         self._put_in_place_of_equals(model)
+
+    def _alike(self, effect: Candidate) -> list[Candidate]:
+        """Other effects that act where one does, are of its kind, or change the recordings nearly as it does."""
+        found = [*(c for c in self.listed if related(c, [effect])), *self._mimics(effect)]
+        return list({id(c): c for c in found if c.key != effect.key}.values())
 
     def _mimics(self, effect: Candidate) -> list[Candidate]:
         """Effects that change the recordings nearly as one does beside the user's model alone, the likest first.

@@ -223,3 +223,45 @@ def test_a_size_of_either_sign_goes_as_far_as_it_may(start: float) -> None:
     (row,) = spring.free({"rest": start})
     assert (row.low, row.high) == (-6.0, 6.0)
     assert (row.value(-1e3), row.value(0.0), row.value(1e3)) == (-6.0, start, 6.0)
+
+
+ARM = """\
+schema: 1
+name: arm
+blocks:
+  source: {type: Step, height: 1 N.m}
+  drive: {type: Torque}
+  arm: {type: Inertia, inertia: 20 kg.m2}
+connect: [[source.out, drive.torque], [drive.shaft, arm.shaft]]
+simulate: {stop: 2 s, step: 10 ms}
+recordings:
+"""
+
+
+def test_a_weight_whatever_its_angle_promises_what_the_constant_torque_does_that_it_is(tmp_path: Path) -> None:
+    """An arm that moves little: gravity is a constant torque there if it hangs at a right angle.
+
+    At its other angles it is hardly anything, beside which what is small at a right angle does not look small.
+    """
+    t, random = np.arange(0.0, 2.0, 0.01), np.random.default_rng(5)
+    text = ARM
+    for name, role in (("one", "train"), ("two", "train"), ("three", "hold_out")):
+        torque = np.repeat(random.choice([-3.0, 3.0], 10), 20)
+        speed = np.concatenate([[0.0], np.cumsum((torque[:-1] - 1e-4) / 20.0 * 0.01)])
+        angle = np.concatenate([[0.0], np.cumsum(0.01 * (speed[:-1] + speed[1:]) / 2)])
+        rows = np.column_stack([t, torque, angle + 1e-6 * random.standard_normal(len(t))])
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="t,u,angle", comments="")
+        text += (
+            f"  {name}: {{file: {name}.csv, time: {{column: t, unit: s}}, drive: {{drive.torque: {{column: u, unit: "
+            f"N.m}}}}, measurements: {{arm.shaft.angle: {{column: angle, unit: rad, noise: 1e-6}}}}, role: {role}}}\n"
+        )
+    (tmp_path / "arm.yaml").write_text(text, encoding="utf-8")
+    scenario = load(tmp_path / "arm.yaml")
+    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    origin = fitter.origin((), standing(fitter.refit.fit))
+    assert origin is not None
+    listed = candidates(operating_scales(fitter.base))
+    effects = {name: next(c for c in listed if c.effect == name) for name in ("gravity", "offset")}
+    gains = {name: courses(origin, c)[0].likelihood - origin.likelihood for name, c in effects.items()}
+    assert gains["offset"] > 20
+    assert gains["gravity"] == pytest.approx(gains["offset"], rel=0.05)
