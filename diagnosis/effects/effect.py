@@ -123,7 +123,10 @@ class Candidate:
         return list(groups.values())
 
     def way(self, sizes: Sizes) -> tuple[float, ...]:
-        """All sizes of a wave but its amplitude: what it adds is in proportion to that. Nothing of other effects."""
+        """What tells one wave of an effect from another: all sizes but the amplitude. Empty where it makes no waves.
+
+        What a wave adds to a recording is in proportion to its amplitude, as long as that is small.
+        """
         return () if self.wave is None else tuple(v for name, v in sizes.items() if name != self.wave.amplitude)
 
     @property

@@ -252,17 +252,19 @@ class _Search:
                     self.known.keep(self.fitter.retried(made, self.known.told_below(model)))
 
     def _doubted(self, model: ScoredModel) -> None:
-        """Add an effect to each model with a simpler law that explains nearly as much as the one of a model.
+        """Put other effects beside a simpler law that explains nearly as much as the law of a model.
 
-        What the richer law explains beyond that may be a nuisance for which another effect accounts as well.
+        What the richer law explains beyond that may be a nuisance, for which another effect accounts as well.
         """
-        whole = energy(self.known.refit) - min(energy(m) for m in self.known.models)
-        poorer = [m for m in self.known.models if len(m.keys) == len(model.keys) and is_simpler(m, model)]
+        same = [m for m in self.known.models if len(m.keys) == len(model.keys) and is_simpler(m, model)]
+        poorer = [m for m in same if owes_little(model, m, self.known.explained)]
+        if not poorer:
+            return
         for simpler in poorer:
-            if len(simpler.effects) < SEARCH.most and owes_little(model, simpler, whole):
+            if len(simpler.effects) < SEARCH.most:
                 self._extend(simpler, self.listed)
-                pairs = [c for c in lookalikes(model, self.listed) if prices(c) <= SEARCH.most]
-                self.known.fit([(c, [standing(model.fit)]) for c in pairs], len(pairs), near=model)
+        pairs = [c for c in lookalikes(model, self.listed) if prices(c) <= SEARCH.most]
+        self.known.fit([(c, [standing(model.fit)]) for c in pairs], len(pairs), near=model)
 
     def _does_most(self, simpler: ScoredModel, model: ScoredModel, effect: Candidate) -> bool:
         """Whether a simpler law explains most of what an effect of a model does.

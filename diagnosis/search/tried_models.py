@@ -64,6 +64,11 @@ class TriedModels:
         return list(self._models.values())
 
     @property
+    def explained(self) -> float:
+        """What any model explains of all that the user's own leaves, in variances of the noise."""
+        return energy(self.refit) - min(energy(m) for m in self.models)
+
+    @property
     def told(self) -> list[tuple[ScoredModel, ScoredModel]]:
         """What each believed model is told as, and the model; see `told_as`."""
         return told_as(self.models, self.refit)
@@ -220,8 +225,7 @@ class TriedModels:
 
     def told_below(self, model: ScoredModel) -> float:
         """Cost above which a simpler law is not told in the place of a model: it owes it more than a nuisance does."""
-        explained = energy(self.refit) - min(energy(m) for m in self.models)
-        return model.cost + EVIDENCE.share * explained + 2 * (self.price + SEARCH.effort)
+        return model.cost + EVIDENCE.share * self.explained + 2 * (self.price + SEARCH.effort)
 
     def _reach_of(self, partial: PartialFit) -> float:
         """Cost of the fitted recordings above which a model is not near the best, once one with effects is known.

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from engine.batch import Case, batch
 from engine.errors import ParameterError
+from engine.lanes import WIDTH, groups
 from engine.model import Model
-from engine.simulate import Drive, Result, prepare, simulate
+from engine.native import Outcome
+from engine.simulate import Drive, carried_out_together, prepare, simulate
 from engine.tangent import tangents
 from scenarios.load import load
 
@@ -128,15 +129,15 @@ def test_tangents_stand_at_the_instants_asked_for(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.values[:, :, 0], -_expected(2.0) / 2.0, rtol=1e-12, atol=1e-15)
 
 
-def test_runs_side_by_side_stand_where_each_stands_alone(tmp_path: Path) -> None:
-    model = load("reference-a").build()
-    name = model.parameters[0].name
-    value = model.parameters[0].value
-    cases = [Case(parameters={name: value * (1 + k / 100)}) for k in range(8)]
-    for case, found in zip(cases, batch(model, cases, 0.2, 0.01, workers=1), strict=True):
-        alone = simulate(model, 0.2, 0.01, parameters=case.parameters, rows=np.arange(21) * 0.01)
-        assert isinstance(found, Result)
-        np.testing.assert_allclose(found.values, alone.values, rtol=1e-9, atol=1e-12)
+def test_rows_of_runs_side_by_side_stand_at_the_instants_asked_for(tmp_path: Path) -> None:
+    """As many as lanes of vectors have room for, each with a mass of its own."""
+    model, drive = _pushed(tmp_path), Drive([0.0, JUMP], FORCE[:, None])
+    masses = np.linspace(1.0, 3.0, WIDTH).tolist()
+    jobs = [prepare(model, 1.0, 0.01, parameters={"table.mass": m}, drive=drive, rows=ROWS) for m in masses]
+    assert groups(model, jobs) == [list(range(WIDTH))], "they go side by side"
+    for mass, found in zip(masses, carried_out_together(model, jobs), strict=True):
+        assert isinstance(found, Outcome)
+        np.testing.assert_allclose(found.y, _expected(mass), rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize(

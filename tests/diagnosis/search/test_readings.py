@@ -200,7 +200,9 @@ def test_the_model_tells_whether_a_row_was_read_before_its_input_acted(tmp_path:
 
 @pytest.mark.parametrize("first", [True, False])
 @pytest.mark.parametrize("stray", [True, False])
-def test_the_model_tells_it_of_stamps_that_are_not_even_too(tmp_path: Path, first: bool, stray: bool) -> None:
+def test_the_model_tells_whether_a_row_was_read_first_where_stamps_are_uneven_too(
+    tmp_path: Path, first: bool, stray: bool
+) -> None:
     """Stamps may stray about an even clock, or be the instants at which samples were taken."""
     path = jerked(tmp_path, first=first, jitter=0.2, stray=stray)
     made, scores = fit_to(path, workers=1)
