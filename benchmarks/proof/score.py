@@ -12,13 +12,13 @@ from typing import Any
 from benchmarks.concealed.named import plant as plant_of
 from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.sites import drive_sites, sites
-from benchmarks.concealed.ties import FLOOR, WRONG, from_answers, tie_class
+from benchmarks.concealed.ties import ENOUGH, FLOOR, WRONG, from_answers, tie_class
 from benchmarks.proof.intervals import covered
 from benchmarks.proof.run import plan
 from diagnosis.search.study import LEAST_ODDS
 
-RIGHT = frozenset({"named", "tie", "none"})
-"""Outcomes that are right."""
+RIGHT = frozenset({"named", "tie", "none", "equal"})
+"""Outcomes that are right where no true effect was withheld."""
 
 NOTHING = "nothing"
 """The rival without any effect. What is concealed can be seen, so it never does what the truth does."""
@@ -36,9 +36,9 @@ class Score:
         verdict: status, effect and place that were reported, and what it could not be told from.
         outcome: ``named``, ``tie`` (a true one, with the truth in it), ``none`` (rightly), ``missed``, ``unknown``,
             ``half`` (of two effects), ``wrong`` (a wrong name claimed), ``wrong tie``, ``loose tie`` (the truth is in
-            it, but so is what the recordings exclude), ``equal`` (the truth was withheld, and what is claimed does the
-            same on these recordings by the truth generator's own computation), ``false alarm``, ``failed``,
-            ``not run``.
+            it, but so is what the recordings exclude), ``equal`` (the truth was withheld, or part of it is not claimed,
+            and what is claimed does the same on these recordings by the truth generator's own computation), ``false
+            alarm``, ``failed``, ``not run``.
         found: how many of the concealed effects were named, or are in a true tie.
         claimed: whether a name was claimed, alone, that is not the truth.
         placed: whether the place is right; None where none was to be found.
@@ -90,7 +90,8 @@ class Score:
     def right(self) -> bool:
         """Whether the verdict is the truth, or a tie that the truth generator confirms.
 
-        Where the true effect was withheld, ``unknown`` is right, or another law that is the same.
+        Where the true effect was withheld, ``unknown`` is right, or another law that is the same. So is a part of what
+        was concealed that does as much as the whole: a dead zone with unequal ends is one with an offset before it.
         """
         return self.outcome in (("unknown", "equal") if self.spec["withheld"] else RIGHT)
 
@@ -146,9 +147,12 @@ def _score(folder: Path, result: Path) -> Score:
     targets = [(_name(c), {c["place"], *c["same_place"]}) for c in concealed]
     targets += [(WRONG, {name}) for name in wrong]
     outcome, placed = _outcome(found, targets, folder, result, answer)
-    if spec["withheld"] and outcome in ("wrong", "wrong tie", "half") and _stands_in(found, folder, result, answer):
-        outcome = "equal"
     hits = _hits(found, targets)
+    part = outcome == "half" and sum(hits) == len([f for f in found["findings"] if f["status"] != "none"])
+    if spec["withheld"] and outcome in ("wrong", "wrong tie", "half"):
+        outcome = "equal" if _stands_in(found, folder, result, answer, FLOOR) else outcome
+    elif part and _stands_in(found, folder, result, answer, ENOUGH):
+        outcome = "equal"
     reported = tuple((f["status"], f["effect"], f["place"]) for f in found["findings"] if f["status"] != "none")
     floor = spec["options"]["sigma_error"] ** 2  # the tool's errors are over the floor that the scenario states
     held = found["fit"]["hold_out"]
@@ -158,7 +162,7 @@ def _score(folder: Path, result: Path) -> Score:
         verdict=_words(found),
         outcome=outcome,
         placed=placed,
-        found=len(targets) if outcome in ("named", "tie") else sum(hits),
+        found=len(targets) if outcome in ("named", "tie") or (outcome == "equal" and part) else sum(hits),
         claimed=outcome != "equal"
         and any(_is_claim(*row) and not any(_meets(row, t) for t in targets) for row in reported),
         errors=(_pooled(held["nominal"]) * floor, _pooled(held["refit"]) * floor, _pooled(held["amended"]) * floor),
@@ -303,8 +307,14 @@ def _true_tie(
     return _tied(rivals, folder, result, answer)
 
 
-def _stands_in(found: dict[str, Any], folder: Path, result: Path, answer: dict[str, Any]) -> bool:
-    """Whether everything that is claimed together, and each of its rivals, does what the truth does."""
+def _stands_in(found: dict[str, Any], folder: Path, result: Path, answer: dict[str, Any], within: float) -> bool:
+    """Whether everything that is claimed together, and each of its rivals, does what the truth does.
+
+    Args:
+        found: the diagnosis.
+        folder, result, answer: of the case.
+        within: distance from the truth on held-out recordings, in floors.
+    """
     plant = plant_of(answer["plant"])
     claims = [" + ".join(f"{f['effect']} at {f['place']}" for f in found["findings"])]
     claims += [one for f in found["findings"] for one in f["indistinguishable_from"]]
@@ -317,10 +327,12 @@ def _stands_in(found: dict[str, Any], folder: Path, result: Path, answer: dict[s
         if len(told) < len(parts):
             return False
         rivals.add(tuple(sorted(told)))
-    return _tied(rivals, folder, result, answer)
+    return _tied(rivals, folder, result, answer, within)
 
 
-def _tied(rivals: set[tuple[str, ...]], folder: Path, result: Path, answer: dict[str, Any]) -> bool:
+def _tied(
+    rivals: set[tuple[str, ...]], folder: Path, result: Path, answer: dict[str, Any], within: float = FLOOR
+) -> bool:
     """Whether none of these explanations can be told from the truth, by the truth generator; computed once."""
     kept = folder / "ties" / f"{result.name}.json"
     known = json.loads(kept.read_text(encoding="utf-8")) if kept.exists() else {}
@@ -330,7 +342,7 @@ def _tied(rivals: set[tuple[str, ...]], folder: Path, result: Path, answer: dict
             known["+".join(sorted(f"{effect}@{place}" for effect, place in rival.effects))] = rival.distance
         kept.parent.mkdir(exist_ok=True)
         kept.write_text(json.dumps(known, indent=1), encoding="utf-8")
-    return all(known["+".join(r)] < FLOOR for r in rivals)
+    return all(known["+".join(r)] < within for r in rivals)
 
 
 def _part(plant: Plant, effect: str, place: str) -> str | None:

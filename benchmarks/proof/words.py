@@ -28,7 +28,9 @@ two. *loose tie*: the truth is in the tie, and so is something that the recordin
 and no name. *missed*: nothing reported. *wrong*, *wrong tie*: a name that is not the truth. In the suite *withheld*
 the true effect may not be named, so that *unknown* is what is wanted; *equal*: it named another law instead, which by
 the truth generator's own computation does the same on these recordings to within the noise floor (friction that
-differs between the directions, with both the same, is Coulomb friction).
+differs between the directions, with both the same, is Coulomb friction). *equal* is also a part of what is concealed
+that by that computation does the same as the whole, to a hundredth of the floor: a dead zone with unequal ends is one
+with an offset before it.
 """
 
 SINDY = """The discrepancy approach [Kaheman 2019], as we understand it: angles and speeds from the sensors by

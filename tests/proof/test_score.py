@@ -59,7 +59,7 @@ def test_outcomes(
     claimed: bool,
     found: int,
 ) -> None:
-    put(tmp_path, effects, findings)
+    put(tmp_path, effects, findings, ties={f"dead_zone@{INPUT}": 2.5})
     row = only(tmp_path)
     assert (row.outcome, row.placed, row.claimed, row.found) == (outcome, placed, claimed, found)
     assert row.right == (outcome in ("named", "none"))
@@ -83,6 +83,22 @@ def test_a_tie_is_right_only_if_the_truth_generator_has_it_too(
     assert row.outcome == outcome
     assert row.right == (outcome == "tie")
     assert not row.claimed
+
+
+@pytest.mark.parametrize(
+    ("findings", "distance", "outcome", "found"),
+    [
+        ([ZONE], 0.004, "equal", 2),
+        ([ZONE], 0.4, "half", 1),
+        ([ZONE, finding("lag", INPUT)], 0.004, "half", 1),
+    ],
+)
+def test_a_part_that_does_the_same_as_the_whole_is_right(
+    tmp_path: Path, findings: list[Any], distance: float, outcome: str, found: int
+) -> None:
+    put(tmp_path, ["dead_zone", "coulomb_friction"], findings, ties={f"dead_zone@{INPUT}": distance})
+    row = only(tmp_path)
+    assert (row.outcome, row.found, row.right) == (outcome, found, outcome == "equal")
 
 
 def test_a_wrong_parameter_is_named_by_its_name(tmp_path: Path) -> None:
