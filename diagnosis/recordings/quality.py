@@ -102,6 +102,8 @@ def clock(stamps: Vector) -> Clock:
 def wraps(values: Vector, scale: float) -> tuple[float, int, str] | None:
     """Jumps of one size that take a signal away and leave it smooth once they are undone.
 
+    Where samples are missing the signal has moved on meanwhile, and nothing is told.
+
     Args:
         values: shape (samples,).
         scale: unit of the values over a number as it was logged.
@@ -109,8 +111,9 @@ def wraps(values: Vector, scale: float) -> tuple[float, int, str] | None:
     Returns:
         Size of the jumps, their number, and what range of the logged numbers that is; None if there are none.
     """
-    y = values[np.isfinite(values)]
-    steps = np.abs(np.diff(y))
+    there = np.flatnonzero(np.isfinite(values))
+    apart = np.diff(there)
+    steps = np.abs(np.diff(values[there]))[apart <= (np.median(apart) if len(apart) else 0)]
     if len(steps) < 16:
         return None
     order = np.sort(steps)

@@ -200,6 +200,17 @@ def test_counters_that_overflow_and_edges_that_do_not() -> None:
         assert quality.wraps(sound, 1.0) is None
 
 
+def test_what_a_signal_moves_while_samples_are_missing_is_no_overflow() -> None:
+    """2.048 counts a row, and 500 rows are missing each time: as much as a counter of ten bits."""
+    rows = np.arange(4000)
+    gaps = np.where(rows // 500 % 2 == 1, np.nan, np.round(2.048 * rows))
+    assert quality.wraps(gaps, 1.0) is None
+    sparse = np.where(rows % 3 == 0, np.round(60 * rows) % 65536, np.nan)
+    found = quality.wraps(sparse, 1.0)
+    assert found is not None
+    assert (found[1], found[2]) == (3, "2^16")
+
+
 def test_inputs_that_come_after_their_answer() -> None:
     """A random input and the answer of a known filter, whose rows are moved against it; no model is needed."""
     random = np.random.default_rng(3)
