@@ -24,7 +24,7 @@ from diagnosis.planning.plan import plan as judge_plan
 from diagnosis.problems import problem
 from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.dask_fitter import DaskFitter
-from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.fitter import CandidateFitter, Spent
 from diagnosis.search.readings import as_described, as_they_were_taken, likelier, near_as_described, taken_otherwise
 from diagnosis.search.reported import as_reported
 from diagnosis.search.search import study
@@ -36,6 +36,7 @@ from diagnosis.verdict.verdict import Diagnosis, judge
 from engine.compile import version as compiler_version
 from engine.errors import FlexarmError
 from engine.spread import JsonStore, Spread, cores
+from engine.work import SECOND
 from scenarios.load import Scenario, load
 
 BLAS_THREADS = 1
@@ -176,6 +177,7 @@ class DiagnosisKeywords(TypedDict, total=False):
     warn: Callable[[Sequence[str]], None] | None
     keep: Path | None
     scheduler: str | None
+    longest: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,6 +194,8 @@ class DiagnosisOptions:
         warn: told before the search what looks wrong with the recordings, in sentences.
         keep: folder where every fit is kept, so that a call that was interrupted goes on where it was.
         scheduler: address of a dask scheduler whose workers do the fits.
+        longest: processor time (s), about, after which the search ends and what was found is told; as long as it takes
+            if None. It is counted in operations, so that the result does not depend on the machine.
     """
 
     hold_out: Sequence[str | Path | Recorded] = ()
@@ -203,6 +207,7 @@ class DiagnosisOptions:
     warn: Callable[[Sequence[str]], None] | None = None
     keep: Path | None = None
     scheduler: str | None = None
+    longest: float | None = None
 
 
 def diagnose(
@@ -227,22 +232,25 @@ def diagnose(
     check_names(how.without)
     if how.workers is not None and how.workers < 1:
         raise FlexarmError(f"{how.workers} workers cannot do anything", remedy="give 1 or more")
+    if how.longest is not None and not how.longest > 0:
+        raise FlexarmError(f"a search of {how.longest:g} s finds nothing", remedy="give a positive time")
     scenario = source if isinstance(source, Scenario) else load(source, how.overrides)
     workers = how.workers or cores()
+    spent = Spent() if how.longest is None else Spent(how.longest * SECOND)
     store = JsonStore(how.keep) if how.keep is not None else None
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
         as_given = _to_fit(scenario, recordings, how.hold_out)
         recorded = as_they_were_taken(scenario, as_given, workers)
         if how.scheduler:
             spread = stack.enter_context(Spread(how.workers, how.scheduler))
-            fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, how.seed, store)
+            fitter: CandidateFitter = DaskFitter(scenario, recorded, spread, how.seed, store, spent)
         else:
-            fitter = CandidateFitter(scenario, recorded, workers, how.seed, store)
+            fitter = CandidateFitter(scenario, recorded, workers, how.seed, store, spent)
         if how.warn is not None:
             how.warn([remark.text for remark in screen(fitter.base)])
         found = study(fitter, without=how.without, progress=how.progress)
         described = as_described(as_given, recorded) if found.chosen.effects else None
-        if described is not None:
+        if described is not None and not found.ended_early:
             again = fitter.again(described)
             near = near_as_described(again, found)
             if near is not None:

@@ -424,6 +424,12 @@ class Search:
         "Work for which it goes on after a gain in any case, about a minute of processor time.",
         "a minute is worth a third effect; in random rig 194213 one was 47 s behind the second",
     )
+    growing: float = number(
+        2 / 3,
+        "1",
+        "Share of the time that is allowed, if any, after which no further effect is added: the rest goes into rivals.",
+        "random rigs 988510 and 705067, two effects each: three quarters and two thirds of their time",
+    )
     samples: int = number(
         4000,
         "samples",

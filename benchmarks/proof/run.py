@@ -27,6 +27,10 @@ from benchmarks.proof.suites import DRAWN, Spec, from_json
 from engine.files import writing
 from engine.spread import Spread
 
+TOLD = 2 / 3
+"""Share of the processor time after which a diagnosis is stopped that it is told to keep to: it counts operations, a
+second of which takes half a second to one and a half."""
+
 LONGEST = 1800
 """Seconds after which a diagnosis is stopped and counted as a failure."""
 
@@ -155,13 +159,15 @@ def diagnose(spec: Spec, case: Path, result: Path, longest: float | None = None)
         spec: the case.
         case: folder with the scenario and the recordings.
         result: folder that gets ``diagnosis.json``.
-        longest: seconds of processor time after which it is stopped, whatever else the machine does; absent: `LONGEST`
-            seconds that pass.
+        longest: seconds of processor time after which it is stopped, whatever else the machine does, and `TOLD` of
+            which it is told to keep to; absent: `LONGEST` seconds that pass.
 
     Returns:
         verdict, seconds, cpu (s, of the tool and what it started) and failure, empty if it ended well.
     """
     command = [*TOOL, "diagnose", "scenario.yaml", "--json", "--workers", "1"]
+    if longest is not None:
+        command += ["--longest", f"{TOLD * longest:g} s"]
     for effect in spec.withheld:
         command += ["--without", effect]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}

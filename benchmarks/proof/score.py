@@ -56,6 +56,7 @@ class Score:
             how many there are; None where the diagnosis does not say.
         recognised: whether the verdict is ``unknown``, although the model that came closest on the held-out recordings
             holds the true effects at their places.
+        early: whether the search ended before its end, for the time that was allowed.
         settled: whether that experiment, carried out, made the tie a right name; None if it was not carried out.
     """
 
@@ -85,6 +86,7 @@ class Score:
     odds: tuple[tuple[float, bool], ...] = ()
     converged: tuple[int, int] | None = None
     recognised: bool = False
+    early: bool = False
 
     @property
     def right(self) -> bool:
@@ -177,6 +179,7 @@ def _score(folder: Path, result: Path) -> Score:
         converged=_converged(found),
         claims=tuple(any(_meets(row, t) for t in targets) for row in reported if _is_claim(*row)),
         recognised=outcome == "unknown" and _recognised(found, targets),
+        early=bool(found.get("ended_early")),
     )
 
 

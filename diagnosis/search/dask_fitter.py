@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.recordings.types import Recorded
-from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.fitter import CandidateFitter, Spent
 from diagnosis.search.partial_fit import PartialFit
 from engine.errors import FlexarmError
 from engine.spread import Spread, Store
@@ -64,16 +64,22 @@ class DaskFitter(CandidateFitter):
     """
 
     def __init__(
-        self, scenario: Scenario, recordings: Sequence[Recorded], spread: Spread, seed: int, store: Store | None
+        self,
+        scenario: Scenario,
+        recordings: Sequence[Recorded],
+        spread: Spread,
+        seed: int,
+        store: Store | None,
+        spent: Spent | None = None,
     ) -> None:
-        super().__init__(scenario, recordings, spread.workers, seed, store)
+        super().__init__(scenario, recordings, spread.workers, seed, store, spent)
         self.spread = spread
         order = Order(packed(scenario), tuple(scenario.overrides), self.recordings, seed, self.digest)
         self.order = spread.shared(order)
 
     def again(self, recordings: Sequence[Recorded]) -> DaskFitter:
         """The same with other recordings."""
-        return DaskFitter(self.scenario, recordings, self.spread, self.seed, self.store)
+        return DaskFitter(self.scenario, recordings, self.spread, self.seed, self.store, self.spent)
 
     def compute_partial_fit(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> PartialFit:
         """As of `CandidateFitter`, on a worker."""

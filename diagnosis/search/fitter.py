@@ -10,7 +10,7 @@ import math
 import operator
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,20 @@ from engine.threads import Threads
 from engine.work import Work, counted
 from scenarios.load import Scenario
 
+
+@dataclass(frozen=True)
+class Spent:
+    """What the fits of a diagnosis have taken so far.
+
+    Attributes:
+        most: operations that are allowed for.
+        work: what they took.
+    """
+
+    most: float = math.inf
+    work: Work = field(default_factory=Work)
+
+
 KEPT = 400
 """Models that are kept after they were built: those of one round of a search."""
 
@@ -51,6 +65,7 @@ class CandidateFitter:
         workers: threads.
         seed: of everything random.
         store: keeps every fit, so that a study that was interrupted goes on where it was.
+        spent: what fits to these recordings and to others have taken, and what is allowed for all.
     """
 
     def __init__(
@@ -60,6 +75,7 @@ class CandidateFitter:
         workers: int = 2,
         seed: int = 0,
         store: Store | None = None,
+        spent: Spent | None = None,
     ) -> None:
         self.scenario, self.recordings, self.store = scenario, tuple(recordings), store
         self.workers, self.seed = workers, seed
@@ -71,7 +87,8 @@ class CandidateFitter:
         self.mark = ""
         """Tells it from others."""
         self.work = Work()
-        """What all fits took."""
+        """What all fits to these recordings took."""
+        self.spent = spent or Spent()
         self._around = {self.mark: self}
         self._origins: dict[str, Origin | None] = {}
         self._built: OrderedDict[str, Problem] = OrderedDict()
@@ -83,7 +100,11 @@ class CandidateFitter:
         recordings = tuple(recordings)
         if len(recordings) == len(self.recordings) and all(map(operator.is_, recordings, self.recordings)):
             return self
-        return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store)
+        return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store, self.spent)
+
+    def is_over(self, share: float = 1.0) -> bool:
+        """Whether a share of what is allowed for all fits has been spent."""
+        return self.spent.work.done >= share * self.spent.most
 
     def near(self, model: ScoredModel) -> CandidateFitter:
         """The same with recordings that are made coarse around a model, to put other effects in beside its own.
@@ -182,6 +203,7 @@ class CandidateFitter:
         else:
             partial = self.restored(effects, self.store[key])
         self.work.add(partial.work)
+        self.spent.work.add(partial.work)
         return partial
 
     def restored(self, effects: tuple[Candidate, ...], row: dict[str, Any]) -> PartialFit:

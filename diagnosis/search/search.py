@@ -19,6 +19,7 @@ from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import drawn_back, ended, place_of, standing
+from diagnosis.search.patience import OutOfTime
 from diagnosis.search.posterior import (
     complete,
     energy,
@@ -80,33 +81,37 @@ def study(
         looked,
     )
     search.fit_known(known)
-    search.begin()
-    if anew := taken_otherwise(fitter, search.known.best):
-        # How a file is to be read was told by a model without the effect, and all that follows hangs on it.
-        return study(
-            fitter.again(anew),
-            most=most,
-            without=without,
-            progress=progress,
-            told=told,
-            known=known,
-            looked=search.handed_on,
-        )
-    swapped = _exchanged(search, told)
-    if not swapped:
-        search.run(most)
+    try:
+        search.begin()
+        if anew := taken_otherwise(fitter, search.known.best):
+            # How a file is to be read was told by a model without the effect, and all that follows hangs on it.
+            return study(
+                fitter.again(anew),
+                most=most,
+                without=without,
+                progress=progress,
+                told=told,
+                known=known,
+                looked=search.handed_on,
+            )
         swapped = _exchanged(search, told)
-    if swapped:
-        return study(
-            fitter.again(swapped[0]),
-            most=most,
-            without=without,
-            progress=progress,
-            told=[swapped[1]],
-            known=search.known.foremost(),
-        )
-    named = search.study(before, scales, told)
-    return search.study(before, scales, told) if search.add_curves(named) else named
+        if not swapped:
+            search.run(most)
+            swapped = _exchanged(search, told)
+        if swapped:
+            return study(
+                fitter.again(swapped[0]),
+                most=most,
+                without=without,
+                progress=progress,
+                told=[swapped[1]],
+                known=search.known.foremost(),
+            )
+        named = search.study(before, scales, told)
+        return search.study(before, scales, told) if search.add_curves(named) else named
+    except OutOfTime:
+        search.ended_early = True
+        return search.study(before, scales, told)
 
 
 def _exchanged(search: _Search, told: Sequence[str]) -> tuple[list[Recorded], str] | None:
@@ -171,9 +176,12 @@ class _Search:
         """Models whose nodes were cut otherwise."""
         self._begun: bool | None = None
         """Whether the first effect was sought, once that is known."""
+        self.ended_early = False
+        """Whether the time that is allowed was over before all was tried."""
 
     def begin(self) -> None:
         """Add one effect, if even a perfect one would pay; once."""
+        self.known.bounded = True
         if self._begun is None:
             self._begun = not self._enough(1)
             if self._begun:
@@ -190,7 +198,12 @@ class _Search:
         """Add effects one by one, from the best few models, while even a perfect further effect would pay."""
         self.begin()
         if self._begun:
-            self._grow(most)
+            self.known.growing = True
+            try:
+                self._grow(most)
+            except OutOfTime:
+                self.ended_early = True
+            self.known.growing = False
         for model in self._near():
             self._put_in_place_of_equals(model)
         for model in self._near():
@@ -487,6 +500,7 @@ class _Search:
             tuple(self.known.failures),
             tuple(notes),
             self.handed_on,
+            ended_early=self.ended_early,
         )
 
     def add_curves(self, found: Study) -> bool:

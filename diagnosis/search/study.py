@@ -67,6 +67,7 @@ class Study:
         notes: what was done differently from what was asked, in sentences.
         looked: what was seen before the first fit with an effect; None where none was to be sought.
         spare: what spare columns say of the models that they were held against.
+        ended_early: whether the time that was allowed was over before the search was.
     """
 
     scenario: Scenario
@@ -82,6 +83,7 @@ class Study:
     notes: tuple[str, ...] = ()
     looked: Looked | None = None
     spare: tuple[SpareEvidence, ...] = ()
+    ended_early: bool = False
 
     @property
     def place_odds(self) -> dict[str, float]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from diagnosis.effects.effect import Candidate, cuts, together
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, drawn_back, ended
-from diagnosis.search.patience import Patience
+from diagnosis.search.patience import OutOfTime, Patience
 from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, told_as, value
 from diagnosis.search.ranking import place_by_place
 from diagnosis.search.scored_model import ScoredModel
@@ -34,6 +34,8 @@ class TriedModels:
         failures: effects that could not be fitted, and why.
         waiting: partial fits that were far from the best when it was their turn.
         dropped: partial fits that had no turn, since others left less after a few steps.
+        bounded: whether the search ends where the time is over that is allowed for it.
+        growing: whether effects are being added, which ends once that has taken its share of the time that is allowed.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class TriedModels:
         self.failures: list[tuple[str, str]] = []
         self.waiting: list[PartialFit] = []
         self.dropped: list[PartialFit] = []
+        self.bounded = self.growing = False
         self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
         self._done: set[tuple[str, ...]] = set()
         self._ended: set[frozenset[str]] = set()
@@ -114,6 +117,17 @@ class TriedModels:
         """Whether nothing was gained for so long that the search is to end."""
         return self.patience.is_over(self.fitter.work.done)
 
+    def _go_on(self) -> None:
+        """Go on with the next fit.
+
+        Raises:
+            OutOfTime: the time that is allowed is over, or the share of it in which effects are added.
+        """
+        if self.bounded and self.fitter.is_over():
+            raise OutOfTime
+        if self.growing and self.fitter.is_over(SEARCH.growing):
+            raise OutOfTime
+
     def fit(
         self,
         wanted: Iterable[tuple[tuple[Candidate, ...], Sequence[Values]]],
@@ -134,6 +148,7 @@ class TriedModels:
             whole: as of `finished`.
             near: model that recordings are made coarse around; the user's own, if None.
         """
+        self._go_on()
         fitter = self.fitter if near is None else self.fitter.near(near)
         tasks = []
         for effects, parents in wanted:
@@ -186,6 +201,7 @@ class TriedModels:
 
         kept: list[ScoredModel] = []
         for few in range(0, len(partials), SEARCH.few):
+            self._go_on()
             some, able = partials[few : few + SEARCH.few], list[ScoredModel]()
             for group in (some[:1], some[1:]) if few == 0 else (some,):
                 reaches |= {id(partial): self._reach_of(partial) for partial in group}
@@ -246,6 +262,7 @@ class TriedModels:
     def settled(self, model: ScoredModel) -> ScoredModel:
         """A model whose fit was left early, fitted to the end."""
         if not model.fit.converged and model.keys not in self._ended:
+            self._go_on()
             self._ended.add(model.keys)
             self._models[model.keys] = self._judged(self.fitter.settled(model))
             if not model.effects:
@@ -266,6 +283,7 @@ class TriedModels:
         model = self.settled(self._models.get(model.keys, model))
         doubtful = not model.fit.converged or (complete(model, self.refit) and misses(model.unseen))
         if model.effects and doubtful and model.keys not in self._repeated:
+            self._go_on()
             self._repeated.add(model.keys)
             made = self._judged(self.fitter.retried(model))
             if self.worth(made) > self.worth(model) or not model.fit.converged:

@@ -77,6 +77,7 @@ class Diagnosis:
             "fit": fit_table(study),
             "next_experiment": self.proposal.numbers() if self.proposal else None,
             "warnings": list(self.warnings),
+            "ended_early": study.ended_early,
             "remaining": dict(zip(("when", "frequency"), traits(study.chosen), strict=True)),
             "not_tried": [{"effect": effect, "reason": why} for effect, why in study.failures],
             "recovered_force": self.recovered.numbers() if self.recovered else None,
@@ -117,12 +118,19 @@ def fit_table(study: Study) -> dict[str, Any]:
     return table
 
 
+ENDED_EARLY = (
+    "the time that was allowed was over before the search was: what is told may have rivals that were not tried, and "
+    "what remains may be an effect that was not; without the limit the search goes on to its end"
+)
+
+
 def judge(study: Study, seed: int = 0) -> Diagnosis:
     """Turn a study into a verdict."""
     chosen, refit = study.chosen, study.refit
     made = with_covariance(chosen.fit, chosen.hold_out - floor(chosen))
     found = _remarks(study)
-    warnings = (*study.notes, *(remark.text for remark in found), *warnings_of(study))
+    early = (ENDED_EARLY,) if study.ended_early else ()
+    warnings = (*early, *study.notes, *(remark.text for remark in found), *warnings_of(study))
     if not chosen.effects:
         status = "unknown" if _missing(study) else "none"
         near = study.trials[0].effects[0] if status == "unknown" and study.trials else None

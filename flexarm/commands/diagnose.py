@@ -18,6 +18,7 @@ from flexarm.console.options import (
     SetOption,
     WorkersOption,
     names,
+    seconds,
 )
 
 if TYPE_CHECKING:
@@ -48,6 +49,14 @@ def diagnose(
     workers: WorkersOption = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A dask scheduler whose workers do the fits.")
+    ] = None,
+    longest: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Tell what was found after about so much processor time, such as '3 min'; counted in operations, so "
+            "that every machine tells the same.",
+        ),
     ] = None,
     seed: SeedOption = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print the verdict as JSON alone.")] = False,
@@ -83,6 +92,7 @@ def diagnose(
                 warn=warn,
                 keep=keep,
                 scheduler=scheduler,
+                longest=seconds(longest, "--longest"),
             )
         if output is not None:
             from flexarm.report import write_diagnosis
@@ -90,7 +100,8 @@ def diagnose(
 
             write(found, output)
             write_diagnosis(found, output / "report.html", seed=seed, command=command_line())
-            shutil.rmtree(output / PROGRESS, ignore_errors=True)
+            if not found.study.ended_early:  # else it goes on from there with more time
+                shutil.rmtree(output / PROGRESS, ignore_errors=True)
     except KeyboardInterrupt:
         hint = "the same command goes on where it stopped" if keep else "with --output DIR it could be resumed"
         typer.echo(f"interrupted; {hint}", err=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -14,7 +15,7 @@ from typing import Any
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.fitter import CandidateFitter, Spent
 from diagnosis.search.search import study
 from diagnosis.verdict.verdict import judge
 from engine.errors import FlexarmError
@@ -148,8 +149,9 @@ def quick(bench: Any) -> Any:
     )
     few = (*few, "stribeck_friction", "direction_dependent_friction")
 
-    def run(store: Any = None, seed: int = 0) -> Any:
-        return study(CandidateFitter(scenario, gather(scenario, [], []), 1, seed, store), without=few)
+    def run(store: Any = None, seed: int = 0, most: float = math.inf) -> Any:
+        recordings = gather(scenario, [], [])
+        return study(CandidateFitter(scenario, recordings, 1, seed, store, Spent(most)), without=few)
 
     return run
 
@@ -173,6 +175,22 @@ def test_what_is_kept_is_not_fitted_again(quick: Any) -> None:
         assert numbers(quick(rest)) == expected
         assert rest.put == len(whole) - far
         assert dict(rest) == dict(whole)
+
+
+def test_a_study_whose_time_is_over_tells_what_it_found_and_goes_on_with_more(quick: Any) -> None:
+    """The refit alone takes more than one operation; with all that it takes, it is the study without a limit."""
+    store = Counted()
+    early = judge(quick(store, most=1.0))
+    assert early.study.ended_early
+    assert early.numbers()["ended_early"]
+    assert any("time that was allowed was over" in warning for warning in early.warnings)
+    assert not early.study.trials
+    first = len(store)
+    assert numbers(quick(store)) == numbers(quick())
+    assert store.put > first
+    again = quick(Counted(store), most=1.0)
+    assert again.ended_early
+    assert not again.trials
 
 
 def test_fits_of_another_seed_or_other_data_are_not_taken(quick: Any, bench: Any, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search import search as searching
 from diagnosis.search import tried_models
 from diagnosis.search.partial_fit import PartialFit, StartingPoint
-from diagnosis.search.patience import Patience
+from diagnosis.search.patience import OutOfTime, Patience
 from diagnosis.search.posterior import energy, probabilities, told_as
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import EVIDENCE, SEARCH
@@ -49,6 +49,7 @@ class World:
         promise: by how much an effect, by key and option, promises to raise the likelihood; 50 where it is not said.
         shapes: what an effect, by key, changes of the recordings; nothing where it is not said.
         fit: work that the fit of one effect takes; that of two takes ten times as much.
+        allowed: work that is allowed for all.
     """
 
     workers, tables = 1, False
@@ -60,8 +61,9 @@ class World:
         promise: Mapping[str, float] | None = None,
         shapes: Mapping[str, Sequence[float]] | None = None,
         fit: int = 0,
+        allowed: float = math.inf,
     ) -> None:
-        self.work, self.fit = Work(), fit
+        self.work, self.fit, self.allowed = Work(), fit, allowed
         self.excess = self.excess_at_end = excess
         self.promise, self.shapes = promise or {}, shapes or {}
         self.fitted: list[frozenset[str]] = []
@@ -121,6 +123,9 @@ class World:
 
     def forget(self, effects: Sequence[Candidate]) -> None:
         pass
+
+    def is_over(self, share: float = 1.0) -> bool:
+        return self.work.done >= share * self.allowed
 
     def partial_fit(self, effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
         self.work.add(self.fit * 10 ** (len(effects) - 1))
@@ -247,6 +252,30 @@ def test_a_search_that_gains_nothing_for_long_ends() -> None:
     assert len(world.fitted) < len(endless.fitted)
     most = first + max(SEARCH.patience * first, SEARCH.least_work)
     assert most < world.work.done < most + 10 * unit * len(OTHERS)
+
+
+def test_a_search_ends_where_its_time_is_over_and_keeps_a_share_of_it_for_rivals() -> None:
+    """Nothing explains all, and further effects are sought until two thirds of the time are over."""
+
+    def of(allowed: float) -> tuple[World, Any]:
+        world = World(by({c.key: 8e4 + 1e4 * k for k, c in enumerate(OTHERS)}), fit=1, allowed=allowed)
+        return world, searching._Search(world, world.refit, OTHERS, None)  # type: ignore[arg-type]
+
+    world, search = of(math.inf)
+    search.run(3)
+    endless, pairs = world.work.done, 2 * 10 * 2 * SEARCH.few
+    allowed = endless // 2
+    world, search = of(allowed)
+    search._near = lambda: grown.append(world.work.done) or []  # type: ignore[method-assign, func-returns-value]
+    grown: list[int] = []
+    search.run(3)
+    assert SEARCH.growing * allowed <= grown[0] < SEARCH.growing * allowed + pairs
+    assert search.ended_early
+    world, search = of(5)
+    with pytest.raises(OutOfTime):
+        search.run(3)
+    assert 5 <= world.work.done < 5 + len(OTHERS)
+    assert len(search.known.best.effects) == 1
 
 
 @pytest.mark.parametrize(("owed", "least", "followed"), [(5.0, 0.0, True), (0.1, 0.0, False), (5.0, 4e4, False)])
