@@ -214,8 +214,33 @@ class CandidateFitter:
         return PartialFit(effects, point, row["converged"], self.mark, row["work"])
 
     def followed(self, model: ScoredModel) -> ScoredModel:
-        """A model judged where all recordings together are likeliest, however many steps away; see `evidence`."""
-        return self._trial(PartialFit(model.effects, end_of(model), model.fit.converged), followed=True)
+        """A model judged where all recordings together are likeliest, however many steps away; see `evidence`.
+
+        Where that is closer to the fitted ones too, their fit had ended in a hollow, and goes on from there.
+        """
+        found = self._trial(PartialFit(model.effects, end_of(model), model.fit.converged), followed=True)
+        while (closer := self._closer_there(found)) is not None:
+            made = self._trial(closer, followed=True)
+            if made.log_evidence < found.log_evidence - 0.5 * SEARCH.slow:
+                break
+            found = made
+        return found
+
+    def _closer_there(self, model: ScoredModel) -> PartialFit | None:
+        """A model fitted from where all recordings together are likeliest, if that is closer to the fitted ones."""
+        point, begin = end_of(model), model.likeliest
+        made = point.problem
+        if begin is None or made.cost(begin, made.training) > point.cost - SEARCH.slow:
+            return None
+
+        def compute() -> PartialFit:
+            with Threads(self.workers) as pool:
+                x, cost, converged = descend(
+                    made, begin, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow
+                )
+            return PartialFit(model.effects, replace(point, x=x, cost=cost), converged)
+
+        return self._kept(f"followed {model.label} {_mark(begin)}", model.effects, compute)
 
     def _trial(self, partial: PartialFit, noise: Noise = "coloured", *, followed: bool = False) -> ScoredModel:
         """A partial fit as it is, scored; ``noise`` and ``followed`` as of `scored`."""

@@ -10,6 +10,7 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.held_out_starts import with_held_out_starts
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.leftover import Leftover, Noise
+from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import counted
 from diagnosis.search.evidence import ChosenSize, evidence
 from diagnosis.thresholds import WORDING
@@ -30,6 +31,7 @@ class ScoredModel:
         log_evidence: see `diagnosis.search.evidence`.
         foretold: how well it foretells those that are held out; see there.
         owed: by how much all recordings are less likely a step further on than the tangents promise; see there.
+        likeliest: search vector at which all recordings together are likelier than where the fit ended.
     """
 
     effects: tuple[Candidate, ...]
@@ -41,6 +43,7 @@ class ScoredModel:
     log_evidence: float
     foretold: float
     owed: float = 0.0
+    likeliest: Array | None = None
 
     @property
     def size(self) -> int:
@@ -151,5 +154,5 @@ def scored(
     unseen = left.of([number for number, e in enumerate(problem.experiments) if any(e is j for j in problem.judged)])
     hold_out = problem.chi2(x, problem.judged)
     return ScoredModel(
-        effects, replace(made, x=x), sizes, hold_out, left, unseen, found.log, found.foretold, found.owed
+        effects, replace(made, x=x), sizes, hold_out, left, unseen, found.log, found.foretold, found.owed, found.x
     )

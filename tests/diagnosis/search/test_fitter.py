@@ -61,6 +61,30 @@ def test_a_fit_that_runs_away_is_left_at_its_last_good_place(
     assert again.added() == after.added()
 
 
+def test_a_fit_that_ended_in_a_hollow_goes_on_where_all_recordings_together_lead_out_of_it(
+    fitter: CandidateFitter, listed: Any
+) -> None:
+    """A dead zone that stands half as wide as it is, as if nothing led on; it ends where `finish` ends."""
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    right = fitter.finish(fitter.partial_fit((zone,), [{}]))
+    point = end_of(right)
+    x = np.array(
+        [
+            f.position(f.value(at) / 2) if "upper" in f.name else at
+            for f, at in zip(point.problem.free, point.x, strict=True)
+        ]
+    )
+    stuck = fitter._trial(
+        PartialFit((zone,), replace(point, x=x, cost=point.problem.cost(x, point.problem.training)), True)
+    )
+    assert stuck.fit.cost > right.fit.cost + 100
+    after = fitter.followed(stuck)
+    assert after.fit.cost == pytest.approx(right.fit.cost, abs=1.0)
+    assert after.log_evidence == pytest.approx(right.log_evidence, abs=1.0)
+    kept = fitter.followed(right)
+    np.testing.assert_array_equal(kept.fit.x, right.fit.x)
+
+
 def test_a_fit_is_made_once_for_all_costs_that_it_is_to_reach(
     fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -266,7 +266,7 @@ def test_a_search_ends_where_its_time_is_over_and_keeps_a_share_of_it_for_rivals
     endless, pairs = world.work.done, 2 * 10 * 2 * SEARCH.few
     allowed = endless // 2
     world, search = of(allowed)
-    search._near = lambda: grown.append(world.work.done) or []  # type: ignore[method-assign, func-returns-value]
+    search._near = lambda: grown.append(world.work.done) or []  # type: ignore[func-returns-value]
     grown: list[int] = []
     search.run(3)
     assert SEARCH.growing * allowed <= grown[0] < SEARCH.growing * allowed + pairs
