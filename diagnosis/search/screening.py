@@ -102,6 +102,10 @@ class Origin:
         self.likelihood = self._bands.likelihood(self.white.rest)
         """Logarithm of the likelihood that the model's own parameters reach, less what they cost."""
 
+    def likely(self, values: Array) -> float:
+        """Logarithm of the likelihood that is reached where a change is added, as of `Course.values`."""
+        return self._bands.likelihood(self.white.rest + values)
+
     def freed(self, effect: Candidate) -> Course:
         """What it gains to free a parameter of its tolerance."""
         assert effect.freed is not None
@@ -319,7 +323,10 @@ def begun(origin: Origin, effect: Candidate, most: int, *, bold: bool = False) -
 
 
 def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[Candidate, ...]]:
-    """The pairs of effects that take most of the residual away, to start from the sizes that do, the best first.
+    """The pairs of effects that promise most, to start from the sizes that do, the best first.
+
+    Of those that take most of the residual away, with noise as strong as it is, the likeliest once it is as weak as
+    they leave it: where two effects act at the same frequencies, neither alone makes the noise weaker there.
 
     Args:
         found: courses of all effects around one origin.
@@ -331,13 +338,18 @@ def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[
     table = np.column_stack([course.values for course in found])
     gram, pull = table.T @ table, -table.T @ origin.white.rest
     low = np.array([0.0 if course.least else 1 / SEARCH.factor_of_two for course in found])
-    return list(itertools.islice(_ranked(found, *_gains(gram, pull, low)), count))
+    gains, factors = _gains(gram, pull, low)
+    likely: list[tuple[float, tuple[Candidate, ...]]] = []
+    for a, b in itertools.islice(_ranked(found, gains, factors), max(count, SEARCH.beside)):
+        reached = origin.likely(factors[a, b] * table[:, a] + factors[b, a] * table[:, b])
+        likely.append((reached, tuple(replace(found[k].effect, starts=(found[k].sizes,)) for k in (a, b))))
+    return [pair for _, pair in sorted(likely, key=lambda row: -row[0])[:count]]
 
 
 def _gains(gram: Array, pull: Array, low: Array) -> tuple[Array, Array]:
-    """For each pair of courses, how much of the cost they take away, and how far their factors are from 1.
+    """For each pair of courses, how much of the cost they take away, and the factor of the first.
 
-    Nothing where a factor is out of reach; the distance is the sum of the logarithms' magnitudes.
+    Nothing where a factor is out of reach; the factor is 1 there.
 
     Args:
         gram: products of the courses, shape (n, n).
@@ -353,12 +365,12 @@ def _gains(gram: Array, pull: Array, low: Array) -> tuple[Array, Array]:
     high = SEARCH.factor_of_two
     able = (first > low[:, None]) & (first < high) & (second > low[None, :]) & (second < high)
     gains = np.where(able, first * pull[:, None] + second * pull[None, :], 0.0)
-    far = np.abs(np.log(np.where(able, first, 1.0))) + np.abs(np.log(np.where(able, second, 1.0)))
-    return gains, far
+    return gains, np.where(able, first, 1.0)
 
 
-def _ranked(found: Sequence[Course], gains: Array, far: Array) -> Iterator[tuple[Candidate, ...]]:
-    """Pairs of different effects, best first, a few places of a kind, to start from the sizes that are asked for."""
+def _ranked(found: Sequence[Course], gains: Array, factors: Array) -> Iterator[tuple[int, int]]:
+    """Pairs of different effects, best first, a few places of a kind, of sizes that are near those asked for."""
+    far = np.abs(np.log(factors)) + np.abs(np.log(factors.T))
     keys = [course.effect.key for course in found]
     groups: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for a, b in zip(*np.nonzero(np.triu(gains, 1) > 0), strict=True):
@@ -373,5 +385,4 @@ def _ranked(found: Sequence[Course], gains: Array, far: Array) -> Iterator[tuple
         if kinds[kind] > SEARCH.places:
             continue
         able = [at for at in groups[key] if gains[at] > 0.8 * best[key]]
-        a, b = min(able, key=lambda at: far[at])
-        yield tuple(replace(found[k].effect, starts=(found[k].sizes,)) for k in (a, b))
+        yield min(able, key=lambda at: far[at])

@@ -373,14 +373,18 @@ class _Search:
     def _follow(self, most: int) -> bool:
         """Add effect after effect to what leads, as long as a richer model leads then; whether one explains all.
 
-        Where the first effects are right this ends soonest. What leads less is looked at only where it does not.
+        Where the first effects are right this ends soonest. What leads less is looked at only where it does not. Two
+        that promise most together come before a second beside the first: what promised most alone may be a mixture.
         """
         for count in range(2, most + 1):
             before = self._leader(count)
             if self._enough(count) or self._is_weak(before) or (count > 2 and not self._explains_most):
                 return False
-            self._extend(before, self.listed)
-            if not self.known.best.keys > before.keys:
+            if count == 2:
+                self._pairs(SEARCH.few)
+            if count > 2 or not self._enough(3):
+                self._extend(before, self.listed)
+            if len(self.known.best.keys) <= len(before.keys):
                 return False
             if self._enough(count + 1):
                 if count > 2:
@@ -528,7 +532,7 @@ class _Search:
                 self._finish_beside(best)
         if count == 2 and not self._enough(count + 1):
             # Two that hide each other promise little one by one; they are sought once no other pair explains all.
-            self._pairs()
+            self._pairs(SEARCH.fitted)
         # Two effects are likelier than three: where no pair explains all, those that lead less are extended too; pairs
         # where they are near the best, for of three effects two explain most.
         for number, parent in enumerate(parents if count == 2 else parents[: SEARCH.beam]):
@@ -874,13 +878,13 @@ class _Search:
                     self.progress("looking at effects", done, len(able))
         return found
 
-    def _pairs(self) -> None:
-        """Two effects at once, where they promise most together."""
+    def _pairs(self, most: int) -> None:
+        """Two effects at once, where they promise most together; so many pairs at most."""
         origin = self.fitter.origin((), standing(self.known.refit.fit))
         if origin is None or self.fitter.tables:
             return
         found = [course for c in self._looked_at for course in courses(origin, c)[: SEARCH.sizes]]
-        pairs = together(found, origin, SEARCH.fitted)
+        pairs = together(found, origin, most)
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
 
 

@@ -188,6 +188,20 @@ NONE = np.zeros(2)
 OTHERS = [effect(f"other_{k}", f"place {k}") for k in range(12)]
 
 
+def test_two_that_promise_most_together_are_fitted_before_a_second_beside_the_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A mixture of a spring and a drag promises most alone; beside it neither gains anything, and both explain all."""
+    mixture, spring, drag = effect("hysteresis", "joint"), effect("spring", "arm"), effect("drag", "load")
+    monkeypatch.setattr(searching, "together", lambda found, origin, most: [(spring, drag)])
+    table = {mixture.key: 8e4, f"{spring.key} + {drag.key}": 0.0}
+    world = World(by(table), {mixture.key: 3000.0, spring.key: 100.0, drag.key: 90.0})
+    found = run(world, [mixture, *OTHERS, spring, drag])
+    pair = frozenset({spring.key, drag.key})
+    assert found.known.best.keys == pair
+    assert all(len(keys) < 2 for keys in world.fitted[: world.fitted.index(pair)])
+
+
 @pytest.mark.parametrize(("left", "fitted"), [(0.0, False), (4e5, True)])
 def test_beside_what_explains_all_what_promises_little_is_not_fitted(left: float, fitted: bool) -> None:
     """Models near the best gain at most some times what they promise."""
