@@ -41,6 +41,7 @@ from diagnosis.search.study import Looked, Study
 from diagnosis.search.tried_models import Progress, TriedModels, Values
 from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.spread import Spread
+from engine.work import LOOK, counted
 
 
 def study(
@@ -871,11 +872,12 @@ class _Search:
     def _promises(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[list[float]]:
         """What each effect promises to gain at each of the origins."""
         found = []
-        with Spread(self.fitter.workers, threads=True) as pool:
+        with counted() as work, Spread(self.fitter.workers, threads=True) as pool:
             for done, gains in enumerate(pool.map(lambda effect: self._gains(origins, effect), able), 1):
                 found.append(gains)
                 if self.progress:
                     self.progress("looking at effects", done, len(able))
+        self.fitter.spent.work.add(work.done + LOOK * len(able))
         return found
 
     def _pairs(self, most: int) -> None:

@@ -18,6 +18,7 @@ from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search import search as searching
 from diagnosis.search import tried_models
+from diagnosis.search.fitter import Spent
 from diagnosis.search.partial_fit import PartialFit, StartingPoint
 from diagnosis.search.patience import OutOfTime, Patience
 from diagnosis.search.posterior import energy, probabilities, told_as
@@ -63,7 +64,7 @@ class World:
         fit: int = 0,
         allowed: float = math.inf,
     ) -> None:
-        self.work, self.fit, self.allowed = Work(), fit, allowed
+        self.work, self.fit, self.allowed, self.spent = Work(), fit, allowed, Spent()
         self.excess = self.excess_at_end = excess
         self.promise, self.shapes = promise or {}, shapes or {}
         self.fitted: list[frozenset[str]] = []
