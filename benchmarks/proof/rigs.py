@@ -38,13 +38,13 @@ nothing, one to three effects of 1 to 30 detection thresholds, a wrong parameter
 try.
 Truth comes from the same simulator, which shares nothing with flexarm. Each rig and all about it follows from its seed:
 
-    .venv/bin/python -m benchmarks.proof run rigs --seeds 0 1 2 --longest 200 -o DIR
+    .venv/bin/python -m benchmarks.proof run rigs --seeds 0 1 2 --longest 300 -o DIR
     .venv/bin/python -m benchmarks.proof rigs -o DIR
 
-Cases stand in `benchmarks/results/random-rigs.json`, one line each. A diagnosis is told to
-tell what it has found after two thirds of 200 s (`flexarm diagnose --longest`, which counts operations); one that was
-stopped after 200 s of processor time is a failure. The tool's answers are those of the state named below; whether a tie
-is one is computed by the truth generator of the state that this page was written at.
+Cases stand in `benchmarks/results/random-rigs.json`, one line each. A diagnosis is told to say what it
+has found after 200 s (`flexarm diagnose --longest`, which counts operations); one that was stopped after 300 s of
+processor time is a failure. The tool's answers are those of the state named below; whether a tie is one is computed by
+the truth generator of the state that this page was written at.
 
 """
 
