@@ -23,8 +23,9 @@ from diagnosis.planning.plan import MULTIPLES, Plan
 from diagnosis.planning.plan import plan as judge_plan
 from diagnosis.problems import problem
 from diagnosis.recordings.types import Recorded, Recording
+from diagnosis.search.allowance import Spent
 from diagnosis.search.dask_fitter import DaskFitter
-from diagnosis.search.fitter import CandidateFitter, Spent
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.readings import as_described, as_they_were_taken, likelier, near_as_described, taken_otherwise
 from diagnosis.search.reported import as_reported
 from diagnosis.search.search import study
@@ -36,7 +37,6 @@ from diagnosis.verdict.verdict import Diagnosis, judge
 from engine.compile import version as compiler_version
 from engine.errors import FlexarmError
 from engine.spread import JsonStore, Spread, cores
-from engine.work import SECOND
 from scenarios.load import Scenario, load
 
 BLAS_THREADS = 1
@@ -236,7 +236,7 @@ def diagnose(
         raise FlexarmError(f"a search of {how.longest:g} s finds nothing", remedy="give a positive time")
     scenario = source if isinstance(source, Scenario) else load(source, how.overrides)
     workers = how.workers or cores()
-    spent = Spent() if how.longest is None else Spent(how.longest * SECOND)
+    spent = Spent() if how.longest is None else Spent(how.longest * SEARCH.second)
     store = JsonStore(how.keep) if how.keep is not None else None
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
         as_given = _to_fit(scenario, recordings, how.hold_out)

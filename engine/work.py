@@ -10,13 +10,6 @@ EACH = 500_000
 """Operations that take as long as what surrounds a run: to begin it, and to work out what it leaves; measured."""
 
 
-LOOK = 10_000_000
-"""Operations that take as long as what surrounds the runs of an effect that is looked at: to put it in; measured."""
-
-SECOND = 330_000_000
-"""Operations of a diagnosis that take about a second of a processor, with all that is not counted; measured."""
-
-
 class Work:
     """A sum that threads add to.
 

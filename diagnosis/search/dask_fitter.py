@@ -16,7 +16,8 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.recordings.types import Recorded
-from diagnosis.search.fitter import CandidateFitter, Spent
+from diagnosis.search.allowance import Spent
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit
 from engine.errors import FlexarmError
 from engine.spread import Spread, Store

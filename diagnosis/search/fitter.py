@@ -10,7 +10,7 @@ import math
 import operator
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import followed, problem, resolved, variant
 from diagnosis.recordings.types import Recorded
+from diagnosis.search.allowance import Spent
 from diagnosis.search.coarse import as_coarse, coarse
 from diagnosis.search.evidence import ChosenSize
 from diagnosis.search.nearby import Nearby
@@ -37,20 +38,6 @@ from engine.spread import Store
 from engine.threads import Threads
 from engine.work import Work, counted
 from scenarios.load import Scenario
-
-
-@dataclass(frozen=True)
-class Spent:
-    """What the fits of a diagnosis have taken so far.
-
-    Attributes:
-        most: operations that are allowed for.
-        work: what they took.
-    """
-
-    most: float = math.inf
-    work: Work = field(default_factory=Work)
-
 
 KEPT = 400
 """Models that are kept after they were built: those of one round of a search."""
@@ -101,10 +88,6 @@ class CandidateFitter:
         if len(recordings) == len(self.recordings) and all(map(operator.is_, recordings, self.recordings)):
             return self
         return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store, self.spent)
-
-    def is_over(self, share: float = 1.0) -> bool:
-        """Whether a share of what is allowed for all fits has been spent."""
-        return self.spent.work.done >= share * self.spent.most
 
     def near(self, model: ScoredModel) -> CandidateFitter:
         """The same with recordings that are made coarse around a model, to put other effects in beside its own.

@@ -13,10 +13,6 @@ from dataclasses import dataclass
 from diagnosis.thresholds import SEARCH
 
 
-class OutOfTime(Exception):
-    """Between two fits: nothing more is to be fitted."""
-
-
 @dataclass
 class Patience:
     """What leads in a search, and when it came to lead.

@@ -340,7 +340,7 @@ def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[
     low = np.array([0.0 if course.least else 1 / SEARCH.factor_of_two for course in found])
     gains, factors = _gains(gram, pull, low)
     likely: list[tuple[float, tuple[Candidate, ...]]] = []
-    for a, b in itertools.islice(_ranked(found, gains, factors), max(count, SEARCH.beside)):
+    for a, b in itertools.islice(_ranked(found, gains, factors), max(count, SEARCH.pairs)):
         reached = origin.likely(factors[a, b] * table[:, a] + factors[b, a] * table[:, b])
         likely.append((reached, tuple(replace(found[k].effect, starts=(found[k].sizes,)) for k in (a, b))))
     return [pair for _, pair in sorted(likely, key=lambda row: -row[0])[:count]]

@@ -14,12 +14,12 @@ from diagnosis.effects.places import node
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.estimation.tones import tones
 from diagnosis.recordings.types import Recorded
+from diagnosis.search.allowance import OutOfTime
 from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.exchange import exchanged
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.partial_fit import drawn_back, ended, place_of, standing
-from diagnosis.search.patience import OutOfTime
 from diagnosis.search.posterior import (
     complete,
     energy,
@@ -41,7 +41,7 @@ from diagnosis.search.study import Looked, Study
 from diagnosis.search.tried_models import Progress, TriedModels, Values
 from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.spread import Spread
-from engine.work import LOOK, counted
+from engine.work import counted
 
 
 def study(
@@ -532,7 +532,7 @@ class _Search:
             if not self._enough(count + 1):
                 self._finish_beside(best)
         if count == 2 and not self._enough(count + 1):
-            # Two that hide each other promise little one by one; they are sought once no other pair explains all.
+            # Two that hide each other promise little one by one: more of these pairs, now that no other explains all.
             self._pairs(SEARCH.fitted)
         # Two effects are likelier than three: where no pair explains all, those that lead less are extended too; pairs
         # where they are near the best, for of three effects two explain most.
@@ -877,7 +877,7 @@ class _Search:
                 found.append(gains)
                 if self.progress:
                     self.progress("looking at effects", done, len(able))
-        self.fitter.spent.work.add(work.done + LOOK * len(able))
+        self.fitter.spent.work.add(work.done + SEARCH.look * len(able))
         return found
 
     def _pairs(self, most: int) -> None:

@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 
 from diagnosis.effects.effect import Candidate, cuts, together
+from diagnosis.search.allowance import OutOfTime
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, drawn_back, ended
-from diagnosis.search.patience import OutOfTime, Patience
+from diagnosis.search.patience import Patience
 from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, told_as, value
 from diagnosis.search.ranking import place_by_place
 from diagnosis.search.scored_model import ScoredModel
@@ -123,9 +124,7 @@ class TriedModels:
         Raises:
             OutOfTime: the time that is allowed is over, or the share of it in which effects are added.
         """
-        if self.bounded and self.fitter.is_over():
-            raise OutOfTime
-        if self.growing and self.fitter.is_over(SEARCH.growing):
+        if self.bounded and self.fitter.spent.is_over(SEARCH.growing if self.growing else 1.0):
             raise OutOfTime
 
     def fit(

@@ -15,7 +15,9 @@ from typing import Any
 import pytest
 
 from diagnosis.api import gather
-from diagnosis.search.fitter import CandidateFitter, Spent
+from diagnosis.effects.catalogue import EFFECTS
+from diagnosis.search.allowance import Spent
+from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import study
 from diagnosis.verdict.verdict import judge
 from engine.errors import FlexarmError
@@ -191,6 +193,20 @@ def test_a_study_whose_time_is_over_tells_what_it_found_and_goes_on_with_more(qu
     again = quick(Counted(store), most=1.0)
     assert again.ended_early
     assert not again.trials
+
+
+def test_what_a_study_takes_hangs_neither_on_threads_nor_on_what_was_kept(bench: Any) -> None:
+    """So a time that is allowed ends it at the same fit."""
+    scenario, store = load(bench / "scenario.yaml"), Counted()
+    tried = {"coulomb_friction", "dead_zone", "lag"}
+    took = list[int]()
+    for workers in (1, 2, 2):
+        spent = Spent()
+        fitter = CandidateFitter(scenario, gather(scenario, [], []), workers, 0, store if took else None, spent)
+        study(fitter, without=sorted(set(EFFECTS) - tried))
+        took.append(spent.work.done)
+    assert took[0] > 0
+    assert took == took[:1] * 3
 
 
 def test_fits_of_another_seed_or_other_data_are_not_taken(quick: Any, bench: Any, tmp_path: Path) -> None:

@@ -18,9 +18,9 @@ from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search import search as searching
 from diagnosis.search import tried_models
-from diagnosis.search.fitter import Spent
+from diagnosis.search.allowance import OutOfTime
 from diagnosis.search.partial_fit import PartialFit, StartingPoint
-from diagnosis.search.patience import OutOfTime, Patience
+from diagnosis.search.patience import Patience
 from diagnosis.search.posterior import energy, probabilities, told_as
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import EVIDENCE, SEARCH
@@ -64,7 +64,8 @@ class World:
         fit: int = 0,
         allowed: float = math.inf,
     ) -> None:
-        self.work, self.fit, self.allowed, self.spent = Work(), fit, allowed, Spent()
+        self.work, self.fit, self.allowed = Work(), fit, allowed
+        self.spent = SimpleNamespace(work=Work(), is_over=self.is_over)
         self.excess = self.excess_at_end = excess
         self.promise, self.shapes = promise or {}, shapes or {}
         self.fitted: list[frozenset[str]] = []
