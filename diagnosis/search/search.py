@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +37,7 @@ from diagnosis.search.posterior import (
 from diagnosis.search.ranking import best_ways, cut, place_by_place, ranked, related, spoken_for
 from diagnosis.search.readings import taken_otherwise
 from diagnosis.search.scored_model import ScoredModel
-from diagnosis.search.screening import Origin, courses, likeness, together
+from diagnosis.search.screening import Course, Origin, courses, likeness, together
 from diagnosis.search.study import Looked, Study
 from diagnosis.search.tried_models import Progress, TriedModels, Values
 from diagnosis.thresholds import EVIDENCE, SEARCH
@@ -385,6 +386,10 @@ class _Search:
                 self._pairs(SEARCH.few)
             if count > 2 or not self._enough(3):
                 self._extend(before, self.listed)
+            whole = self.known.leading[1]
+            if len(self.known.best.keys) <= len(before.keys) and len(before.effects) < len(whole.effects) < most:
+                # What else is in it counts as a nuisance beside what is still missing, such as a sensor's large bias.
+                self._extend(whole, self.listed)
             if len(self.known.best.keys) <= len(before.keys):
                 return False
             if self._enough(count + 1):
@@ -569,15 +574,29 @@ class _Search:
     def _parents(self, count: int) -> list[ScoredModel]:
         """The models of a number of effects that are worth most and those that leave least, each with its own effects.
 
-        Beside another effect that is still missing, evidence alone prefers what acts at many frequencies.
+        Beside another effect that is still missing, evidence alone prefers what acts at many frequencies. Of single
+        effects that change the recordings alike one has a turn: beside what is missing they do so, too.
         """
         able = [m for m in self.known.models if len(m.effects) == count]
         turns = zip(sorted(able, key=self.known.worth, reverse=True), sorted(able, key=energy), strict=True)
         found: dict[frozenset[str], ScoredModel] = {}
-        for pair in turns:
-            for model in pair:
-                found.setdefault(frozenset(c.effect for c in model.effects), model)
+        for model in itertools.chain(*turns):
+            effects = frozenset(c.effect for c in model.effects)
+            if effects not in found and not (count == 1 and self._is_alike(model, found.values())):
+                found[effects] = model
         return list(found.values())[: SEARCH.parents]
+
+    def _is_alike(self, single: ScoredModel, others: Iterable[ScoredModel]) -> bool:
+        """Whether a model of one effect changes the recordings nearly as one of others does."""
+        mine = self._answers(single.effects[0])
+        return any(likeness(mine, self._answers(m.effects[0])) > SEARCH.likest for m in others)
+
+    def _answers(self, effect: Candidate) -> list[Course]:
+        """What an effect changes of the recordings beside the user's model alone, put in in every way."""
+        origin = self.looked.origin if self.looked else None
+        if origin is None:
+            return []
+        return [course for c in self._looked_at if c.key == effect.key for course in courses(origin, c)]
 
     def _vary(self, model: ScoredModel) -> None:
         """Take each effect of a model away; put it elsewhere, others in its place, a known pair in the place of one."""
@@ -621,7 +640,7 @@ class _Search:
         origin = self.looked.origin if self.looked else None
         if origin is None:
             return []
-        mine = [course for c in self._looked_at if c.key == effect.key for course in courses(origin, c)]
+        mine = self._answers(effect)
         likest = {id(c): likeness(courses(origin, c), mine) for c in self._looked_at if c.key != effect.key}
         near = [c for c in self._looked_at if likest.get(id(c), 0.0) > SEARCH.likest]
         return best_ways(sorted(near, key=lambda c: -likest[id(c)]))[: SEARCH.exchanged]

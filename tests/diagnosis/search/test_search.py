@@ -561,6 +561,17 @@ def test_a_second_effect_that_is_told_only_beside_a_third_does_not_end_the_searc
     assert found.known.best.keys == {zone.key, LAG.key, FRICTION.key}
 
 
+def test_a_pair_that_is_told_as_one_effect_is_extended_before_what_leads_less() -> None:
+    """A sensor's bias leaves so much that the lag beside the dead zone counts as a nuisance until it is in."""
+    zone, bias = effect("dead_zone", "u"), effect("sensor_bias", "sensor")
+    alone, pair = zone.key, f"{zone.key} + {LAG.key}"
+    world = World(by({alone: 1e5, LAG.key: 5e5, pair: 9e4, f"{pair} + {bias.key}": 0.0}))
+    found = run(world, [zone, LAG, bias, *OTHERS])
+    assert found.known.best.keys == {zone.key, LAG.key, bias.key}
+    before = world.fitted[: world.fitted.index(found.known.best.keys)]
+    assert all(zone.key in keys for keys in before if len(keys) == 2)
+
+
 def test_two_weak_effects_beside_a_strong_one_are_found_though_each_alone_owes_too_little() -> None:
     """Beside a dead zone that explains nearly all: neither is told without the other, and both together leave noise."""
     zone, joint = effect("dead_zone", "u"), effect("joint_flexibility", "joint")
@@ -597,6 +608,17 @@ class Hidden(World):
     def origin(self, effects: tuple[Candidate, ...], values: Any) -> Any:
         self.promise = {LAG.key: 900.0 if [c.key for c in effects] == [FRICTION.key] else 20.0}
         return super().origin(effects, values)
+
+
+def test_of_effects_that_change_recordings_alike_one_is_extended() -> None:
+    """Six of a kind lead alone, as many as are extended, and only the friction that leads less has a partner."""
+    kin = [effect(f"delay_{k}", f"signal {k}") for k in range(SEARCH.parents)]
+    shapes = {c.key: (0.0, 1.0) for c in kin} | {FRICTION.key: (1.0, 0.0)}
+    left = {c.key: 5e5 + 1e4 * k for k, c in enumerate(kin)}
+    world = Hidden(by(left | {FRICTION.key: 8e5, f"{FRICTION.key} + {LAG.key}": 0.0}), shapes=shapes)
+    found = run(world, [*kin, FRICTION, LAG])
+    assert found.known.best.keys == {FRICTION.key, LAG.key}
+    assert max(len(keys) for keys in world.fitted) == 2
 
 
 def test_where_two_of_three_effects_imitate_one_the_pair_with_that_is_found() -> None:
