@@ -206,6 +206,8 @@ class _Search:
             except OutOfTime:
                 self.ended_early = True
             self.known.growing = False
+            if self.ended_early:
+                self._vary(self.known.best)  # what leads may have come just before, and have rivals as good
         for model in self._near():
             self._put_in_place_of_equals(model)
         for model in self._near():
@@ -223,6 +225,9 @@ class _Search:
             self._chosen_anew(rival)
             for effect in rival.effects:
                 self._simpler(rival, effect)
+                if effect.key not in self.known.best.keys:
+                    kept = tuple(ended(rival, c) for c in rival.effects if c is not effect)
+                    self._beside(kept, rival, SEARCH.exchanged, self._mimics(effect))
         self._evened()
 
     @property
@@ -247,9 +252,19 @@ class _Search:
         return list(told.values())[: SEARCH.settled]
 
     def fit_known(self, models: Sequence[ScoredModel]) -> None:
-        """Fit models that were found with other recordings, from where they ended there, each to its end."""
+        """Fit models that were found with other recordings, from where they ended there, each to its end.
+
+        A fit may end at a size that is faster than one may begin from. Then each effect begins anew beside the others.
+        """
         for m in models:
             self.known.fit([(_as_ended(m), [standing(m.fit)])], 1, whole=True)
+            if m.keys not in self.known:
+                tasks: list[tuple[tuple[Candidate, ...], list[Values]]] = []
+                for effect in m.effects:
+                    kept = tuple(ended(m, c) for c in m.effects if c is not effect)
+                    same = [c for c in self.listed if (c.key, c.option) == (effect.key, effect.option)]
+                    tasks += [((*kept, c), [standing(m.fit)]) for c in _able_beside(kept, same)]
+                self.known.fit(tasks, 1, whole=True)
 
     def _simplified(self, model: ScoredModel) -> None:
         """Take each effect of a model away, or put a simpler law in its place, from where it ended, and try it again.
@@ -384,7 +399,8 @@ class _Search:
                 return False
             if count == 2:
                 self._pairs(SEARCH.few)
-            if count > 2 or not self._enough(3):
+            # What leads is extended before the search gives up, however long pairs have taken that are no better.
+            if count > 2 or self.known.best.keys == before.keys or not self._enough(3):
                 self._extend(before, self.listed)
             whole = self.known.leading[1]
             if len(self.known.best.keys) <= len(before.keys) and len(before.effects) < len(whole.effects) < most:
@@ -497,6 +513,7 @@ class _Search:
         odds = probabilities(self.known.told, self.known.tried)
         trials = [m for m in self.known.models if m.effects]
         trials.sort(key=lambda m: (-odds.get(m.keys, 0.0), -self.known.worth(m)))
+        fitted = {c.key for m in trials for c in m.effects}
         return Study(
             self.fitter.scenario,
             self.fitter.recordings,
@@ -507,7 +524,7 @@ class _Search:
             odds,
             self.known.tried,
             scales,
-            tuple(self.known.failures),
+            tuple(dict.fromkeys(failed for failed in self.known.failures if failed[0] not in fitted)),
             tuple(notes),
             self.handed_on,
             ended_early=self.ended_early,
@@ -900,12 +917,18 @@ class _Search:
         return found
 
     def _pairs(self, most: int) -> None:
-        """Two effects at once, where they promise most together; so many pairs at most."""
+        """Two effects at once, where they promise most together; so many pairs at most.
+
+        Those with an effect that leads alone, or with a law that is part of it or the other way round, are left to the
+        extension of that.
+        """
         origin = self.fitter.origin((), standing(self.known.refit.fit))
         if origin is None or self.fitter.tables:
             return
         found = [course for c in self._looked_at for course in courses(origin, c)[: SEARCH.sizes]]
-        pairs = together(found, origin, most)
+        alone = self.known.best.effects if len(self.known.best.effects) == 1 else ()
+        among = together(found, origin, most)
+        pairs = [pair for pair in among if not any(is_in(c, a) or is_in(a, c) for c in pair for a in alone)]
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
 
 

@@ -155,6 +155,26 @@ class World:
         return self.made(model.effects)
 
 
+class Beside(World):
+    """An effect promises much beside another one alone.
+
+    Args:
+        excess, shapes: as of `World`.
+        effect: which.
+        other: beside which.
+    """
+
+    def __init__(
+        self, excess: Excess, effect: Candidate, other: Candidate, shapes: Mapping[str, Sequence[float]] | None = None
+    ) -> None:
+        super().__init__(excess, shapes=shapes)
+        self.effect, self.other = effect, other
+
+    def origin(self, effects: tuple[Candidate, ...], values: Any) -> Any:
+        self.promise = {self.effect.key: 3000.0 if [c.key for c in effects] == [self.other.key] else 20.0}
+        return super().origin(effects, values)
+
+
 @pytest.fixture(autouse=True)
 def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     """Courses come from the world's promises, and blocks take every size."""
@@ -202,6 +222,31 @@ def test_two_that_promise_most_together_are_fitted_before_a_second_beside_the_fi
     pair = frozenset({spring.key, drag.key})
     assert found.known.best.keys == pair
     assert all(len(keys) < 2 for keys in world.fitted[: world.fitted.index(pair)])
+
+
+def test_what_leads_is_extended_however_long_pairs_have_taken_that_are_no_better(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    spring, drag = effect("spring", "arm"), effect("drag", "load")
+    monkeypatch.setattr(searching, "together", lambda found, origin, most: [(spring, drag)])
+    world = World(by({FRICTION.key: 5e4, f"{FRICTION.key} + {LAG.key}": 0.0}), fit=SEARCH.least_work)
+    found = run(world, [FRICTION, LAG, spring, drag])
+    assert frozenset({spring.key, drag.key}) in world.fitted
+    assert found.known.best.keys == {FRICTION.key, LAG.key}
+
+
+def test_a_pair_with_what_leads_or_a_law_of_its_kind_is_left_to_its_extension(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A joint leads: a joint or a spring that hardens at its place, beside a lag, is tried once the joint is in."""
+    joint, hard = effect("joint_flexibility", "joint"), effect("hardening_spring", "joint", sizes=3)
+    drag = effect("drag", "load")
+    pairs = [(joint, LAG), (LAG, hard), (LAG, drag)]
+    monkeypatch.setattr(searching, "together", lambda found, origin, most: pairs)
+    world = World(by({joint.key: 5e4, LAG.key: 6e5}))
+    made: Any = searching._Search(world, world.refit, [joint, hard, LAG, drag], None)  # type: ignore[arg-type]
+    made.begin()
+    world.fitted.clear()
+    made._pairs(3)
+    assert world.fitted == [frozenset({LAG.key, drag.key})]
 
 
 @pytest.mark.parametrize(("left", "fitted"), [(0.0, False), (4e5, True)])
@@ -292,6 +337,26 @@ def test_a_search_ends_where_its_time_is_over_and_keeps_a_share_of_it_for_rivals
         search.run(3)
     assert 5 <= world.work.done < 5 + len(OTHERS)
     assert len(search.known.best.effects) == 1
+
+
+def test_where_the_time_for_adding_effects_is_over_what_leads_gets_its_rivals() -> None:
+    """A lag came last beside the friction; a delay that changes the recordings as it does explains as much there."""
+    delay = effect("delay", "command")
+    shapes = {LAG.key: (0.0, 1.0), delay.key: (0.1, 1.0)}
+    alone = {FRICTION.key: 5e4, LAG.key: 5e5, delay.key: 9e5}
+    both = {f"{FRICTION.key} + {LAG.key}": 300.0, f"{FRICTION.key} + {delay.key}": 0.0}
+    world = Beside(by(alone | both), delay, FRICTION, shapes)
+    made: Any = searching._Search(world, world.refit, [FRICTION, LAG, *OTHERS, delay], None)  # type: ignore[arg-type]
+    made.begin()
+
+    def grow(most: int) -> None:
+        made.known.keep(world.made((FRICTION, LAG)))
+        raise OutOfTime
+
+    made._grow = grow
+    made.run(3)
+    assert made.ended_early
+    assert made.known.best.keys == {FRICTION.key, delay.key}
 
 
 @pytest.mark.parametrize(("owed", "least", "followed"), [(5.0, 0.0, True), (0.1, 0.0, False), (5.0, 4e4, False)])
@@ -602,20 +667,12 @@ def test_a_third_effect_is_sought_beside_the_pair_that_leads_before_anything_els
     assert len([keys for keys in before if len(keys) == 1]) <= SEARCH.finished
 
 
-class Hidden(World):
-    """A lag promises much beside the friction alone."""
-
-    def origin(self, effects: tuple[Candidate, ...], values: Any) -> Any:
-        self.promise = {LAG.key: 900.0 if [c.key for c in effects] == [FRICTION.key] else 20.0}
-        return super().origin(effects, values)
-
-
 def test_of_effects_that_change_recordings_alike_one_is_extended() -> None:
     """Six of a kind lead alone, as many as are extended, and only the friction that leads less has a partner."""
     kin = [effect(f"delay_{k}", f"signal {k}") for k in range(SEARCH.parents)]
     shapes = {c.key: (0.0, 1.0) for c in kin} | {FRICTION.key: (1.0, 0.0)}
     left = {c.key: 5e5 + 1e4 * k for k, c in enumerate(kin)}
-    world = Hidden(by(left | {FRICTION.key: 8e5, f"{FRICTION.key} + {LAG.key}": 0.0}), shapes=shapes)
+    world = Beside(by(left | {FRICTION.key: 8e5, f"{FRICTION.key} + {LAG.key}": 0.0}), LAG, FRICTION, shapes)
     found = run(world, [*kin, FRICTION, LAG])
     assert found.known.best.keys == {FRICTION.key, LAG.key}
     assert max(len(keys) for keys in world.fitted) == 2
@@ -626,7 +683,7 @@ def test_where_two_of_three_effects_imitate_one_the_pair_with_that_is_found() ->
     limit, delay = effect("rate_limit", "v"), effect("delay", "v")
     rows = {limit.key: 4e5, FRICTION.key: 6e5, LAG.key: 9e5, f"{limit.key} + {FRICTION.key}": 5e4}
     rows |= {f"{limit.key} + {FRICTION.key} + {delay.key}": 0.0, f"{LAG.key} + {FRICTION.key}": 0.0}
-    found = run(Hidden(by(rows)), [limit, FRICTION, delay, *OTHERS, LAG])
+    found = run(Beside(by(rows), LAG, FRICTION), [limit, FRICTION, delay, *OTHERS, LAG])
     assert found.known.best.keys == {LAG.key, FRICTION.key}
 
 
@@ -931,6 +988,18 @@ def test_at_last_what_was_only_chosen_of_a_rival_is_chosen_anew() -> None:
     assert found.known.best.sizes[0]["order"] == 3.0
 
 
+def test_at_last_what_changes_recordings_alike_is_put_in_the_place_of_a_rivals_effect() -> None:
+    """Friction that differs between the directions is one with an offset, and over a short way so is gravity."""
+    both = effect("direction_dependent_friction", sizes=2)
+    offset, gravity = effect("offset", "u"), effect("gravity", "arm")
+    table = {both.key: 0.0, f"{FRICTION.key} + {offset.key}": 1.0, f"{FRICTION.key} + {gravity.key}": 1.0}
+    shapes = {offset.key: (0.0, 1.0), gravity.key: (0.1, 1.0)}
+    world = Beside(by(table), gravity, FRICTION, shapes)
+    found = run(world, [both, FRICTION, offset, *OTHERS, gravity])
+    assert found.known.best.keys == {both.key}
+    assert frozenset({FRICTION.key, gravity.key}) in found.known
+
+
 def test_at_last_each_effect_is_taken_away_once_more() -> None:
     """A pair came from elsewhere, and one of its effects explains nothing beside the other: that one alone is told."""
     zone = effect("dead_zone", "u")
@@ -1013,6 +1082,32 @@ def test_models_that_were_known_are_fitted_again_from_where_they_ended() -> None
     made.fit_known([world.made((FRICTION,))])
     assert world.fitted == [frozenset({FRICTION.key})]
     assert made.known.best.effects[0].starts == ({"p0": 0.2},)
+
+
+def test_a_known_model_that_cannot_begin_where_it_ended_begins_anew_effect_by_effect() -> None:
+    """A fit may end at a size that is faster than one may begin from."""
+    world = World(by({f"{FRICTION.key} + {LAG.key}": 0.0}))
+    put_in = world.partial_fit
+
+    def partial_fit(effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
+        if any(c.key == LAG.key and c.starts == ({"p0": 0.2},) for c in effects):
+            raise FlexarmError("it would move faster than these recordings can show")
+        return put_in(effects, parents)
+
+    world.partial_fit = partial_fit  # type: ignore[method-assign]
+    made: Any = searching._Search(world, world.refit, [FRICTION, LAG], None)  # type: ignore[arg-type]
+    made.fit_known([world.made((FRICTION, LAG))])
+    assert world.fitted == [frozenset({FRICTION.key, LAG.key})]
+    assert made.known.best.keys == {FRICTION.key, LAG.key}
+
+
+def test_what_could_not_begin_once_and_was_fitted_then_counts_as_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World(by({FRICTION.key: 0.0}))
+    found = run(world, [FRICTION, LAG])
+    found.known.failures += [(FRICTION.key, "too fast"), ("gravity at arm", "no place"), ("gravity at arm", "no place")]
+    monkeypatch.setattr(searching, "Study", lambda *fields, **more: SimpleNamespace(failures=fields[9]))
+    world.recordings = ()  # type: ignore[attr-defined]
+    assert found.study((1.0, 1.0), None, ()).failures == (("gravity at arm", "no place"),)
 
 
 def test_the_best_model_is_tried_again_if_its_fit_did_not_converge() -> None:
