@@ -261,6 +261,17 @@ class CandidateFitter:
         with counted():
             return coarse(self.base, x)
 
+    def likelier(self, model: ScoredModel) -> float:
+        """By how much the likelihood of coarse recordings is higher where a model's fit ended than for the user's own.
+
+        Less what parameters cost: what effects promise is told by the same, and of these recordings.
+        """
+        if not model.effects:
+            return 0.0
+        point, own = end_of(model), self.coarse
+        made = replace(self.build(model.effects, point.built), internal_step=point.problem.internal_step)
+        return 0.5 * (own.cost(self.refit.fit.x, own.training) - made.cost(point.x, made.training))
+
     def build(self, effects: Sequence[Candidate], starts: Sequence[Sizes], *, whole: bool = False) -> Problem:
         """The problem with effects put in at starting values; some of those built last are kept.
 

@@ -322,7 +322,9 @@ def begun(origin: Origin, effect: Candidate, most: int, *, bold: bool = False) -
     return rows
 
 
-def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[Candidate, ...]]:
+def together(
+    found: Sequence[Course], origin: Origin, count: int, gained: float = -math.inf
+) -> list[tuple[Candidate, ...]]:
     """The pairs of effects that promise most, to start from the sizes that do, the best first.
 
     Of those that take most of the residual away, with noise as strong as it is, the likeliest once it is as weak as
@@ -332,6 +334,7 @@ def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[
         found: courses of all effects around one origin.
         origin: it.
         count: largest number of pairs.
+        gained: by how much a pair is to raise the likelihood, at least.
     """
     if len(found) < 2:
         return []
@@ -342,7 +345,8 @@ def together(found: Sequence[Course], origin: Origin, count: int) -> list[tuple[
     likely: list[tuple[float, tuple[Candidate, ...]]] = []
     for a, b in itertools.islice(_ranked(found, gains, factors), max(count, SEARCH.pairs)):
         reached = origin.likely(factors[a, b] * table[:, a] + factors[b, a] * table[:, b])
-        likely.append((reached, tuple(replace(found[k].effect, starts=(found[k].sizes,)) for k in (a, b))))
+        if reached > origin.likelihood + gained:
+            likely.append((reached, tuple(replace(found[k].effect, starts=(found[k].sizes,)) for k in (a, b))))
     return [pair for _, pair in sorted(likely, key=lambda row: -row[0])[:count]]
 
 

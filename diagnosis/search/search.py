@@ -398,7 +398,7 @@ class _Search:
             if self._enough(count) or self._is_weak(before) or (count > 2 and not self._explains_most):
                 return False
             if count == 2:
-                self._pairs(SEARCH.few)
+                self._pairs(SEARCH.few, before)
             # What leads is extended before the search gives up, however long pairs have taken that are no better.
             if count > 2 or self.known.best.keys == before.keys or not self._enough(3):
                 self._extend(before, self.listed)
@@ -916,18 +916,22 @@ class _Search:
         self.fitter.spent.work.add(work.done + SEARCH.look * len(able))
         return found
 
-    def _pairs(self, most: int) -> None:
+    def _pairs(self, most: int, than: ScoredModel | None = None) -> None:
         """Two effects at once, where they promise most together; so many pairs at most.
 
         Those with an effect that leads alone, or with a law that is part of it or the other way round, are left to the
         extension of that.
+
+        Args:
+            most: number of pairs.
+            than: model that they are to promise to better; none, if all are to be fitted.
         """
         origin = self.fitter.origin((), standing(self.known.refit.fit))
         if origin is None or self.fitter.tables:
             return
         found = [course for c in self._looked_at for course in courses(origin, c)[: SEARCH.sizes]]
         alone = self.known.best.effects if len(self.known.best.effects) == 1 else ()
-        among = together(found, origin, most)
+        among = together(found, origin, most, self.fitter.likelier(than) if than is not None else -math.inf)
         pairs = [pair for pair in among if not any(is_in(c, a) or is_in(a, c) for c in pair for a in alone)]
         self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
 

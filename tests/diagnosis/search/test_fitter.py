@@ -85,6 +85,14 @@ def test_a_fit_that_ended_in_a_hollow_goes_on_where_all_recordings_together_lead
     np.testing.assert_array_equal(kept.fit.x, right.fit.x)
 
 
+def test_a_model_is_likelier_by_half_of_what_its_fit_costs_less(fitter: CandidateFitter, listed: Any) -> None:
+    """Where recordings are as short as these, what effects are looked at on is all of them."""
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    right = fitter.finish(fitter.partial_fit((zone,), [{}]))
+    assert fitter.likelier(right) == pytest.approx(0.5 * (fitter.refit.fit.cost - right.fit.cost), abs=0.01)
+    assert fitter.likelier(fitter.refit) == 0.0
+
+
 def test_a_fit_is_made_once_for_all_costs_that_it_is_to_reach(
     fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

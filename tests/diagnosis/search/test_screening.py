@@ -130,6 +130,11 @@ def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_p
     assert all(len(c.starts) == 1 for c in pair)
     made = fitter.finish(fitter.partial_fit(pair, [standing(refit.fit)]))
     assert made.hold_out < 1.1 < refit.hold_out
+    alone = [fitter.finish(fitter.partial_fit((c,), [standing(refit.fit)])) for c in pair]
+    # What the two promise is more than either has come to, and no more than both together have.
+    better = [{c.effect for c in pair} for pair in together(found, origin, 16, max(map(fitter.likelier, alone)))]
+    assert {"dead_zone", "coulomb_friction"} in better
+    assert not together(found, origin, 16, fitter.likelier(made) + 10)
     sizes = made.added()
     assert sizes["coulomb_friction.coulomb_friction"] == pytest.approx(1.5e-5, rel=0.2)
     assert sizes["dead_zone.upper"] == pytest.approx(0.025, rel=0.2)

@@ -123,6 +123,9 @@ class World:
     def near(self, model: Any) -> World:
         return self
 
+    def likelier(self, model: Any) -> float:
+        return float(model.left.log_likelihood - self.refit.left.log_likelihood)
+
     def forget(self, effects: Sequence[Candidate]) -> None:
         pass
 
@@ -185,7 +188,7 @@ def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
         return [SimpleNamespace(likelihood=likelihood, values=np.array(world.shapes.get(c.key, (0.0, 0.0))))]
 
     monkeypatch.setattr(searching, "courses", courses)
-    monkeypatch.setattr(searching, "together", lambda found, origin, most: [])
+    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [])
     monkeypatch.setattr(tried_models, "edited", lambda scenario, edits: None)
 
 
@@ -215,7 +218,7 @@ def test_two_that_promise_most_together_are_fitted_before_a_second_beside_the_fi
 ) -> None:
     """A mixture of a spring and a drag promises most alone; beside it neither gains anything, and both explain all."""
     mixture, spring, drag = effect("hysteresis", "joint"), effect("spring", "arm"), effect("drag", "load")
-    monkeypatch.setattr(searching, "together", lambda found, origin, most: [(spring, drag)])
+    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [(spring, drag)])
     table = {mixture.key: 8e4, f"{spring.key} + {drag.key}": 0.0}
     world = World(by(table), {mixture.key: 3000.0, spring.key: 100.0, drag.key: 90.0})
     found = run(world, [mixture, *OTHERS, spring, drag])
@@ -228,7 +231,7 @@ def test_what_leads_is_extended_however_long_pairs_have_taken_that_are_no_better
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     spring, drag = effect("spring", "arm"), effect("drag", "load")
-    monkeypatch.setattr(searching, "together", lambda found, origin, most: [(spring, drag)])
+    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [(spring, drag)])
     world = World(by({FRICTION.key: 5e4, f"{FRICTION.key} + {LAG.key}": 0.0}), fit=SEARCH.least_work)
     found = run(world, [FRICTION, LAG, spring, drag])
     assert frozenset({spring.key, drag.key}) in world.fitted
@@ -240,7 +243,7 @@ def test_a_pair_with_what_leads_or_a_law_of_its_kind_is_left_to_its_extension(mo
     joint, hard = effect("joint_flexibility", "joint"), effect("hardening_spring", "joint", sizes=3)
     drag = effect("drag", "load")
     pairs = [(joint, LAG), (LAG, hard), (LAG, drag)]
-    monkeypatch.setattr(searching, "together", lambda found, origin, most: pairs)
+    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: pairs)
     world = World(by({joint.key: 5e4, LAG.key: 6e5}))
     made: Any = searching._Search(world, world.refit, [joint, hard, LAG, drag], None)  # type: ignore[arg-type]
     made.begin()
