@@ -54,6 +54,7 @@ def study(
     told: Sequence[str] = (),
     known: Sequence[ScoredModel] = (),
     looked: Looked | None = None,
+    cut_short: bool = False,
 ) -> Study:
     """Refit the model, search for the effects that it lacks, and say how probable each is.
 
@@ -66,6 +67,7 @@ def study(
         known: models that were found with other recordings, which are fitted to these too.
         looked: what was seen of these recordings read otherwise. Readings are less than a sample apart: effects are not
             looked at again beside the user's model, and those are fitted first that were worth most.
+        cut_short: whether the time that is allowed ended a search in other recordings, whose models these are.
     """
     if progress:
         progress("fitting the model's own parameters", 0, 1)
@@ -82,6 +84,7 @@ def study(
         lambda model: candidates(_seen_beside(scales, model), without),
         looked,
     )
+    search.ended_early = cut_short
     search.fit_known(known)
     try:
         search.begin()
@@ -108,6 +111,7 @@ def study(
                 progress=progress,
                 told=[swapped[1]],
                 known=search.known.foremost(),
+                cut_short=search.ended_early,
             )
         named = search.study(before, scales, told)
         return search.study(before, scales, told) if search.add_curves(named) else named
@@ -204,10 +208,9 @@ class _Search:
             try:
                 self._grow(most)
             except OutOfTime:
-                self.ended_early = True
-            self.known.growing = False
-            if self.ended_early:
+                self.ended_early, self.known.growing = True, False
                 self._vary(self.known.best)  # what leads may have come just before, and have rivals as good
+            self.known.growing = False
         for model in self._near():
             self._put_in_place_of_equals(model)
         for model in self._near():

@@ -1254,25 +1254,34 @@ def test_what_did_far_better_alone_is_no_equal_of_the_weaker_effect_of_a_pair() 
     assert world.fitted == [frozenset({LAG.key, bias.key})]
 
 
-@pytest.mark.parametrize("begun", [True, False])
-def test_a_held_out_recording_that_alone_shows_what_is_missing_is_asked_for_before_and_after_the_search(
-    monkeypatch: pytest.MonkeyPatch, begun: bool
-) -> None:
-    """Where the first effect leaves nothing of the fitted recordings, no second one can be learned from them."""
+def between_recordings(monkeypatch: pytest.MonkeyPatch, asked: Callable[[Any], bool]) -> Any:
+    """A study whose recordings are exchanged, once, where a model asks for it; as its search left it."""
     world: Any = World(by({FRICTION.key: 1e5, f"{FRICTION.key} + {LAG.key}": 0.0}))
     world.base = SimpleNamespace(free=(), training=(), held_out=(), chi2=lambda x, e: 1.0)
     world.again = lambda recordings: world
 
     def exchanged(fitter: Any, model: Any, price: float, **how: Any) -> Any:
-        return ([], "rec3 was fitted too") if begun or len(model.keys) == 2 else None
+        return ([], "rec3 was fitted too") if asked(model) else None
 
     monkeypatch.setattr(searching, "operating_scales", lambda base: None)
     monkeypatch.setattr(searching, "_seen_beside", lambda scales, model: scales)
     monkeypatch.setattr(searching, "candidates", lambda scales, without: [FRICTION, LAG, *OTHERS])
     monkeypatch.setattr(searching, "taken_otherwise", lambda fitter, model: None)
     monkeypatch.setattr(searching, "exchanged", exchanged)
-    monkeypatch.setattr(searching._Search, "study", lambda self, before, scales, told: SimpleNamespace(notes=told))
+    monkeypatch.setattr(
+        searching._Search,
+        "study",
+        lambda self, before, scales, told: SimpleNamespace(notes=told, ended_early=self.ended_early),
+    )
     monkeypatch.setattr(searching._Search, "add_curves", lambda self, named: False)
+    return searching.study(world)
+
+
+@pytest.mark.parametrize("begun", [True, False])
+def test_a_held_out_recording_that_alone_shows_what_is_missing_is_asked_for_before_and_after_the_search(
+    monkeypatch: pytest.MonkeyPatch, begun: bool
+) -> None:
+    """Where the first effect leaves nothing of the fitted recordings, no second one can be learned from them."""
     counted: list[int] = []
     run_all = searching._Search.run
 
@@ -1281,5 +1290,24 @@ def test_a_held_out_recording_that_alone_shows_what_is_missing_is_asked_for_befo
         run_all(self, most)
 
     monkeypatch.setattr(searching._Search, "run", run)
-    assert list(searching.study(world).notes) == ["rec3 was fitted too"]
+    found = between_recordings(monkeypatch, lambda model: begun or len(model.keys) == 2)
+    assert list(found.notes) == ["rec3 was fitted too"]
+    assert not found.ended_early
     assert len(counted) == (1 if begun else 2)
+
+
+def test_that_a_search_was_cut_short_is_told_of_its_models_in_other_recordings_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    grow, cut = searching._Search._grow, [True]
+
+    def once(self: Any, most: int) -> None:
+        if cut:
+            cut.pop()
+            raise OutOfTime
+        grow(self, most)
+
+    monkeypatch.setattr(searching._Search, "_grow", once)
+    found = between_recordings(monkeypatch, lambda model: not cut)
+    assert list(found.notes) == ["rec3 was fitted too"]
+    assert found.ended_early
