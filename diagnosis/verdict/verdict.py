@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.effects.spring import is_linear_spring
 from diagnosis.estimation.least_squares import Fit, Interval, with_covariance
 from diagnosis.search.equivalent_effects import NESTED
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
@@ -170,8 +171,12 @@ def untold_sizes(study: Study, effect: Candidate, intervals: Sequence[Interval])
     """Sizes without any bound of a law that contains a simpler one which was not fitted in its place.
 
     What does as well whatever makes it richer is that simpler law, or another one that contains it. Where the simpler
-    law was fitted, the evidence has told which of them it is.
+    law was fitted, the evidence has told which of them it is. Where the law took the place of a spring of the user's,
+    that spring is the simpler law.
     """
+    own = study.scenario.system.blocks.get(effect.place)
+    if own is not None and is_linear_spring(own):
+        return []
     simpler = {name for name, richer in NESTED.items() if effect.effect in richer}
     fitted = {c.effect for m in study.trials for c in m.effects if c.place == effect.place}
     if not simpler or simpler & fitted:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from blocks.actuators.spring_damper import SpringDamper
+from blocks.links.inertia import Inertia
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Interval
 from diagnosis.estimation.parameters import FreeParameter
@@ -91,10 +93,24 @@ def test_a_richer_law_whose_own_size_nothing_bounds_has_no_name_unless_the_simpl
         Interval("found_backlash.stiffness", 9.0, 8.0, 10.0, "N.m/rad", 9.0),
         Interval("load.inertia", 1.0, -math.inf, math.inf, "kg.m2", 1.0),
     ]
-    study: Any = SimpleNamespace(trials=tries, refit=SimpleNamespace(hold_out=9.0))
+    scenario = SimpleNamespace(system=SimpleNamespace(blocks={}))
+    study: Any = SimpleNamespace(scenario=scenario, trials=tries, refit=SimpleNamespace(hold_out=9.0))
     found = untold_sizes(study, backlash, rows)
     assert found == ([] if bounded or tried == "joint_flexibility" else ["half_gap"])
     if found:
         study.chosen, study.tried = SimpleNamespace(hold_out=1.0, strain=0.0, own=0, at_an_end=[]), 10
         said = finding_sentence(backlash, "unknown", 0.9, study, (), found)
         assert "but whatever its half_gap: a simpler law that was not tried may do as well" in said
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_a_richer_law_in_the_place_of_the_users_spring_has_the_simpler_one_there(linear: bool) -> None:
+    """A coupling that hardens a little: the user's own, which is linear, was fitted, and left more."""
+    hard = Candidate(
+        "hardening_spring", "coupling", "coupling", "coupling", lambda s: [], (EffectParameter("cubic_stiffness", 1.0),)
+    )
+    rows = [Interval("coupling.cubic_stiffness", 2.7e3, -math.inf, math.inf, "N.m/rad3", 1e3)]
+    own = SpringDamper(stiffness="40 N.m/rad") if linear else Inertia(inertia="1 kg.m2")
+    scenario = SimpleNamespace(system=SimpleNamespace(blocks={"coupling": own}))
+    study: Any = SimpleNamespace(scenario=scenario, trials=[SimpleNamespace(effects=(hard,))])
+    assert untold_sizes(study, hard, rows) == ([] if linear else ["cubic_stiffness"])
