@@ -382,6 +382,12 @@ class Evidence:
         "Divides the evidence of one effect over another: what no model has may tilt it, and claims must be met.",
         "random rigs: of 7 claims that were 3 to 9 units likelier than a rival, which 1 calls 0.95 or more, 4 right",
     )
+    lots: int = number(
+        64,
+        "values",
+        "Where contacts bounce, probabilities are averaged over so many equally likely values of what luck adds.",
+        "a 64th is a third of the 5 % that a claim leaves to rivals",
+    )
     probability: float = number(
         0.95,
         "1",

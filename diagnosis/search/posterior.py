@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,22 +205,34 @@ def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int)
     """How probable each model is that is told, by its effects.
 
     That some effect is there is as probable as the evidence says. Which one it is, is tempered: those that explain the
-    same mismatch differ by little of it, and what no model has, such as nuisances, may decide that.
+    same mismatch differ by little of it, and what no model has, such as nuisances, may decide that. Where a hair's
+    breadth of parameters moves the model that leads at random, its evidence is a normal deviate about what was found.
 
     Args:
         models: as `told_as` gives them.
         tried: as of `value`.
     """
     values = np.array([value(m, tried) for _, m in models])
-    luck = models[int(values.argmax())][1].left.luck
+    best = int(values.argmax())
+    luck = models[best][1].left.luck
     some = np.array([bool(as_.effects) for as_, _ in models])
-    plain, tempered = _softmax(values, 1 + luck), np.zeros(len(models))
-    if some.any():
-        tempered[some] = plain[some].sum() * _softmax(values[some], EVIDENCE.temperature + luck)
+    count = EVIDENCE.lots if luck else 1
+    lots = [luck * NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)]
     found: dict[frozenset[str], float] = {}
-    for (as_, _), share in zip(models, np.where(some, tempered, plain), strict=True):
-        found[as_.keys] = found.get(as_.keys, 0.0) + float(share)
+    for lot in lots:
+        drawn = values.copy()
+        drawn[best] += lot
+        for (as_, _), share in zip(models, _shares(drawn, some), strict=True):
+            found[as_.keys] = found.get(as_.keys, 0.0) + float(share) / count
     return found
+
+
+def _shares(values: NDArray[np.float64], some: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """How probable models of some values are, those with effects tempered among each other."""
+    plain = _softmax(values, 1.0)
+    if some.any():
+        plain[some] = plain[some].sum() * _softmax(values[some], EVIDENCE.temperature)
+    return plain
 
 
 def _softmax(values: NDArray[np.float64], temperature: float) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.leftover import Leftover
@@ -143,17 +144,21 @@ def test_a_richer_model_that_is_less_likely_stays_a_rival_where_there_is_no_luck
     assert (both, both) in told_as([REFIT, simple, both], REFIT)
 
 
-def test_a_rival_that_luck_may_have_left_behind_is_still_in_play() -> None:
-    """What the best may owe to a hair's breadth of its parameters is more of what evidence is divided by."""
-    luck = 9.0
-    lead = EVIDENCE.temperature + luck
-    best = model(FRICTION, excess=1e3, log_evidence=lead, luck=luck)
-    pairs = [(m, m) for m in (best, model(LAG, excess=1e3))]
-    odds = probabilities(pairs, 20)
-    assert odds[best.keys] / odds[frozenset([LAG.key])] == pytest.approx(math.e)
-    lucky = [(m, m) for m in (model(FRICTION, excess=1e3, log_evidence=lead), model(LAG, excess=1e3, luck=luck))]
-    odds = probabilities(lucky, 20)
-    assert odds[best.keys] / odds[frozenset([LAG.key])] == pytest.approx(math.exp(lead / EVIDENCE.temperature))
+@pytest.mark.parametrize("ahead", [0.5, 1.0, 2.0, 4.0])
+@pytest.mark.parametrize("ways", [1, 6])
+def test_a_rival_is_as_probable_as_luck_is_to_have_left_it_behind(ahead: float, ways: int) -> None:
+    """However many models are told as it: what leads is ahead of it by so many times what luck gives and takes."""
+    luck = 2000.0
+    best, rival = model(FRICTION, excess=1e3, log_evidence=ahead * luck, luck=luck), model(LAG, excess=1e3)
+    odds = probabilities([(best, best), *[(rival, rival)] * ways], 20)
+    assert odds[rival.keys] == pytest.approx(norm.cdf(-ahead), abs=0.02)
+
+
+def test_the_luck_of_what_is_behind_is_not_asked_for() -> None:
+    lead = 13.0
+    best, rival = model(FRICTION, excess=1e3, log_evidence=lead), model(LAG, excess=1e3, luck=9.0)
+    odds = probabilities([(best, best), (rival, rival)], 20)
+    assert odds[best.keys] / odds[rival.keys] == pytest.approx(math.exp(lead / EVIDENCE.temperature))
 
 
 @pytest.mark.parametrize(("gained", "kept"), [(0.4 * EVIDENCE.share, False), (1.5 * EVIDENCE.share, True)])
