@@ -228,9 +228,9 @@ class _Search:
             self._chosen_anew(rival)
             for effect in rival.effects:
                 self._simpler(rival, effect)
-                if effect.key not in self.known.best.keys:
+                if effect.key not in self.known.best.keys and (alike := self._mimics(effect)):
                     kept = tuple(ended(rival, c) for c in rival.effects if c is not effect)
-                    self._beside(kept, rival, SEARCH.exchanged, self._mimics(effect))
+                    self._beside(kept, rival, SEARCH.exchanged, alike)
         self._evened()
 
     @property
