@@ -595,7 +595,7 @@ class _Search:
         """The models of a number of effects that are worth most and those that leave least, each with its own effects.
 
         Beside another effect that is still missing, evidence alone prefers what acts at many frequencies. Of single
-        effects that change the recordings alike one has a turn: beside what is missing they do so, too.
+        effects that change the recordings alike one has a turn: the others are tried in its place once a pair leads.
         """
         able = [m for m in self.known.models if len(m.effects) == count]
         turns = zip(sorted(able, key=self.known.worth, reverse=True), sorted(able, key=energy), strict=True)

@@ -218,13 +218,21 @@ def test_two_that_promise_most_together_are_fitted_before_a_second_beside_the_fi
 ) -> None:
     """A mixture of a spring and a drag promises most alone; beside it neither gains anything, and both explain all."""
     mixture, spring, drag = effect("hysteresis", "joint"), effect("spring", "arm"), effect("drag", "load")
-    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [(spring, drag)])
+    asked: list[float] = []
+
+    def together(found: Any, origin: Any, most: int, gained: float) -> list[tuple[Candidate, ...]]:
+        asked.append(gained)
+        return [(spring, drag)]
+
+    monkeypatch.setattr(searching, "together", together)
     table = {mixture.key: 8e4, f"{spring.key} + {drag.key}": 0.0}
     world = World(by(table), {mixture.key: 3000.0, spring.key: 100.0, drag.key: 90.0})
     found = run(world, [mixture, *OTHERS, spring, drag])
     pair = frozenset({spring.key, drag.key})
     assert found.known.best.keys == pair
     assert all(len(keys) < 2 for keys in world.fitted[: world.fitted.index(pair)])
+    # They are to promise more than the mixture has gained.
+    assert asked[0] == world.likelier(world.made((mixture,))) > 0
 
 
 def test_what_leads_is_extended_however_long_pairs_have_taken_that_are_no_better(
