@@ -140,14 +140,15 @@ right, with seven stopped. Eight more are right, four are not any more:
   were named.
 * **Coulomb friction of the pendulum, of 300 thresholds**, ties with a friction that grows with the load of the
   weight's shaft, which the truth generator does not confirm.
-* **Coulomb friction with a limit of the current**, on the flexible link at 300 thresholds: the friction is told as
-  Stribeck's, which contains it.
+* **Coulomb friction with a limit of the current**, on the flexible link at 300 thresholds: the friction was told as
+  Stribeck's, which contains it, since the time was over before Coulomb's was put in its place. Mended after this run:
+  both are named, in 110 s.
 * **Stops of the belt axis, of 4**: a second pair of stops is named at the motor, which leaves a million floors.
 
-Causes of these four were not looked for. Of the eleven that were not right before, three are still not: the stops of
-rig 1002, which give too softly to be proposed, and Coulomb friction with cogging at 300 thresholds, twice. On two
-masses the friction alone is named there, and on the hard belt the cogging, while the friction ties with one that
-differs between the directions, beside an offset: 423 floors are left. On two masses the true model follows the
+The causes of the other three were not looked for. Of the eleven that were not right before, three are still not: the
+stops of rig 1002, which give too softly to be proposed, and Coulomb friction with cogging at 300 thresholds, twice.
+On two masses the friction alone is named there, and on the hard belt the cogging, while the friction ties with one
+that differs between the directions, beside an offset: 423 floors are left. On two masses the true model follows the
 recordings to the noise if it is fitted to ever more of them in small steps; the search does not do so. At 30
 thresholds both are named on either plant.
 

@@ -117,6 +117,7 @@ def study(
         return search.study(before, scales, told) if search.add_curves(named) else named
     except OutOfTime:
         search.ended_early = True
+        search.reduce()
         return search.study(before, scales, told)
 
 
@@ -232,6 +233,16 @@ class _Search:
                     kept = tuple(ended(rival, c) for c in rival.effects if c is not effect)
                     self._beside(kept, rival, SEARCH.exchanged, alike)
         self._evened()
+
+    def reduce(self) -> None:
+        """Put simpler laws in the places of those of what leads, although the time is over: it is about to be told.
+
+        A law that was met before the simpler one that it contains does as well, and would be told as it is.
+        """
+        self.known.bounded = False
+        leader = self.known.best
+        for effect in leader.effects:
+            self._simpler(leader, effect)
 
     @property
     def handed_on(self) -> Looked | None:

@@ -370,6 +370,22 @@ def test_where_the_time_for_adding_effects_is_over_what_leads_gets_its_rivals() 
     assert made.known.best.keys == {FRICTION.key, delay.key}
 
 
+def test_what_leads_is_reduced_to_the_simpler_law_although_the_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stribeck friction beside a lag leads, and Coulomb friction, which does as well there, has had no turn yet."""
+    both = {f"{STRIBECK.key} + {LAG.key}": 0.0, f"{FRICTION.key} + {LAG.key}": 0.0}
+    world = World(by({STRIBECK.key: 5e4, FRICTION.key: 6e4} | both))
+
+    def grow(self: Any, most: int) -> None:
+        self.known.keep(world.made((STRIBECK, LAG)))
+        world.allowed = 0.0
+
+    monkeypatch.setattr(searching._Search, "_grow", grow)
+    assert between_recordings(monkeypatch, lambda model: False, world, [FRICTION, STRIBECK, LAG]).best == {
+        FRICTION.key,
+        LAG.key,
+    }
+
+
 @pytest.mark.parametrize(("owed", "least", "followed"), [(5.0, 0.0, True), (0.1, 0.0, False), (5.0, 4e4, False)])
 def test_what_owes_a_step_what_it_promised_is_followed_where_it_may_come_near_the_best(
     owed: float, least: float, followed: bool
@@ -1262,9 +1278,14 @@ def test_what_did_far_better_alone_is_no_equal_of_the_weaker_effect_of_a_pair() 
     assert world.fitted == [frozenset({LAG.key, bias.key})]
 
 
-def between_recordings(monkeypatch: pytest.MonkeyPatch, asked: Callable[[Any], bool]) -> Any:
+def between_recordings(
+    monkeypatch: pytest.MonkeyPatch,
+    asked: Callable[[Any], bool],
+    world: Any = None,
+    listed: Sequence[Candidate] = (FRICTION, LAG, *OTHERS),
+) -> Any:
     """A study whose recordings are exchanged, once, where a model asks for it; as its search left it."""
-    world: Any = World(by({FRICTION.key: 1e5, f"{FRICTION.key} + {LAG.key}": 0.0}))
+    world = world or World(by({FRICTION.key: 1e5, f"{FRICTION.key} + {LAG.key}": 0.0}))
     world.base = SimpleNamespace(free=(), training=(), held_out=(), chi2=lambda x, e: 1.0)
     world.again = lambda recordings: world
 
@@ -1273,13 +1294,15 @@ def between_recordings(monkeypatch: pytest.MonkeyPatch, asked: Callable[[Any], b
 
     monkeypatch.setattr(searching, "operating_scales", lambda base: None)
     monkeypatch.setattr(searching, "_seen_beside", lambda scales, model: scales)
-    monkeypatch.setattr(searching, "candidates", lambda scales, without: [FRICTION, LAG, *OTHERS])
+    monkeypatch.setattr(searching, "candidates", lambda scales, without: list(listed))
     monkeypatch.setattr(searching, "taken_otherwise", lambda fitter, model: None)
     monkeypatch.setattr(searching, "exchanged", exchanged)
     monkeypatch.setattr(
         searching._Search,
         "study",
-        lambda self, before, scales, told: SimpleNamespace(notes=told, ended_early=self.ended_early),
+        lambda self, before, scales, told: SimpleNamespace(
+            notes=told, ended_early=self.ended_early, best=self.known.best.keys
+        ),
     )
     monkeypatch.setattr(searching._Search, "add_curves", lambda self, named: False)
     return searching.study(world)
