@@ -131,10 +131,10 @@ is tested on a joint that scipy integrates (`tests/diagnosis/effects/test_drive.
 revolution are named, where a ripple of the motor of the same order is the nearest rival. So are 0.2 mrad, at which the
 fit ended elsewhere while the recordings began with that value.
 
-One program, that of ADR 52, has run all 101 cases that can be drawn, two at a time and none of them again. It was
-told to say what it has found after 200 s: 13 were told so, and none was stopped. They took 24 s of processor time in
-the median, 159 s at 95 %; of 105 claims of a name 102 are right. The program before it on this page (ADR 44) had 90
-right, with seven stopped. Eight more are right, four are not any more:
+One program, that of ADR 52, has run all 101 cases that can be drawn, one or two at a time and none of them again. It
+was told to say what it has found after 200 s: 13 were told so, and none was stopped. They took 24 s of processor time
+in the median, 159 s at 95 %; of 105 claims of a name 102 are right. The program before it on this page (ADR 44) had
+90 right, with seven stopped. Eight more are right, four are not any more:
 
 * **Steps of the command of rig 1002** are told as "something is missing" at the motor, which leaves 5000 floors. They
   were named.

@@ -237,7 +237,7 @@ class _Search:
     def reduce(self) -> None:
         """Put simpler laws in the places of those of what leads, although the time is over: it is about to be told.
 
-        A law that was met before the simpler one that it contains does as well, and would be told as it is.
+        The simpler law may do as well. Without a fit of its own it could not be told in the place of the richer one.
         """
         self.known.bounded = False
         leader = self.known.best

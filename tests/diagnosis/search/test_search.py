@@ -380,10 +380,9 @@ def test_what_leads_is_reduced_to_the_simpler_law_although_the_time_is_over(monk
         world.allowed = 0.0
 
     monkeypatch.setattr(searching._Search, "_grow", grow)
-    assert between_recordings(monkeypatch, lambda model: False, world, [FRICTION, STRIBECK, LAG]).best == {
-        FRICTION.key,
-        LAG.key,
-    }
+    found = between_recordings(monkeypatch, lambda model: False, world, [FRICTION, STRIBECK, LAG])
+    assert found.ended_early
+    assert found.best == {FRICTION.key, LAG.key}
 
 
 @pytest.mark.parametrize(("owed", "least", "followed"), [(5.0, 0.0, True), (0.1, 0.0, False), (5.0, 4e4, False)])
@@ -1284,7 +1283,13 @@ def between_recordings(
     world: Any = None,
     listed: Sequence[Candidate] = (FRICTION, LAG, *OTHERS),
 ) -> Any:
-    """A study whose recordings are exchanged, once, where a model asks for it; as its search left it."""
+    """A study whose recordings are exchanged, once, where a model asks for it; as its search left it.
+
+    Args:
+        asked: whether a model asks for it.
+        world: friction and a lag are missing in it, if it is not given.
+        listed: effects that are tried.
+    """
     world = world or World(by({FRICTION.key: 1e5, f"{FRICTION.key} + {LAG.key}": 0.0}))
     world.base = SimpleNamespace(free=(), training=(), held_out=(), chi2=lambda x, e: 1.0)
     world.again = lambda recordings: world
