@@ -565,7 +565,7 @@ class Search:
     beginning: float = number(
         1 / 32,
         "1",
-        "Share of each recording to which a wave is fitted first, before it is doubled step by step.",
+        "Share of each recording to which a model is fitted first, before it is fitted to ever more.",
         "cogging of 18 and 36 waves a turn, 300 thresholds, on a geared motor: from 1/16 on the higher is lost",
     )
     telling: float = number(
@@ -577,8 +577,14 @@ class Search:
     lost: float = number(
         2.0,
         "1",
-        "Whole recordings are lost by a fit that leaves so many times what it leaves of coarse ones.",
-        "cogging beside friction leaves 60 times as much, a recorded damper whose mismatch is fast 1.002 times",
+        "A recording is lost by a fit that leaves so many times what it left of less of it.",
+        "as many times as a sensor's noise may be stronger than it was stated to be",
+    )
+    stride: float = number(
+        1 / 16,
+        "octaves",
+        "The least by which more of a recording is fitted at a time, once it was lost in longer strides.",
+        "Coulomb friction and cogging, 300 thresholds, on two masses: lost for good at 1/4, followed to the end at 1/8",
     )
     bold_steps: int = number(
         60,

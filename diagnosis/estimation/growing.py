@@ -1,8 +1,9 @@
 """Fits to the beginning of each recording, and to ever more of it.
 
-Where a machine sticks, or turns over the waves of its magnets, what it does next hangs on where it is now: over a whole
-recording a parameter that is off by a thousandth makes another run of it, and a fit from there ends in a hollow of its
-own. Over the beginning it does not, and each doubling of the time moves the parameters only a little.
+Where a machine sticks, turns over the waves of its magnets or bounces between the ends of its play, what it does next
+hangs on where it is now: over a whole recording a parameter that is off by a thousandth makes another run of it, and a
+fit from there ends in a hollow of its own. Over the beginning it does not, and a little more of the time moves the
+parameters only a little.
 """
 
 from __future__ import annotations
@@ -26,7 +27,12 @@ def beginning(made: Problem, share: float) -> Problem:
 def grown(
     made: Problem, x: Array, experiments: Sequence[Experiment] | None = None, only: Sequence[int] | None = None
 ) -> Array:
-    """The search vector fitted to the beginning of each recording, and then to twice as much until it is nearly whole.
+    """The search vector fitted to the beginning of each recording, and to ever more of each while it is followed.
+
+    A recording is lost where it leaves `SEARCH.lost` times what it left before there was more of it, or where that has
+    grown so many times as much as the recording has. What is lost goes on in half the stride, down to `SEARCH.stride`,
+    and then waits until the others have come as far as they can: they make the parameters more exact. A model that
+    does not follow the beginnings has more than its way to find, and is left there.
 
     Args:
         made: what is fitted.
@@ -34,9 +40,28 @@ def grown(
         experiments: to fit to, those of the training recordings if None.
         only: numbers of the search variables that may move; all if None.
     """
-    for share in _shares():
-        x, _ = _fitted(made, x, share, experiments, only)
-    return x
+    given = made.training if experiments is None else experiments
+    shares, strides = [SEARCH.beginning] * len(given), [1.0] * len(given)
+    x, left = _followed(made, x, given, shares, only, SEARCH.most_steps)
+    if _lost(shares, left, [1.0] * len(given)):
+        return x
+    gained = True
+    while True:
+        behind = {k for k, share in enumerate(shares) if share < 1}
+        wanted = {k for k in behind if strides[k] >= SEARCH.stride}
+        if not wanted and not (gained and behind):
+            return x
+        if not wanted:
+            wanted, gained = behind, False
+            strides = [SEARCH.stride if k in behind else stride for k, stride in enumerate(strides)]
+        more = [min(share * 2 ** strides[k], 1.0) if k in wanted else share for k, share in enumerate(shares)]
+        there, leaves = _followed(made, x, given, more, only, SEARCH.first_steps)
+        if lost := _lost(more, leaves, left):
+            slower, times = lost & wanted or wanted, 0.5
+        else:
+            x, shares, left, gained = there, more, leaves, True
+            slower, times = wanted, 2.0
+        strides = [min(times * stride, 1.0) if k in slower else stride for k, stride in enumerate(strides)]
 
 
 def raced(begun: Sequence[tuple[Problem, Array]]) -> list[tuple[int, Array]]:
@@ -56,6 +81,27 @@ def raced(begun: Sequence[tuple[Problem, Array]]) -> list[tuple[int, Array]]:
     return found
 
 
+def _lost(shares: Sequence[float], leaves: Sequence[float], before: Sequence[float]) -> set[int]:
+    """Numbers of the recordings that are lost over these shares of them, as of `grown`; noise is 1."""
+    bounds = [min(share / SEARCH.beginning, max(left, 1.0)) for share, left in zip(shares, before, strict=True)]
+    return {k for k, bound in enumerate(bounds) if not leaves[k] < SEARCH.lost * bound}
+
+
+def _followed(
+    made: Problem,
+    x: Array,
+    given: Sequence[Experiment],
+    shares: Sequence[float],
+    only: Sequence[int] | None,
+    steps: int,
+) -> tuple[Array, list[float]]:
+    """So many steps on a share of each recording: search vector, and what each of them leaves."""
+    begun = [e.cut(share) for e, share in zip(given, shares, strict=True)]
+    with Threads(1) as pool:
+        x, *_ = descend(made, x, begun, pool, only=only, iterations=steps, noise="white")
+    return x, [made.chi2(x, [e]) for e in begun]
+
+
 def _shares() -> Iterator[float]:
     share = SEARCH.beginning
     while share < 1:
@@ -63,15 +109,9 @@ def _shares() -> Iterator[float]:
         share *= 2
 
 
-def _fitted(
-    made: Problem,
-    x: Array,
-    share: float,
-    experiments: Sequence[Experiment] | None = None,
-    only: Sequence[int] | None = None,
-) -> tuple[Array, float]:
+def _fitted(made: Problem, x: Array, share: float) -> tuple[Array, float]:
     """A few steps on the beginning of each recording: search vector and cost."""
-    begun = [e.cut(share) for e in (made.training if experiments is None else experiments)]
+    begun = [e.cut(share) for e in made.training]
     with Threads(1) as pool:
-        x, cost, _ = descend(made, x, begun, pool, only=only, iterations=SEARCH.first_steps, noise="white")
+        x, cost, _ = descend(made, x, begun, pool, iterations=SEARCH.first_steps, noise="white")
     return x, cost

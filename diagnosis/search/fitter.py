@@ -504,20 +504,7 @@ class CandidateFitter:
         Raises:
             SimulationError: as of `finish`.
         """
-        return self._whole(partial, self._coloured(self._in_step(partial), reach), reach)
-
-    def _in_step(self, partial: PartialFit) -> PartialFit:
-        """The partial fit fitted with white noise; from the beginning of the recordings, if that leaves less.
-
-        It is tried where much is left, and given up where it would not come as low.
-        """
-        there = self._descended(partial, noise="white")
-        made = there.point.problem
-        if self.tables or made.chi2(there.point.x, made.training) < EVIDENCE.stated:
-            return there
-        begun = replace(partial.point, x=grown(partial.point.problem, partial.point.x), cost=math.inf)
-        again = self._descended(replace(partial, point=begun), noise="white", reach=there.point.cost)
-        return again if again.point.cost < there.point.cost else there
+        return self._whole(partial, self._coloured(self._descended(partial, noise="white"), reach), reach)
 
     def _coloured(self, there: PartialFit, reach: float) -> PartialFit:
         """A fit with white noise fitted with coloured noise, sizes that are only chosen too.
@@ -543,11 +530,11 @@ class CandidateFitter:
             SimulationError: as of `finish`.
         """
         if self.coarse is self.base:
-            return finer
+            return self._back_in_step(partial, finer, reach)
         for end in (finer, partial):
             whole = self._descended(end, whole=True, reach=reach)
             if whole is not end:
-                whole = self._back_in_step(end, whole, reach)
+                whole = self._back_in_step(partial, whole, reach)
                 if whole.point.cost > reach:
                     return whole
                 # What coarse recordings say of a size is right near the model that they are made coarse around.
@@ -556,16 +543,21 @@ class CandidateFitter:
         # Coarse recordings have fewer samples to leave something over of: a model judged on them would win.
         raise SimulationError("it follows coarse recordings only, at sizes at which it cannot follow the whole ones")
 
-    def _back_in_step(self, rough: PartialFit, whole: PartialFit, reach: float = math.inf) -> PartialFit:
-        """The fit to whole recordings, again from their beginnings if it has lost them.
+    def _back_in_step(self, partial: PartialFit, whole: PartialFit, reach: float = math.inf) -> PartialFit:
+        """The fit to whole recordings, again from their beginnings if it leaves more than noise and that is likelier.
 
-        Averages of several samples show a mismatch as clearly, unless it is faster than they are.
+        Coarse recordings do not serve: what they are corrected by is right near the model that told it, and who has
+        lost his way is not near.
+
+        Args:
+            partial: where it began.
+            whole: where it ended.
+            reach: as of `finish`.
         """
-        end, made = rough.point, whole.point.problem
-        left, before = made.chi2(whole.point.x, made.training), end.problem.chi2(end.x, end.problem.training)
-        if left < SEARCH.lost * max(before, 1.0):
+        made = whole.point.problem
+        if self.tables or made.chi2(whole.point.x, made.training) < EVIDENCE.stated:
             return whole
-        x = grown(made, end.x)
+        x = grown(made, partial.point.x)
         with Threads(1) as pool:
             x, cost, converged = descend(
                 made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow, reach=reach

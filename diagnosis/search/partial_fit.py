@@ -30,6 +30,10 @@ class StartingPoint:
 class Builder(Protocol):
     """Builds models with effects in them."""
 
+    def build(self, effects: Sequence[Candidate], starts: Sequence[Sizes], *, whole: bool = False) -> Problem:
+        """The problem with effects at starting values, with the recordings as they are if ``whole``."""
+        ...
+
     def placed(
         self, effects: tuple[Candidate, ...], group: Sequence[tuple[Sizes, ...]], parent: dict[str, float]
     ) -> Iterator[tuple[Problem, Array, tuple[Sizes, ...]]]:

@@ -5,8 +5,8 @@ what it does: they have moved in the parent's fit, and with them left there a wa
 the wrong order. So both are solved for at once, by the tangents from a wave that is hardly there.
 
 A wave of a high order in an angle is out of step as soon as the model's angle is off by a fraction of it, as it is soon
-after the start. So both are also solved for over the beginning of each recording, and fitted to ever more of it, in
-ever fewer of the orders.
+after the start. So both are also solved for over the beginning of each recording as it was taken, and fitted to ever
+more of it, in ever fewer of the orders.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from diagnosis.estimation.growing import beginning, raced
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.whitened import WhitenedResiduals
+from diagnosis.problems import resolved
 from diagnosis.search.partial_fit import Builder, StartingPoint
 from diagnosis.thresholds import SEARCH
 from engine.errors import SimulationError
@@ -45,9 +46,12 @@ def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[
         orders += [(*made, together[0]) for made in builder.placed(tuple(effects), together, parent)]
 
     rows = [_solution(made, x, effects[k]) for made, x, *_ in orders]
-    first = [_solution(beginning(made, SEARCH.beginning), x, effects[k]) for made, x, *_ in orders]
-    able = [number for number, x in enumerate(first) if x is not None]
-    racing = raced([(orders[number][0], x) for number in able if (x := first[number]) is not None])
+    whole = [_as_recorded(builder, effects, built, x) for _, x, _, built in orders]
+    begun = [
+        _solution(beginning(w, SEARCH.beginning), x, effects[k]) for w, (_, x, *_) in zip(whole, orders, strict=True)
+    ]
+    able = [number for number, x in enumerate(begun) if x is not None]
+    racing = raced([(whole[number], x) for number in able if (x := begun[number]) is not None])
     ends = [*enumerate(rows), *((able[k], x) for k, x in racing)]
 
     found: dict[int, StartingPoint] = {}
@@ -58,6 +62,12 @@ def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[
             if number not in found or point.cost < found[number].cost:
                 found[number] = point
     return sorted(found.values(), key=lambda point: point.cost)
+
+
+def _as_recorded(builder: Builder, effects: Sequence[Candidate], built: tuple[Sizes, ...], x: Array) -> Problem:
+    """A model with its recordings as they are: those that were made coarse are right near another one only."""
+    made = builder.build(effects, built, whole=True)
+    return resolved(made, x) or made
 
 
 def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:

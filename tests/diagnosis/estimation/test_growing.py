@@ -1,15 +1,119 @@
-"""Which of several models keep up while ever more of the recordings is fitted."""
+"""Fits to ever more of the recordings: how far they are followed, and which of several models keep up."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from benchmarks.concealed.case import draw
+from benchmarks.concealed.scenario import write
+from diagnosis.api import gather
+from diagnosis.effects.catalogue import candidates
+from diagnosis.effects.effect import beside
+from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation import growing
+from diagnosis.estimation.least_squares import descend
+from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.partial_fit import standing
+from diagnosis.search.search import _seen_beside
+from diagnosis.search.wave_starts import solved
 from diagnosis.thresholds import SEARCH
+from engine.threads import Threads
+from scenarios.load import load
+
+Vector = NDArray[np.float64]
+
+
+class Followed:
+    """A made-up model: a recording is followed over a share that is small beside how exactly its parameter is known.
+
+    The parameter is an error, as small as the root of all that is followed is large.
+
+    Args:
+        hardness: of each recording; a share times the error times this is to be less than one.
+        begins: what each leaves of its beginning.
+    """
+
+    def __init__(self, hardness: Sequence[float], begins: Sequence[float]) -> None:
+        self.hardness, self.begins = hardness, begins
+        self.training = tuple(range(len(hardness)))
+        self.shares: list[tuple[float, ...]] = []
+
+    def fitted(self, _: Any, x: Vector, __: Any, shares: Sequence[float], *___: Any) -> tuple[Vector, list[float]]:
+        """As of `growing._followed`."""
+        self.shares.append(tuple(shares))
+        fits = [h * share * x[0] < 1 for h, share in zip(self.hardness, shares, strict=True)]
+        leaves = [b if fit else 100.0 for b, fit in zip(self.begins, fits, strict=True)]
+        return np.array([sum(shares) ** -0.5]) if all(fits) else 10 * x, leaves
+
+
+def grown(world: Followed, monkeypatch: pytest.MonkeyPatch) -> float:
+    monkeypatch.setattr(growing, "_followed", world.fitted)
+    made: Any = world
+    return float(growing.grown(made, np.array([4.0]))[0])
+
+
+def test_what_is_lost_goes_on_in_smaller_strides_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = Followed([0.1, 1.3], [1.0, 1.0])
+    found = grown(world, monkeypatch)
+    assert world.shares[0] == (SEARCH.beginning, SEARCH.beginning)
+    assert world.shares[-1] == (1.0, 1.0)
+    assert found == pytest.approx(0.5**0.5), "by both, whole"
+    ahead = [first for first, second in world.shares if second < 1]
+    assert max(ahead) == 1.0, "the first is whole before the second"
+    steps = sorted({second for _, second in world.shares})
+    assert min(b / a for a, b in itertools.pairwise(steps)) < 2**0.5
+
+
+def test_what_cannot_be_followed_stays_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As exactly as both recordings tell the parameter, 0.395 of the second can be followed."""
+    world = Followed([0.1, 3.0], [1.0, 1.0])
+    second = grown(world, monkeypatch) ** -2 - 1.0
+    assert any(first == 1.0 and other == pytest.approx(second) for first, other in world.shares)
+    assert 0.395 / 2**SEARCH.stride < second < 0.395
+    assert len(world.shares) < 40, "it ends"
+
+
+def test_a_model_that_does_not_follow_the_beginnings_is_left_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = Followed([0.0, 0.0], [1.0, 3.0])
+    grown(world, monkeypatch)
+    assert len(world.shares) == 1
+
+
+def test_a_motor_that_sticks_between_the_waves_of_its_magnets_is_followed_to_the_end(tmp_path: Path) -> None:
+    """Where it comes to rest hangs on every parameter: a fit to all of it ends far above the noise."""
+    case = draw("geared-two-mass", ["coulomb_friction", "cogging"], [300.0], 1)
+    write(case, tmp_path / "case", tmp_path / "answers")
+    scenario = load(str(tmp_path / "case" / "scenario.yaml"))
+    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    listed = {c.key: c for c in candidates(_seen_beside(operating_scales(fitter.base), fitter.refit))}
+    friction = listed["coulomb_friction at motor.shaft"]
+    friction = replace(friction, starts=({"coulomb_friction": 1e-4},))
+    cogging = beside([friction], listed["cogging at motor.shaft"])
+    assert cogging is not None
+    best = solved(fitter, (friction, cogging), 1, standing(fitter.refit.fit))[0]
+    assert best.sizes[1]["order"] == 36.0
+
+    made = fitter.build((friction, cogging), best.built, whole=True)
+    found = growing.grown(made, best.x)
+    with Threads(1) as pool:
+        whole, *_ = descend(made, best.x, made.training, pool, iterations=SEARCH.most_steps)
+    assert made.chi2(found, made.training) < 1.2
+    assert made.chi2(whole, made.training) > 100.0
+    sizes = made.values(found)[0]
+    truth = {e.effect: e.parameters for e in case.truth.concealed}
+    share = sizes["motor.rotor_inertia"] / case.truth.parameters["motor.rotor_inertia"]  # torques go by their ratios
+    assert sizes["found_coulomb_friction.coulomb_friction"] == pytest.approx(
+        share * truth["coulomb_friction"]["coulomb_friction"], rel=0.03
+    )
+    assert sizes["found_cogging.amplitude"] == pytest.approx(share * truth["cogging"]["amplitude"], rel=0.01)
 
 
 def test_half_of_the_models_is_dropped_at_each_doubling_once_the_recordings_tell(
