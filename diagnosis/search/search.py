@@ -325,13 +325,17 @@ class _Search:
         """Put each effect of a model in with every value of what is only chosen, such as a wave's order.
 
         It was chosen after a few steps by the recordings that are fitted: over a short way orders are alike there.
+        Those that were fitted to the end are left out.
         """
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             listed = [c for c in self.listed if (c.key, c.option) == (effect.key, effect.option)]
             ways = [way for c in _able_beside(kept, listed) for way in c.choices()]
             if len(ways) > 1:
-                self.known.fit([((*kept, way), [standing(model.fit)]) for way in ways], 1, near=model)
+                tasks = [
+                    ((*kept, way), [standing(model.fit)]) for way in ways if not self.known.has_ended((*kept, way))
+                ]
+                self.known.fit(tasks, 1, near=model)
 
     def _simpler(self, model: ScoredModel, effect: Candidate) -> list[ScoredModel]:
         """Put simpler laws in the place of an effect of a model, from where it ended; they are given."""

@@ -174,13 +174,15 @@ class TriedModels:
         leaders, others, rivals = self._able(partials)
         count = max(finish - len(leaders), 0)
         self.dropped += others[count:]
-        made = self.finished([*leaders, *others[:count]], whole=whole)
+        made = self.finished([*leaders, *others[:count]], whole=whole, begun=True)
         left = {id(p) for p in (*self.waiting, *self.dropped)} & {id(rival) for rival in rivals}
         self.waiting = [p for p in self.waiting if id(p) not in left]
         self.dropped = [p for p in self.dropped if id(p) not in left]
         return made + self.finished([rival for rival in rivals if id(rival) in left], whole=whole)
 
-    def finished(self, partials: Sequence[PartialFit], *, whole: bool = False) -> list[ScoredModel]:
+    def finished(
+        self, partials: Sequence[PartialFit], *, whole: bool = False, begun: bool = False
+    ) -> list[ScoredModel]:
         """Models fitted to the end, a few at a time, while one of the few comes near the best; others wait.
 
         Beside a second effect what was far from the best may be part of the truth; and what is related to the best, as
@@ -189,6 +191,8 @@ class TriedModels:
         Args:
             partials: which.
             whole: to the end even where that is not near the best, for what the best may be told as.
+            begun: whether the first is fitted although the time is over: all that was spent on the few steps of the
+                others has told that it leads.
         """
         reaches: dict[int, float] = {}
 
@@ -200,9 +204,10 @@ class TriedModels:
 
         kept: list[ScoredModel] = []
         for few in range(0, len(partials), SEARCH.few):
-            self._go_on()
             some, able = partials[few : few + SEARCH.few], list[ScoredModel]()
-            for group in (some[:1], some[1:]) if few == 0 else (some,):
+            for number, group in enumerate((some[:1], some[1:]) if few == 0 else (some,)):
+                if not (begun and few == number == 0):
+                    self._go_on()
                 reaches |= {id(partial): self._reach_of(partial) for partial in group}
                 with Spread(self.fitter.workers, threads=True) as pool:
                     found = list(pool.map(finish, group))
@@ -214,7 +219,9 @@ class TriedModels:
                         self.keep(able[-1])
                         self._keep_refit(self._judged(self.refit))
                         if made.fit.converged and (whole or made.fit.cost <= reaches[id(partial)]):
-                            self._ends.setdefault(_model(made.effects), []).append(made.fit.cost)
+                            chosen = [ended(made, c) for c in made.effects]
+                            for mark in {_model(made.effects), _model(chosen)}:
+                                self._ends.setdefault(mark, []).append(made.fit.cost)
             kept += able
             reach = self.reach
             if not any(self.worth(made) > reach and made.keys != self.best.keys for made in able):
@@ -232,6 +239,10 @@ class TriedModels:
 
     def _keep_refit(self, refit: ScoredModel) -> None:
         self.refit = self._models[refit.keys] = refit
+
+    def has_ended(self, effects: Sequence[Candidate]) -> bool:
+        """Whether a fit of a model with these effects, and what is chosen of them, has come to its end."""
+        return bool(self._ends.get(_model(effects)))
 
     def _sure(self, effects: Sequence[Candidate]) -> bool:
         """Whether two fits of a model have ended at the same cost, and none lower."""

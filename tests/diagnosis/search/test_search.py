@@ -350,6 +350,18 @@ def test_a_search_ends_where_its_time_is_over_and_keeps_a_share_of_it_for_rivals
     assert len(search.known.best.effects) == 1
 
 
+def test_what_leads_a_round_is_fitted_to_the_end_although_the_time_is_over() -> None:
+    """The few steps of all took the time: without a fit to the end what they have told would be lost."""
+    listed = [FRICTION, LAG, *OTHERS]
+    world = World(by({FRICTION.key: 0.0}), fit=1, allowed=len(listed))
+    known = tried_models.TriedModels(world, world.refit, len(listed))  # type: ignore[arg-type]
+    known.bounded = True
+    with pytest.raises(OutOfTime):
+        known.fit([((c,), [{}]) for c in listed], len(listed))
+    assert world.fitted == [frozenset({FRICTION.key})]
+    assert known.best.keys == {FRICTION.key}
+
+
 def test_where_the_time_for_adding_effects_is_over_what_leads_gets_its_rivals() -> None:
     """A lag came last beside the friction; a delay that changes the recordings as it does explains as much there."""
     delay = effect("delay", "command")
@@ -1002,9 +1014,12 @@ def test_at_last_what_was_only_chosen_of_a_rival_is_chosen_anew() -> None:
     starts = tuple({"order": order, "amplitude": 0.1} for order in (2.0, 3.0))
     ripple = replace(effect("torque_ripple"), parameters=rows, starts=starts)
 
+    tried: list[float] = []
+
     class Waves(World):
         def finish(self, partial: PartialFit, reach: float = math.inf) -> Any:
             waves = [c.starts[0]["order"] for c in partial.effects if c.key == ripple.key]
+            tried.extend(waves if len(partial.effects) == 1 else [])
             self.excess_at_end = by({ripple.key: 12.0 if waves == [2.0] else 1.0, LAG.key: 2.0})
             return super().finish(partial, reach)
 
@@ -1012,6 +1027,7 @@ def test_at_last_what_was_only_chosen_of_a_rival_is_chosen_anew() -> None:
     found = run(world, [ripple, LAG, *OTHERS])
     assert found.known.best.keys == {ripple.key}
     assert found.known.best.sizes[0]["order"] == 3.0
+    assert tried == [2.0, 3.0], "what was fitted to its end is not fitted again"
 
 
 def test_at_last_what_changes_recordings_alike_is_put_in_the_place_of_a_rivals_effect() -> None:
