@@ -568,6 +568,12 @@ class Search:
         "Share of each recording to which a model is fitted first, before it is fitted to ever more.",
         "cogging of 18 and 36 waves a turn, 300 thresholds, on a geared motor: from 1/16 on the higher is lost",
     )
+    early: float = number(
+        1 / 16,
+        "1",
+        "Share of each recording, from its beginning on, over which pairs of effects are looked at too.",
+        "friction and cogging, 300 thresholds, two masses and a belt: among the first eight pairs; not so at 1/8, 1/32",
+    )
     telling: float = number(
         1 / 8,
         "1",

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes, together
-from diagnosis.estimation.growing import grown
+from diagnosis.estimation.growing import beginning, grown
 from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array
@@ -53,6 +53,7 @@ class CandidateFitter:
         seed: of everything random.
         store: keeps every fit, so that a study that was interrupted goes on where it was.
         spent: what fits to these recordings and to others have taken, and what is allowed for all.
+        share: of each recording that is looked at, from its beginning on.
     """
 
     def __init__(
@@ -63,10 +64,12 @@ class CandidateFitter:
         seed: int = 0,
         store: Store | None = None,
         spent: Spent | None = None,
+        share: float = 1.0,
     ) -> None:
         self.scenario, self.recordings, self.store = scenario, tuple(recordings), store
         self.workers, self.seed = workers, seed
-        self.base = problem(scenario, self.recordings)
+        made = problem(scenario, self.recordings)
+        self.base = beginning(made, share) if share < 1 else made
         self.tables = self.base.sparse
         self.digest = _digest(self.base, seed)
         self.centre: PartialFit | None = None
@@ -88,6 +91,16 @@ class CandidateFitter:
         if len(recordings) == len(self.recordings) and all(map(operator.is_, recordings, self.recordings)):
             return self
         return CandidateFitter(self.scenario, recordings, self.workers, self.seed, self.store, self.spent)
+
+    @functools.cached_property
+    def early(self) -> CandidateFitter:
+        """The same with the beginnings of the recordings, to look at effects beside the user's model fitted to these.
+
+        Over whole recordings no tangent may hold: what a machine that sticks does next hangs on where it is.
+        """
+        return CandidateFitter(
+            self.scenario, self.recordings, self.workers, self.seed, self.store, self.spent, SEARCH.early
+        )
 
     def near(self, model: ScoredModel) -> CandidateFitter:
         """The same with recordings that are made coarse around a model, to put other effects in beside its own.
@@ -194,7 +207,8 @@ class CandidateFitter:
         made = self.build(effects, row["built"], whole=row["whole"]) if effects else self.base
         made = replace(made, internal_step=row["internal_step"])
         point = StartingPoint(row["cost"], made, np.array(row["x"]), tuple(row["sizes"]), tuple(row["built"]))
-        return PartialFit(effects, point, row["converged"], self.mark, row["work"])
+        begun = None if row["begun"] is None else np.array(row["begun"])
+        return PartialFit(effects, point, row["converged"], self.mark, row["work"], begun)
 
     def followed(self, model: ScoredModel) -> ScoredModel:
         """A model judged where all recordings together are likeliest, however many steps away; see `evidence`.
@@ -386,7 +400,8 @@ class CandidateFitter:
                     noise="white",
                     reach=least,  # only the best start goes on
                 )
-                tried.append(PartialFit(effects, replace(point, x=x, cost=cost), converged, self.mark))
+                end = replace(point, x=x, cost=cost)
+                tried.append(PartialFit(effects, end, converged, self.mark, begun=point.x))
         best = self._acting(min(tried, key=lambda partial: partial.point.cost))
         # A size that is only chosen takes no steps, and would stand where it began among others that did; one that is
         # in already has taken the place of what is put in now.
@@ -547,7 +562,8 @@ class CandidateFitter:
         """The fit to whole recordings, again from their beginnings if it leaves more than noise and that is likelier.
 
         Coarse recordings do not serve: what they are corrected by is right near the model that told it, and who has
-        lost his way is not near.
+        lost his way is not near. Nor do the few steps over all of them from where the fit began: it begins there again,
+        and where they ended only if it does not follow the recordings from there.
 
         Args:
             partial: where it began.
@@ -557,13 +573,25 @@ class CandidateFitter:
         made = whole.point.problem
         if self.tables or made.chi2(whole.point.x, made.training) < EVIDENCE.stated:
             return whole
-        x = grown(made, partial.point.x)
+        x = self._grown(made, [x for x in (partial.begun, partial.point.x) if x is not None])
         with Threads(1) as pool:
             x, cost, converged = descend(
                 made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow, reach=reach
             )
         again = replace(whole, point=replace(whole.point, x=x, cost=cost), converged=converged)
         return self._likelier([whole, again]) if math.isfinite(cost) else whole
+
+    def _grown(self, made: Problem, begins: Sequence[Array]) -> Array:
+        """The search vector as of `grown` from the first start that leaves no more than noise, or the least."""
+        best, least = begins[0], math.inf
+        for begin in begins:
+            x = grown(made, begin)
+            left = made.chi2(x, made.training)
+            if left < least:
+                best, least = x, left
+            if least < EVIDENCE.stated:
+                break
+        return best
 
     def _likelier(self, ends: Sequence[PartialFit]) -> PartialFit:
         """The first of several ends of a fit, or a later one that leaves less of all recordings and is likelier."""

@@ -51,6 +51,7 @@ class PartialFit:
         converged: whether no step leads lower.
         around: mark of the model that the recordings are made coarse around; see `CandidateFitter.near`.
         work: that its fit took; see `engine.work`.
+        begun: search vector from which the steps were taken, if any were.
     """
 
     effects: tuple[Candidate, ...]
@@ -58,6 +59,7 @@ class PartialFit:
     converged: bool
     around: str = ""
     work: int = 0
+    begun: Array | None = None
 
     @property
     def label(self) -> str:
@@ -74,6 +76,7 @@ class PartialFit:
             "built": self.point.built,
             "internal_step": self.point.problem.internal_step,
             "work": self.work,
+            "begun": None if self.begun is None else self.begun.tolist(),
             "whole": not any(e.coarse for e in self.point.problem.experiments),
         }
 

@@ -417,6 +417,8 @@ class _Search:
                 return False
             if count == 2:
                 self._pairs(SEARCH.few, before)
+                if misses(before.left):
+                    self._pairs_of_beginnings(before)
             # What leads is extended before the search gives up, however long pairs have taken that are no better.
             if count > 2 or self.known.best.keys == before.keys or not self._enough(3):
                 self._extend(before, self.listed)
@@ -937,21 +939,54 @@ class _Search:
     def _pairs(self, most: int, than: ScoredModel | None = None) -> None:
         """Two effects at once, where they promise most together; so many pairs at most.
 
-        Those with an effect that leads alone, or with a law that is part of it or the other way round, are left to the
-        extension of that.
-
         Args:
             most: number of pairs.
             than: model that they are to promise to better; none, if all are to be fitted.
         """
-        origin = self.fitter.origin((), standing(self.known.refit.fit))
-        if origin is None or self.fitter.tables:
+        parents = [standing(self.known.refit.fit), {}]
+        pairs = self._promised_pairs(self.fitter, parents[0], most, than)
+        self.known.fit([(pair, parents) for pair in pairs], SEARCH.few)
+
+    def _pairs_of_beginnings(self, than: ScoredModel) -> None:
+        """Two effects at once, where they promise most together over the beginnings of the recordings.
+
+        What a machine that sticks, or bounces, does next hangs on where it is: over whole recordings no tangent tells
+        what effects would explain, and a fit ends in a hollow. So the pairs are fitted to the beginnings, and the best
+        of them to whole recordings, from there.
+
+        Args:
+            than: model that they are to promise to better over the beginnings.
+        """
+        if self.fitter.tables:
             return
+        early = self.fitter.early
+        parents = [standing(early.refit.fit)]
+        pairs = [self._with_all_orders(c) for c in self._promised_pairs(early, parents[0], SEARCH.few, than)]
+        known = TriedModels(early, early.refit, self.known.tried)
+        known.fit([(pair, parents) for pair in pairs], len(pairs))
+        self.fit_known([m for m in known.foremost() if known.worth(m) > known.reach])
+
+    def _promised_pairs(
+        self, fitter: CandidateFitter, values: Values, most: int, than: ScoredModel | None
+    ) -> list[tuple[Candidate, ...]]:
+        """The pairs that promise most beside the user's model, with some parameters; other arguments as of `_pairs`.
+
+        Those with an effect that leads alone, or with a law that is part of it or the other way round, are left to the
+        extension of that.
+        """
+        origin = fitter.origin((), values)
+        if origin is None or fitter.tables:
+            return []
         found = [course for c in self._looked_at for course in courses(origin, c)[: SEARCH.sizes]]
         alone = self.known.best.effects if len(self.known.best.effects) == 1 else ()
-        among = together(found, origin, most, self.fitter.likelier(than) if than is not None else -math.inf)
-        pairs = [pair for pair in among if not any(is_in(c, a) or is_in(a, c) for c in pair for a in alone)]
-        self.known.fit([(pair, [standing(self.known.refit.fit), {}]) for pair in pairs], SEARCH.few)
+        among = together(found, origin, most, fitter.likelier(than) if than is not None else -math.inf)
+        return [pair for pair in among if not any(is_in(c, a) or is_in(a, c) for c in pair for a in alone)]
+
+    def _with_all_orders(self, pair: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
+        """A pair with its wave last, if there is one, to be tried in all orders: over a short way they are alike."""
+        waves = {(c.key, c.option): c for c in self._looked_at if c.wave is not None}
+        last = [c for c in pair if (c.key, c.option) in waves][-1:]
+        return (*(c for c in pair if c not in last), *(waves[c.key, c.option] for c in last))
 
 
 def _ratio(there: float, here: float) -> float:

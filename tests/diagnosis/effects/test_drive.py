@@ -19,13 +19,16 @@ from benchmarks.concealed.plants import PLANTS
 from benchmarks.concealed.recording import record
 from benchmarks.concealed.scenario import write
 from diagnosis.api import diagnose, gather, possible_effects
+from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.orders import explained_energy, standing_out
+from diagnosis.effects.scales import operating_scales
 from diagnosis.effects.step_heights import NEAR, heights
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, variant
 from diagnosis.search.equivalent_effects import NESTED
 from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.search import _Search, _seen_beside
 from diagnosis.verdict.verdict import Diagnosis
 from diagnosis.verdict.write import amended_text
 from scenarios.amend import AtFlange, InSignal, Set, Wire, amended
@@ -582,3 +585,22 @@ def test_it_is_named_where_it_is_concealed(tmp_path: Path, plant: str, effect: s
         assert there["value"] == pytest.approx(true, rel=5e-3)
     else:
         assert there["low"] <= true <= there["high"]
+
+
+@pytest.mark.slow
+def test_friction_and_cogging_that_lose_a_machine_are_found_over_the_beginnings(tmp_path: Path) -> None:
+    """Of 300 thresholds each, on two masses: over whole recordings other effects promise more, and none fits."""
+    case = draw("geared-two-mass", ["coulomb_friction", "cogging"], [300.0], 1)
+    write(case, tmp_path / "case", tmp_path / "answers")
+    scenario = load(str(tmp_path / "case" / "scenario.yaml"))
+    fitter = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    few = {"coulomb_friction", "cogging", "dead_zone", "offset", "quadratic_drag"}
+    scales = _seen_beside(operating_scales(fitter.base), fitter.refit)
+    listed = [c for c in candidates(scales) if c.effect in few]
+    search = _Search(fitter, fitter.refit, listed, None)
+    search.begin()
+    before = search.known.best
+    assert before.left.energy.sum() > 1e4 * before.left.count.sum()
+    search._pairs_of_beginnings(before)
+    assert search.known.best.keys == {"coulomb_friction at motor.shaft", "cogging at motor.shaft"}
+    assert search.known.best.fit.chi2 < 1.2

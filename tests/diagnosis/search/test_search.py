@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.effects.effect import Candidate, EffectParameter
+from diagnosis.effects.effect import Candidate, EffectParameter, Wave
 from diagnosis.effects.scales import OperatingScales
 from diagnosis.estimation.leftover import Leftover
 from diagnosis.estimation.parameters import FreeParameter
@@ -121,6 +121,10 @@ class World:
         return SimpleNamespace(builder=self, likelihood=0.0, effects=effects, refused={})
 
     def near(self, model: Any) -> World:
+        return self
+
+    @property
+    def early(self) -> World:
         return self
 
     def likelier(self, model: Any) -> float:
@@ -258,6 +262,37 @@ def test_a_pair_with_what_leads_or_a_law_of_its_kind_is_left_to_its_extension(mo
     world.fitted.clear()
     made._pairs(3)
     assert world.fitted == [frozenset({LAG.key, drag.key})]
+
+
+@pytest.mark.parametrize(("left", "looked"), [(5e4, True), (0.0, False)])
+def test_pairs_that_promise_most_over_the_beginnings_are_fitted_there_and_the_best_to_all(
+    monkeypatch: pytest.MonkeyPatch, left: float, looked: bool
+) -> None:
+    """Over whole recordings no pair promises anything. The one that leaves least of the beginnings comes first."""
+    spring, drag = effect("spring", "arm"), effect("drag", "load")
+    pairs = [(drag, spring), (spring, LAG)]
+    early = World(by({f"{drag.key} + {spring.key}": 9e4, f"{spring.key} + {LAG.key}": 0.0}))
+    monkeypatch.setattr(World, "early", early)
+    monkeypatch.setattr(
+        searching, "together", lambda found, origin, most, gained: pairs if origin.builder is early else []
+    )
+    world = World(by({FRICTION.key: left, f"{spring.key} + {LAG.key}": 0.0}))
+    found = run(world, [FRICTION, LAG, spring, drag])
+    assert (frozenset({spring.key, LAG.key}) in early.fitted) == looked
+    pairs_of_all = [keys for keys in world.fitted if len(keys) == 2]
+    assert not looked or pairs_of_all[0] == {spring.key, LAG.key}
+    assert found.known.best.keys == ({spring.key, LAG.key} if looked else {FRICTION.key})
+
+
+def test_a_wave_of_a_pair_is_raced_in_all_of_its_orders() -> None:
+    """What promises most over a short way is one order of several that are alike there."""
+    starts = tuple({"order": order, "amplitude": 0.1, "phase": 0.0} for order in (2.0, 3.0))
+    wave = replace(effect("torque_ripple"), starts=starts, wave=Wave("amplitude", "phase", starts))
+    world = World(by({}))
+    made: Any = searching._Search(world, world.refit, [wave, LAG], None)  # type: ignore[arg-type]
+    made.begin()
+    pair = made._with_all_orders((replace(wave, starts=starts[1:]), LAG))
+    assert [(c.key, c.starts) for c in pair] == [(LAG.key, LAG.starts), (wave.key, starts)]
 
 
 @pytest.mark.parametrize(("left", "fitted"), [(0.0, False), (4e5, True)])

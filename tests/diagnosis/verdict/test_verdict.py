@@ -114,3 +114,13 @@ def test_a_richer_law_in_the_place_of_the_users_spring_has_the_simpler_one_there
     scenario = SimpleNamespace(system=SimpleNamespace(blocks={"coupling": own}))
     study: Any = SimpleNamespace(scenario=scenario, trials=[SimpleNamespace(effects=(hard,))])
     assert untold_sizes(study, hard, rows) == ([] if linear else ["cubic_stiffness"])
+
+
+@pytest.mark.parametrize(("after", "share"), [(2.0, "100%"), (52.0, "50%")])
+def test_no_finding_explains_more_than_there_is(after: float, share: str) -> None:
+    """Where luck leaves four times the noise on average, a run may leave less."""
+    left = SimpleNamespace(noise=np.array([4.0]), count=np.array([100.0]))
+    chosen = SimpleNamespace(hold_out=after, left=left)
+    study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=100.0), chosen=chosen)
+    lag: Any = SimpleNamespace(effect="lag", place="motor.voltage", option="")
+    assert f"({share} of what was unexplained)" in finding_sentence(lag, "named", 1.0, study, [])
