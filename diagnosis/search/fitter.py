@@ -441,7 +441,8 @@ class CandidateFitter:
         for values in parents:
             points: list[StartingPoint] = []
             if new.wave and len(new.starts) > 1 and not self.tables:
-                points += solved(self, effects, len(before), values)
+                # Coarse recordings, to which the steps are taken, do not tell the order of a wave that is as fast.
+                points += solved(self, effects, len(before), values)[:1]
             elif all(len(c.starts) == 1 for c in effects):
                 only = tuple(c.starts[0] for c in effects)
                 for made, x, sizes in self.placed(effects, [only], values):

@@ -964,7 +964,10 @@ class _Search:
         pairs = [self._with_all_orders(c) for c in self._promised_pairs(early, parents[0], SEARCH.few, than)]
         known = TriedModels(early, early.refit, self.known.tried)
         known.fit([(pair, parents) for pair in pairs], len(pairs))
-        self.fit_known([m for m in known.foremost() if known.worth(m) > known.reach])
+        for m in known.foremost()[: SEARCH.few]:
+            self.fit_known([m])
+            if self.known.best.keys != m.keys:  # the order of a wave may be another one
+                self.known.fit([(self._with_all_orders(_as_ended(m)), [standing(m.fit)])], 1, whole=True)
 
     def _promised_pairs(
         self, fitter: CandidateFitter, values: Values, most: int, than: ScoredModel | None

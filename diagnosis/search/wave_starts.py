@@ -30,7 +30,7 @@ from engine.threads import Threads
 
 
 def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[str, float]) -> list[StartingPoint]:
-    """A start at each order of a wave, the best first.
+    """A start at each order of a wave, the best first, by what it leaves of the recordings as they were taken.
 
     Args:
         builder: builds models.
@@ -58,7 +58,8 @@ def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[
     for number, x in ends:
         made, _, sizes, built = orders[number]
         if x is not None:
-            point = StartingPoint(made.cost(x, made.training, noise="white"), made, x, sizes, built)
+            cost = whole[number].cost(x, whole[number].training, noise="white")
+            point = StartingPoint(cost, made, x, sizes, built)
             if number not in found or point.cost < found[number].cost:
                 found[number] = point
     return sorted(found.values(), key=lambda point: point.cost)
