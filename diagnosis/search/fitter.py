@@ -96,7 +96,8 @@ class CandidateFitter:
     def early(self) -> CandidateFitter:
         """The same with the beginnings of the recordings, to look at effects beside the user's model fitted to these.
 
-        Over whole recordings no tangent may hold: what a machine that sticks does next hangs on where it is.
+        Over whole recordings no tangent may hold: what a machine that sticks does next hangs on where it is. The fits
+        are done here, since they take no longer than to send them to a cluster.
         """
         return CandidateFitter(
             self.scenario, self.recordings, self.workers, self.seed, self.store, self.spent, SEARCH.early
@@ -562,9 +563,9 @@ class CandidateFitter:
     def _back_in_step(self, partial: PartialFit, whole: PartialFit, reach: float = math.inf) -> PartialFit:
         """The fit to whole recordings, again from their beginnings if it leaves more than noise and that is likelier.
 
-        Coarse recordings do not serve: what they are corrected by is right near the model that told it, and who has
-        lost his way is not near. Nor do the few steps over all of them from where the fit began: it begins there again,
-        and where they ended only if it does not follow the recordings from there.
+        Coarse recordings do not serve: what they are corrected by is right near the model that told it, and a fit that
+        has lost its way is not near. Nor do the few steps over all of them, which have led away: it begins again where
+        they began, and where they ended only if the recordings are not followed from there.
 
         Args:
             partial: where it began.

@@ -962,7 +962,7 @@ class _Search:
         early = self.fitter.early
         parents = [standing(early.refit.fit)]
         pairs = [self._with_all_orders(c) for c in self._promised_pairs(early, parents[0], SEARCH.few, than)]
-        known = TriedModels(early, early.refit, self.known.tried)
+        known = TriedModels(early, early.refit, self.known.tried, self.progress)
         known.fit([(pair, parents) for pair in pairs], len(pairs))
         for m in known.foremost()[: SEARCH.few]:
             self.fit_known([m])
