@@ -572,7 +572,7 @@ class Search:
         1 / 16,
         "1",
         "Share of each recording, from its beginning on, over which pairs of effects are looked at too.",
-        "friction and cogging, 300 thresholds: of eight pairs on two masses and a belt; at 1/8 on neither, at 1/32 on one",
+        "friction and cogging, 300 thresholds, on two plants: of the first eight pairs on both; at 1/32 on one",
     )
     telling: float = number(
         1 / 8,
