@@ -583,7 +583,7 @@ class Search:
     lost: float = number(
         2.0,
         "1",
-        "A recording is lost by a fit that leaves so many times what it left of less of it.",
+        "A recording is lost by a fit that leaves so many times what it left of less of it, or of a coarse one.",
         "as many times as a sensor's noise may be stronger than it was stated to be",
     )
     stride: float = number(

@@ -25,26 +25,32 @@ def beginning(made: Problem, share: float) -> Problem:
 
 
 def grown(
-    made: Problem, x: Array, experiments: Sequence[Experiment] | None = None, only: Sequence[int] | None = None
-) -> Array:
+    made: Problem,
+    starts: Sequence[Array],
+    experiments: Sequence[Experiment] | None = None,
+    only: Sequence[int] | None = None,
+) -> Array | None:
     """The search vector fitted to the beginning of each recording, and to ever more of each while it is followed.
 
     A recording is lost where it leaves `SEARCH.lost` times what it left before there was more of it, or where that has
     grown so many times as much as the recording has. What is lost goes on in half the stride, down to `SEARCH.stride`,
-    and then waits until the others have come as far as they can: they make the parameters more exact. A model that
-    does not follow the beginnings has more than its way to find, and is left there.
+    and then waits until the others have come as far as they can: they make the parameters more exact. None where the
+    beginnings are followed from no start: such a model has more than its way to find.
 
     Args:
         made: what is fitted.
-        x: where to begin.
+        starts: where to begin, by turns until the beginnings are followed.
         experiments: to fit to, those of the training recordings if None.
         only: numbers of the search variables that may move; all if None.
     """
     given = made.training if experiments is None else experiments
     shares, strides = [SEARCH.beginning] * len(given), [1.0] * len(given)
-    x, left = _followed(made, x, given, shares, only, SEARCH.most_steps)
-    if _lost(shares, left, [1.0] * len(given)):
-        return x
+    for start in starts:
+        x, left = _followed(made, start, given, shares, only, SEARCH.most_steps)
+        if not _lost(shares, left, [1.0] * len(given)):
+            break
+    else:
+        return None
     gained = True
     while True:
         behind = {k for k, share in enumerate(shares) if share < 1}
@@ -62,6 +68,20 @@ def grown(
             x, shares, left, gained = there, more, leaves, True
             slower, times = wanted, 2.0
         strides = [min(times * stride, 1.0) if k in slower else stride for k, stride in enumerate(strides)]
+
+
+def doubled(
+    made: Problem, x: Array, experiments: Sequence[Experiment] | None = None, only: Sequence[int] | None = None
+) -> Array:
+    """The search vector fitted to the beginnings, and to twice as much of all recordings until they are nearly whole.
+
+    What little of them is not followed may be all the same with more of them, which leads out of a hollow. Arguments as
+    of `grown`.
+    """
+    given = made.training if experiments is None else experiments
+    for share in _shares():
+        x, _ = _followed(made, x, given, [share] * len(given), only, SEARCH.first_steps)
+    return x
 
 
 def raced(begun: Sequence[tuple[Problem, Array]]) -> list[tuple[int, Array]]:

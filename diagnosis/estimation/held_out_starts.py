@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from diagnosis.estimation.experiment import Experiment
-from diagnosis.estimation.growing import grown
+from diagnosis.estimation.growing import doubled, grown
 from diagnosis.estimation.least_squares import descend
 from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array
@@ -36,7 +36,8 @@ def with_held_out_starts(problem: Problem, x: Array, iterations: int = 20, noise
         if mine:
             there, cost = _fitted(problem, x, e, mine, iterations, noise)
             if problem.chi2(there, [e]) >= EVIDENCE.stated and not foretell(problem, there, [e], mine, 1.0):
-                begun = grown(problem, x, [e], mine)
+                followed = grown(problem, [x], [e], mine)
+                begun = doubled(problem, x, [e], mine) if followed is None else followed
                 again, other = _fitted(problem, begun, e, mine, iterations, noise)
                 there = again if other < cost else there
             x = there

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.effects.effect import Candidate, Sizes, together
-from diagnosis.estimation.growing import beginning, grown
+from diagnosis.estimation.growing import beginning, doubled, grown
 from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array
@@ -521,7 +521,20 @@ class CandidateFitter:
         Raises:
             SimulationError: as of `finish`.
         """
-        return self._whole(partial, self._coloured(self._descended(partial, noise="white"), reach), reach)
+        return self._whole(partial, self._coloured(self._in_step(partial), reach), reach)
+
+    def _in_step(self, partial: PartialFit) -> PartialFit:
+        """The partial fit fitted with white noise; from the beginning of the recordings, if that leaves less.
+
+        It is tried where much is left, and given up where it would not come as low.
+        """
+        there = self._descended(partial, noise="white")
+        made = there.point.problem
+        if self.tables or made.chi2(there.point.x, made.training) < EVIDENCE.stated:
+            return there
+        begun = replace(partial.point, x=doubled(partial.point.problem, partial.point.x), cost=math.inf)
+        again = self._descended(replace(partial, point=begun), noise="white", reach=there.point.cost)
+        return again if again.point.cost < there.point.cost else there
 
     def _coloured(self, there: PartialFit, reach: float) -> PartialFit:
         """A fit with white noise fitted with coloured noise, sizes that are only chosen too.
@@ -547,11 +560,11 @@ class CandidateFitter:
             SimulationError: as of `finish`.
         """
         if self.coarse is self.base:
-            return self._back_in_step(partial, finer, reach)
+            return self._back_in_step(partial, finer, finer, reach)
         for end in (finer, partial):
             whole = self._descended(end, whole=True, reach=reach)
             if whole is not end:
-                whole = self._back_in_step(partial, whole, reach)
+                whole = self._back_in_step(partial, end, whole, reach)
                 if whole.point.cost > reach:
                     return whole
                 # What coarse recordings say of a size is right near the model that they are made coarse around.
@@ -560,40 +573,37 @@ class CandidateFitter:
         # Coarse recordings have fewer samples to leave something over of: a model judged on them would win.
         raise SimulationError("it follows coarse recordings only, at sizes at which it cannot follow the whole ones")
 
-    def _back_in_step(self, partial: PartialFit, whole: PartialFit, reach: float = math.inf) -> PartialFit:
+    def _back_in_step(
+        self, partial: PartialFit, rough: PartialFit, whole: PartialFit, reach: float = math.inf
+    ) -> PartialFit:
         """The fit to whole recordings, again from their beginnings if it leaves more than noise and that is likelier.
 
         Coarse recordings do not serve: what they are corrected by is right near the model that told it, and a fit that
         has lost its way is not near. Nor do the few steps over all of them, which have led away: it begins again where
-        they began, and where they ended only if the recordings are not followed from there.
+        they began, and where they ended only if the recordings are not followed from there. If they are not followed at
+        all, all are doubled together where whole ones leave more than coarse ones: averages of several samples show a
+        mismatch as clearly, unless it is faster than they are.
 
         Args:
             partial: where it began.
+            rough: where it ended on coarse recordings.
             whole: where it ended.
             reach: as of `finish`.
         """
-        made = whole.point.problem
-        if self.tables or made.chi2(whole.point.x, made.training) < EVIDENCE.stated:
+        made, end = whole.point.problem, rough.point
+        left, before = made.chi2(whole.point.x, made.training), end.problem.chi2(end.x, end.problem.training)
+        if self.tables or left < EVIDENCE.stated:
             return whole
-        x = self._grown(made, [x for x in (partial.begun, partial.point.x) if x is not None])
+        x = grown(made, [x for x in (partial.begun, partial.point.x) if x is not None])
+        if x is None and left < SEARCH.lost * max(before, 1.0):
+            return whole
+        x = doubled(made, end.x) if x is None else x
         with Threads(1) as pool:
             x, cost, converged = descend(
                 made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow, reach=reach
             )
         again = replace(whole, point=replace(whole.point, x=x, cost=cost), converged=converged)
         return self._likelier([whole, again]) if math.isfinite(cost) else whole
-
-    def _grown(self, made: Problem, begins: Sequence[Array]) -> Array:
-        """The search vector as of `grown` from the first start that leaves no more than noise, or the least."""
-        best, least = begins[0], math.inf
-        for begin in begins:
-            x = grown(made, begin)
-            left = made.chi2(x, made.training)
-            if left < least:
-                best, least = x, left
-            if least < EVIDENCE.stated:
-                break
-        return best
 
     def _likelier(self, ends: Sequence[PartialFit]) -> PartialFit:
         """The first of several ends of a fit, or a later one that leaves less of all recordings and is likelier."""

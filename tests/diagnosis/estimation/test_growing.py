@@ -57,7 +57,9 @@ class Followed:
 def grown(world: Followed, monkeypatch: pytest.MonkeyPatch) -> float:
     monkeypatch.setattr(growing, "_followed", world.fitted)
     made: Any = world
-    return float(growing.grown(made, np.array([4.0]))[0])
+    found = growing.grown(made, [np.array([4.0])])
+    assert found is not None
+    return float(found[0])
 
 
 def test_what_is_lost_goes_on_in_smaller_strides_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,8 +85,22 @@ def test_what_cannot_be_followed_stays_behind(monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_model_that_does_not_follow_the_beginnings_is_left_there(monkeypatch: pytest.MonkeyPatch) -> None:
     world = Followed([0.0, 0.0], [1.0, 3.0])
-    grown(world, monkeypatch)
+    monkeypatch.setattr(growing, "_followed", world.fitted)
+    made: Any = world
+    assert growing.grown(made, [np.array([4.0])]) is None
     assert len(world.shares) == 1
+    growing.doubled(made, np.array([4.0]))
+    assert [share for share, _ in world.shares[1:]] == [1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2]
+
+
+def test_the_first_start_that_the_beginnings_are_followed_from_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 400 the second recording is lost at once."""
+    world = Followed([0.1, 1.3], [1.0, 1.0])
+    monkeypatch.setattr(growing, "_followed", world.fitted)
+    made: Any = world
+    found = growing.grown(made, [np.array([400.0]), np.array([4.0])])
+    assert found == pytest.approx(0.5**0.5)
+    assert world.shares[:3] == [(1 / 32, 1 / 32)] * 2 + [(1 / 16, 1 / 16)]
 
 
 def test_a_motor_that_sticks_between_the_waves_of_its_magnets_is_followed_to_the_end(tmp_path: Path) -> None:
@@ -102,7 +118,8 @@ def test_a_motor_that_sticks_between_the_waves_of_its_magnets_is_followed_to_the
     assert best.sizes[1]["order"] == 36.0
 
     made = fitter.build((friction, cogging), best.built, whole=True)
-    found = growing.grown(made, best.x)
+    found = growing.grown(made, [best.x])
+    assert found is not None
     with Threads(1) as pool:
         whole, *_ = descend(made, best.x, made.training, pool, iterations=SEARCH.most_steps)
     assert made.chi2(found, made.training) < 1.2

@@ -100,7 +100,7 @@ def test_a_start_that_a_recording_answers_evenly_is_not_sought_anew(
     made = problem(scenario, gather(scenario, [], []))
     anew: list[int] = []
 
-    def counted(*given: Any) -> Array:
+    def counted(*given: Any) -> Array | None:
         anew.append(1)
         return grown(*given)
 

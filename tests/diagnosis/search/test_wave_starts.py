@@ -138,7 +138,7 @@ def test_a_fit_that_leaves_much_is_begun_again_over_the_beginning(ends: Any) -> 
     fitter, begun, lost = ends
     made = lost.point.problem
     assert made.chi2(lost.point.x, made.training) > 100
-    again, found = fitter._back_in_step(begun, lost), fitter.compute_finish(begun)
+    again, found = fitter._back_in_step(begun, begun, lost), fitter.compute_finish(begun)
     for there in (again, found):
         assert there.point.problem.chi2(there.point.x, there.point.problem.training) < 1.2
-    assert fitter._back_in_step(begun, again) is again, "what is in step stays"
+    assert fitter._back_in_step(begun, begun, again) is again, "what is in step stays"
