@@ -120,8 +120,8 @@ that no recording to train on meets. The last two rules are younger than the fir
 came out as one whose stiffness is wrong by half, which left 1.05 of the noise, and rig 1001 between stops that its
 recordings to train on do not touch as "something is missing".
 
-Of 88 intervals with a known true value 82 hold it. All six that do not are of friction that grows with the load,
-four of them where its square acts too; four are of its part without load. The resistance of a supply is told for a
+Of 82 intervals with a known true value 78 hold it. All four that do not are of friction that grows with the load, two
+of them where its square acts too. The resistance of a supply is told for a
 supply of twice the largest command, and compared at that voltage (ADR 45).
 
 A gear's transmission error counts from where a recording begins, in truth and block: angles are zero there, and the
@@ -131,26 +131,26 @@ is tested on a joint that scipy integrates (`tests/diagnosis/effects/test_drive.
 revolution are named, where a ripple of the motor of the same order is the nearest rival. So are 0.2 mrad, at which the
 fit ended elsewhere while the recordings began with that value.
 
-One program, that of ADR 52, has run all 101 cases that can be drawn, one or two at a time and none of them again. It
-was told to say what it has found after 200 s: 13 were told so, and none was stopped. They took 24 s of processor time
-in the median, 159 s at 95 %; of 105 claims of a name 102 are right. The program before it on this page (ADR 44) had
-90 right, with seven stopped. Eight more are right, four are not any more:
+One program, that of ADR 53 but for one rule, has run all 101 cases that can be drawn, two at a time, the first beside
+other work, and none of them again. It was told to say what it has found after 200 s: 18 were told so, and none was
+stopped. They took 30 s of processor time in the median, 122 s at 95 %; of 106 claims of a name 102 are right. The
+program before it on this page (ADR 52) had 94 right. Four more are right, among them Coulomb friction with cogging of
+300 thresholds on both plants: fits to ever more of each recording come to the noise on two masses, and to 31 floors on
+the hard belt. Held-out recordings are met less well, 4400 and 243 floors, since what such a motor does next hangs on
+where it is. Three are not any more:
 
-* **Steps of the command of rig 1002** are told as "something is missing" at the motor, which leaves 5000 floors. They
-  were named.
-* **Coulomb friction of the pendulum, of 300 thresholds**, ties with a friction that grows with the load of the
-  weight's shaft, which the truth generator does not confirm.
-* **Coulomb friction with a limit of the current**, on the flexible link at 300 thresholds: the friction was told as
-  Stribeck's, which contains it, since the time was over before Coulomb's was put in its place. Mended after this run:
-  both are named, in 110 s.
-* **Stops of the belt axis, of 4**: a second pair of stops is named at the motor, which leaves a million floors.
+* **Coulomb friction with cogging on two masses, of 30 thresholds**, as cogging and gravity of the load, which leaves
+  114 floors; the time was over. Over the beginnings, by which pairs are chosen, gravity leaves no more than friction.
+* **Steps of the command of rig 1000**: they are named, but a payload and a ripple beside them, which take 526 floors to
+  3.8.
+* **A slack belt of rig 1002**, as hysteresis of the belt. Its own law was fitted, and left 49 floors: over the
+  beginnings the right model leaves three times the noise, and fits from there were given up. Mended after this run:
+  they are doubled as before, and come to 1.01.
 
-The causes of the other three were not looked for. Of the eleven that were not right before, three are still not: the
-stops of rig 1002, which give too softly to be proposed, and Coulomb friction with cogging at 300 thresholds, twice.
-On two masses the friction alone is named there, and on the hard belt the cogging, while the friction ties with one
-that differs between the directions, beside an offset: 423 floors are left. On two masses the true model follows the
-recordings to the noise if it is fitted to ever more of them in small steps; the search does not do so. At 30
-thresholds both are named on either plant.
+Of the others that are not right, Coulomb friction with a limit of the current on the flexible link is told as that
+limit or a supply that sags, since the time was over: without a limit both are named, in 3.5 min. Coulomb friction of
+the pendulum, of 300 thresholds, ties with a friction that grows with the load of the weight's shaft, which the truth
+generator does not confirm. The stops of rig 1002 give too softly to be proposed.
 
 By hand, on recordings of 2 s without background, each of the six of commands, supply, winding, belt and stops was named
 alone, with the true size within its interval: a rate limit of 30 thresholds, a supply of 0.23 ohm at 3 V and 2.6 ohm of
