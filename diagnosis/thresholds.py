@@ -584,7 +584,7 @@ class Search:
         2.0,
         "1",
         "A recording is lost by a fit that leaves so many times what it left of less of it, or of a coarse one.",
-        "as many times as a sensor's noise may be stronger than it was stated to be",
+        "as a sensor's noise; of a coarse one cogging beside friction leaves 60 times as much, a recorded damper 1.002",
     )
     stride: float = number(
         1 / 16,

@@ -591,13 +591,14 @@ class CandidateFitter:
             reach: as of `finish`.
         """
         made, end = whole.point.problem, rough.point
-        left, before = made.chi2(whole.point.x, made.training), end.problem.chi2(end.x, end.problem.training)
+        left = made.chi2(whole.point.x, made.training)
         if self.tables or left < EVIDENCE.stated:
             return whole
         x = grown(made, [x for x in (partial.begun, partial.point.x) if x is not None])
-        if x is None and left < SEARCH.lost * max(before, 1.0):
-            return whole
-        x = doubled(made, end.x) if x is None else x
+        if x is None:
+            if left < SEARCH.lost * max(end.problem.chi2(end.x, end.problem.training), 1.0):
+                return whole
+            x = doubled(made, end.x)
         with Threads(1) as pool:
             x, cost, converged = descend(
                 made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow, reach=reach

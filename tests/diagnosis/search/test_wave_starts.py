@@ -136,9 +136,18 @@ def ends(turning: Any) -> tuple[Any, PartialFit, PartialFit]:
 
 def test_a_fit_that_leaves_much_is_begun_again_over_the_beginning(ends: Any) -> None:
     fitter, begun, lost = ends
-    made = lost.point.problem
-    assert made.chi2(lost.point.x, made.training) > 100
-    again, found = fitter._back_in_step(begun, begun, lost), fitter.compute_finish(begun)
-    for there in (again, found):
-        assert there.point.problem.chi2(there.point.x, there.point.problem.training) < 1.2
-    assert fitter._back_in_step(begun, begun, again) is again, "what is in step stays"
+    assert lost.point.problem.chi2(lost.point.x, lost.point.problem.training) > 100
+    direct, there = fitter._descended(begun, noise="white"), fitter._in_step(begun)
+    made = there.point.problem
+    assert made.chi2(there.point.x, made.training) < 1.2 < made.chi2(direct.point.x, made.training)
+    found = fitter.compute_finish(begun)
+    assert found.point.problem.chi2(found.point.x, found.point.problem.training) < 1.2, (
+        "the end that leaves less counts"
+    )
+
+
+def test_whole_recordings_that_show_more_than_coarse_ones_are_fitted_again(ends: Any) -> None:
+    fitter, begun, lost = ends
+    found = fitter._back_in_step(begun, fitter._in_step(begun), lost)
+    assert found.point.problem.chi2(found.point.x, found.point.problem.training) < 1.2
+    assert fitter._back_in_step(begun, begun, found) is found, "what is in step stays"
