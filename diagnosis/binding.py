@@ -22,6 +22,7 @@ from diagnosis.recordings.mapping import from_scenario
 from diagnosis.recordings.paths import is_available, recording_path
 from diagnosis.recordings.types import Channel, FrequencyTable, Recorded, Recording
 from engine.assemble import build
+from engine.casadi_lock import one_at_a_time
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.files import is_file
 from engine.ports import MOTION
@@ -39,6 +40,7 @@ LATER = 1e-9
 """Time (s) after a row at which its input acts where the row was measured before it: the finest that instants have."""
 
 
+@one_at_a_time
 def jumping(model: Model) -> list[int]:
     """Numbers of the outputs that jump with an input, such as an acceleration with a force."""
     e = model.equations

@@ -12,6 +12,7 @@ import numpy as np
 
 from engine.alike import Assembled, Looked, form, keep, known
 from engine.block import Block
+from engine.casadi_lock import one_at_a_time
 from engine.errors import ConnectionProblem, FlexarmError, StructureError, nearest
 from engine.mechanics import Mechanics
 from engine.model import (
@@ -39,6 +40,7 @@ from engine.system import System, bypass
 from engine.wiring import Wiring, hash_symbol, symbolic
 
 
+@one_at_a_time
 def build(
     system: System,
     inputs: list[str] | None = None,

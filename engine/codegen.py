@@ -18,6 +18,7 @@ from typing import Any
 import casadi as ca
 
 from engine.algebra import CONSTANT, MODE, PARAMETER, STATE, Algebra, copied
+from engine.casadi_lock import one_at_a_time
 from engine.forms import LANES, STAGES, Lanes
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, COSTLY, UNARY, literal
@@ -323,6 +324,7 @@ def model_code(model: Model, extra: Sequence[tuple[str, list[Expression], Expres
     return _sizes(model) + "\n\n" + run_emitter(model, extra).text()
 
 
+@one_at_a_time
 def run_emitter(model: Model, extra: Sequence[tuple[str, list[Expression], Expression]] = ()) -> Emitter:
     """The functions that every run needs."""
     e = model.equations
@@ -484,6 +486,7 @@ def tangent_source(model: Model, parameters: tuple[int, ...], directions: int) -
     return "\n".join([*head, runtime("core.c") + runtime("simulate.c"), *rules, runtime("tangent_rules.c")])
 
 
+@one_at_a_time
 def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter, dict[str, Jacobian]]:
     """The functions that a run with tangents needs, and the patterns of the Jacobians among them.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from engine.casadi_lock import one_at_a_time
 from engine.model import FRICTION, Model, Vector
 from engine.simulate import Result
 from engine.start import start_values
@@ -29,6 +30,7 @@ class Conserved:
     drift: float
 
 
+@one_at_a_time
 def may_be_conservative(model: Model) -> bool:
     """Whether a model may keep its energy: no friction, sampled block or table, and a flow without divergence.
 
@@ -44,6 +46,7 @@ def may_be_conservative(model: Model) -> bool:
     return abs(value) <= _ZERO
 
 
+@one_at_a_time
 def conserved(result: Result, books: Callable[[], Model]) -> Conserved | None:
     """The energy over a run with recorded states; None if the model is not conservative, or nothing is in motion.
 

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from engine.casadi_lock import one_at_a_time
 from engine.display import counts, roots
 from engine.display import table as html_table
 from engine.errors import ParameterError, nearest
@@ -237,6 +238,7 @@ def matrices(model: Model, point: Point) -> tuple[Matrix, Matrix, Matrix, Matrix
     return A, B, C, D
 
 
+@one_at_a_time
 def linearise_at(model: Model, point: Point, asked: dict[str, str] | None = None) -> LinearModel:
     """Linearise at a point that `operating_point` or `engine.trim.trim` gave; ``asked``: modes that were chosen.
 

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.casadi_lock import one_at_a_time
 from engine.display import counts
 from engine.errors import ParameterError, Where, nearest
 from engine.evaluation import Evaluation
@@ -335,6 +336,7 @@ class Model:
         return {parameter.name: i for i, parameter in enumerate(self.parameters)}
 
     @functools.cached_property
+    @one_at_a_time
     def shaping(self) -> frozenset[int]:
         """Indices of the parameters that the starting values of states and memories depend on at all."""
         columns: set[int] = set()
@@ -345,6 +347,7 @@ class Model:
         return frozenset(columns)
 
     @functools.cached_property
+    @one_at_a_time
     def functions(self) -> Mapping[str, Any]:
         """CasADi functions of ``t, x, u, d, m, p``: derivative, guards, outputs, update, following, starts.
 
@@ -371,6 +374,7 @@ class Model:
     def _derived(self) -> dict[str, Any]:
         return {}
 
+    @one_at_a_time
     def derived(
         self, name: str, expressions: Callable[[Equations], Sequence[Expression]], *, fire: bool = False
     ) -> Any:
@@ -394,6 +398,7 @@ class Model:
         return self.derived("jacobian", lambda e: [ca.jacobian(e.derivative, e.x)])
 
     @functools.cached_property
+    @one_at_a_time
     def stiffens(self) -> bool:
         """Whether the rates of its modes depend on where its states are, as with a spring that hardens."""
         e = self.equations

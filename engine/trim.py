@@ -19,6 +19,7 @@ import numpy as np
 import scipy.linalg
 from scipy.optimize import least_squares
 
+from engine.casadi_lock import one_at_a_time
 from engine.errors import FlexarmError, ParameterError, nearest
 from engine.linearise import Point, operating_point
 from engine.model import FRICTION, TIME, Equations, Model, Vector
@@ -228,6 +229,7 @@ class _Search:
         raise ParameterError(f"'{name}' is no state, motion, input or output of the model", remedy=nearest(name, known))
 
     @property
+    @one_at_a_time
     def nonlinear(self) -> bool:
         """Whether the rates are other than linear, or modes may change."""
         e = self.model.equations

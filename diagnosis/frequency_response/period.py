@@ -12,6 +12,7 @@ import scipy.linalg
 
 from diagnosis.frequency_response.extremes import extremes
 from engine import interpret, native
+from engine.casadi_lock import one_at_a_time
 from engine.errors import CompilerUnavailable, SimulationError
 from engine.model import Model, Vector
 from engine.native import Job, Outcome
@@ -88,6 +89,7 @@ class PeriodSimulator:
         self.model = model
 
     @functools.cached_property
+    @one_at_a_time
     def relevant(self) -> Array:
         """The combinations of states that matter, shape (combinations, states): a twist, but not a common rotation.
 
@@ -161,6 +163,7 @@ class PeriodSimulator:
         return extremes(found.y[first : last + 1], switches(job, found) - first, at, repeats)
 
     @functools.cached_property
+    @one_at_a_time
     def jumps(self) -> bool:
         """Whether outputs depend on the modes, and so jump at switches."""
         e = self.model.equations
