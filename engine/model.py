@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.casadi_lock import one_at_a_time
+from engine.casadi_lock import one_at_a_time, symbolic_property
 from engine.display import counts
 from engine.errors import ParameterError, Where, nearest
 from engine.evaluation import Evaluation
@@ -335,8 +335,7 @@ class Model:
     def _parameter_positions(self) -> dict[str, int]:
         return {parameter.name: i for i, parameter in enumerate(self.parameters)}
 
-    @functools.cached_property
-    @one_at_a_time
+    @symbolic_property
     def shaping(self) -> frozenset[int]:
         """Indices of the parameters that the starting values of states and memories depend on at all."""
         columns: set[int] = set()
@@ -346,8 +345,7 @@ class Model:
                 columns.update(int(k) for k in function.jac_sparsity(0, entry).get_col())
         return frozenset(columns)
 
-    @functools.cached_property
-    @one_at_a_time
+    @symbolic_property
     def functions(self) -> Mapping[str, Any]:
         """CasADi functions of ``t, x, u, d, m, p``: derivative, guards, outputs, update, following, starts.
 
@@ -397,8 +395,7 @@ class Model:
         """Function of ``t, x, u, d, m, p``: the derivative by the states, shape (states, states), 1/s and the like."""
         return self.derived("jacobian", lambda e: [ca.jacobian(e.derivative, e.x)])
 
-    @functools.cached_property
-    @one_at_a_time
+    @symbolic_property
     def stiffens(self) -> bool:
         """Whether the rates of its modes depend on where its states are, as with a spring that hardens."""
         e = self.equations
@@ -416,7 +413,7 @@ class Model:
             found = self._evaluations.setdefault(name, made)
         return found
 
-    @functools.cached_property
+    @symbolic_property
     def shapes(self) -> NDArray[np.intp]:
         """`shaping` in order, as an array."""
         return np.array(sorted(self.shaping), dtype=np.intp)
@@ -441,12 +438,12 @@ class Model:
         """Derivatives of starts by directions, likewise; nobody writes to them."""
         return {}
 
-    @functools.cached_property
+    @symbolic_property
     def operations(self) -> int:
         """Operations of the right-hand side."""
         return int(self.functions["derivative"].n_instructions())
 
-    @functools.cached_property
+    @symbolic_property
     def law(self) -> str:
         """Hash of all that code is made of: equal for models that differ in the values of parameters alone."""
         digest = hashlib.sha256()
@@ -458,7 +455,7 @@ class Model:
         digest.update(repr((self.lines, [(e.name, e.clock, e.identity) for e in self.externals])).encode())
         return digest.hexdigest()
 
-    @functools.cached_property
+    @symbolic_property
     def signature(self) -> str:
         """Hash of the equations and names: equal for equal models."""
         digest = hashlib.sha256()

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from diagnosis.frequency_response.period import PeriodicSolution
-from engine.casadi_lock import one_at_a_time
+from engine.casadi_lock import symbolic_property
 from engine.errors import SimulationError
 from engine.model import FRICTION, SWITCH, TIME, Model, Vector
 from engine.roundings import has_rounding
@@ -36,8 +36,7 @@ class ClosedForm:
         self.model = model
         self._sharp = model.count(SWITCH) > 0
 
-    @functools.cached_property
-    @one_at_a_time
+    @symbolic_property
     def _state_space(self) -> Any:
         """State space, and derivatives at x = u = 0, as functions of (modes, parameters); None if it is not linear."""
         model, e = self.model, self.model.equations

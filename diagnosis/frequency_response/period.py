@@ -12,7 +12,7 @@ import scipy.linalg
 
 from diagnosis.frequency_response.extremes import extremes
 from engine import interpret, native
-from engine.casadi_lock import one_at_a_time
+from engine.casadi_lock import symbolic_property
 from engine.errors import CompilerUnavailable, SimulationError
 from engine.model import Model, Vector
 from engine.native import Job, Outcome
@@ -88,8 +88,7 @@ class PeriodSimulator:
     def __init__(self, model: Model) -> None:
         self.model = model
 
-    @functools.cached_property
-    @one_at_a_time
+    @symbolic_property
     def relevant(self) -> Array:
         """The combinations of states that matter, shape (combinations, states): a twist, but not a common rotation.
 
@@ -162,8 +161,7 @@ class PeriodSimulator:
         last = len(found.y) - 1 if last is None else last
         return extremes(found.y[first : last + 1], switches(job, found) - first, at, repeats)
 
-    @functools.cached_property
-    @one_at_a_time
+    @symbolic_property
     def jumps(self) -> bool:
         """Whether outputs depend on the modes, and so jump at switches."""
         e = self.model.equations

@@ -34,7 +34,7 @@ from diagnosis.frequency_response.period import (
     switches,
 )
 from diagnosis.frequency_response.sine_model import SineModel, settling_time
-from engine.casadi_lock import one_at_a_time
+from engine.casadi_lock import symbolic_property
 from engine.model import SWITCH, TIME, Model, Vector
 from engine.native import Outcome
 from engine.simulate import simulate
@@ -257,8 +257,7 @@ class PeriodicSolver:
         p[self.model.parameter_index(f"{sine}.frequency")] = frequency / (2 * math.pi)
         return p
 
-    @functools.cached_property
-    @one_at_a_time
+    @symbolic_property
     def _timed(self) -> bool:
         """Whether the model depends on time other than through the sine."""
         e = self.plain.equations

@@ -12,6 +12,7 @@ import casadi as ca
 import pytest
 
 from engine.assemble import build
+from engine.casadi_lock import one_at_a_time, symbolic_property
 from engine.linearise import linearise
 from engine.system import System
 from engine.tangent import tangents
@@ -56,7 +57,7 @@ def rotor(k: int) -> System:
 
 def test_models_are_built_run_and_linearised_by_threads_that_wait_for_one_another(crowd: list[int]) -> None:
     def work(k: int) -> float:
-        model = build(rotor(k), outputs=["m.shaft.speed"])
+        model = build(rotor(k), outputs=["m.shaft.speed"], variant=k % 2 == 0)
         slope = tangents(model, 0.01, wrt=["m.inertia"]).of("m.shaft.speed", "m.inertia")
         assert linearise(model, at={"m.shaft.speed": 1.0}, modes={"f": "sliding forward"}).A.shape == (2, 2)
         return float(slope[-1])
@@ -68,3 +69,53 @@ def test_models_are_built_run_and_linearised_by_threads_that_wait_for_one_anothe
     # Speed from rest: w = (1 - Mc) t / J with J = 2 + k and Mc = (1 + k) / 10.
     for k, slope in enumerate(found):
         assert slope == pytest.approx(-(0.9 - k / 10) * 0.01 / (2.0 + k) ** 2, rel=1e-6)
+
+
+class Shape:
+    """Something with a property that takes the lock again, and may be long about it."""
+
+    def __init__(self, wait: Callable[[], object]) -> None:
+        self.wait = wait
+        self.times = 0
+
+    @symbolic_property
+    def area(self) -> int:
+        """What is made of symbols."""
+        self.wait()
+        one_at_a_time(lambda: None)()
+        self.times += 1
+        return 7
+
+
+def test_a_property_is_worked_out_once_and_described() -> None:
+    shape = Shape(lambda: None)
+    assert (shape.area, shape.area, shape.times) == (7, 7, 1)
+    assert Shape.area.__doc__ == "What is made of symbols."
+
+
+def test_a_property_and_a_function_do_not_wait_for_each_other_for_ever() -> None:
+    """As they do with `functools.cached_property` of Python 3.11, whose lock is taken before this one."""
+    begun, inside = threading.Event(), threading.Event()
+
+    def wait() -> None:
+        begun.set()
+        inside.wait(0.2)
+
+    one, other = Shape(wait), Shape(lambda: None)
+
+    @one_at_a_time
+    def function() -> None:
+        inside.set()
+        assert other.area == 7
+
+    def later() -> None:
+        begun.wait()
+        function()
+
+    threads = [threading.Thread(target=work, daemon=True) for work in (lambda: one.area, later)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(30)
+    assert not any(thread.is_alive() for thread in threads)
+    assert (one.times, other.times) == (1, 1)
