@@ -427,20 +427,20 @@ class Search:
     least_work: int = number(
         20_000_000_000,
         "operations",
-        "Work for which it goes on after a gain in any case, about a minute of processor time.",
-        "a minute is worth a third effect; in random rig 194213 one was 47 s behind the second",
+        "Work for which it goes on after a gain in any case, about half a minute of processor time.",
+        "it is worth a third effect; in random rig 194213 one came 47 s behind the second, counted otherwise",
     )
     second: int = number(
-        330_000_000,
+        690_000_000,
         "operations",
         "Work that counts as a second of the time that is allowed, with all that is not counted.",
-        "five random rigs (477385, 426765, 988510, 812735, 133953) did 220 to 650 million in a second",
+        "nine random rigs (among them 477385, 988510, 133953) did 450 to 810 million in a second",
     )
     look: int = number(
         10_000_000,
         "operations",
         "Work that an effect that is looked at counts for, beside its runs: to put it in and to work out its courses.",
-        "an estimate: a model takes 17 ms to build, which is half of it",
+        "an estimate: a model takes 7 ms to build, which is half of it",
     )
     growing: float = number(
         2 / 3,

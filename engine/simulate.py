@@ -23,7 +23,7 @@ from engine.native import Job, Outcome, Timetable
 from engine.start import start_values
 from engine.step import fastest
 from engine.step import internal_step as choose_step
-from engine.work import EACH, counting
+from engine.work import DIRECTION, EACH, counting
 
 MOST_BEGUN = 64
 """Starts that a model keeps, and internal steps; see `prepare`."""
@@ -571,11 +571,18 @@ def carried_out_together(model: Model, jobs: Sequence[Job]) -> list[Outcome | Si
     return [SimulationError(reason) if reason else outcome for outcome, reason in pairs]
 
 
-def note_work(model: Model, outcomes: Sequence[Outcome]) -> None:
-    """Count what runs of a model took, if this thread's are counted (`engine.work`)."""
+def note_work(model: Model, outcomes: Sequence[Outcome], directions: int = 0) -> None:
+    """Count what runs of a model took, if this thread's are counted (`engine.work`).
+
+    Args:
+        model: the model.
+        outcomes: of the runs.
+        directions: of the tangents that each of them carried along.
+    """
     work = counting()
     if work is not None:
-        work.add(sum(outcome.steps for outcome in outcomes) * model.operations + len(outcomes) * EACH)
+        steps = sum(outcome.steps for outcome in outcomes)
+        work.add(round(steps * model.operations * (1 + DIRECTION * directions)) + len(outcomes) * EACH)
 
 
 def fault(model: Model, job: Job, outcome: Outcome) -> str:

@@ -130,7 +130,7 @@ def tangents(
     function = way.own if code is None else native.interpreter(bytecode.room_for(room), _entry)
     extra = [a.ctypes.data_as(POINTER(c_double)) for a in (S0, D0, slopes, least)]
     outcome = native.call(model, job, lambda c: function(ctypes.addressof(c), *extra), code)
-    note_work(model, [outcome])
+    note_work(model, [outcome], len(ordered))
     if outcome.status:
         raise SimulationError(explain(model, outcome))
     back = [ordered.index(name) for name in wrt]

@@ -9,7 +9,7 @@ from engine.model import Model
 from engine.simulate import carried_out_together, prepare, simulate
 from engine.tangent import tangents
 from engine.threads import Threads
-from engine.work import EACH, counted, counting
+from engine.work import DIRECTION, EACH, counted, counting
 from tests.engine.parts import Body, Spring, system
 
 
@@ -36,7 +36,13 @@ def test_tangents_and_runs_together_are_counted_too(model: Model) -> None:
     with counted() as work:
         tangents(model, 0.5, 1e-2, wrt=["m.inertia"], internal_step=2e-3)
         carried_out_together(model, jobs)
-    assert work.done == 4 * (250 * model.operations + EACH)
+    assert work.done == 4 * (250 * model.operations + EACH) + round(DIRECTION * 250 * model.operations)
+
+
+def test_tangents_count_for_every_direction(model: Model) -> None:
+    with counted() as work:
+        tangents(model, 0.5, 1e-2, wrt=["m.inertia", "s.stiffness"], internal_step=2e-3)
+    assert work.done == round(250 * model.operations * (1 + 2 * DIRECTION)) + EACH
 
 
 def test_what_is_counted_within_is_not_counted_without(model: Model) -> None:
