@@ -461,32 +461,6 @@ class CandidateFitter:
         others = [points[0] for points in each if points and not any(p is q for p in points for q in first)]
         return [*first, *others, *bold[:1]]
 
-    def resumed(self, effects: tuple[Candidate, ...], values: dict[str, float]) -> ScoredModel | None:
-        """A model at the first of its effects' sizes, fitted to the recordings as they were taken, and scored.
-
-        Args:
-            effects: in it.
-            values: of the parameters, to begin from.
-
-        Returns:
-            None where it is faster there than the recordings can show, or cannot be differentiated.
-
-        Raises:
-            FlexarmError: the amended model has no meaning.
-        """
-        only = tuple(c.starts[0] for c in effects)
-        points = [StartingPoint(math.inf, made, x, s, only) for made, x, s in self.placed(effects, [only], values)]
-        if not points:
-            return None
-
-        def compute() -> PartialFit:
-            begun = PartialFit(effects, points[0], False, self.mark, begun=points[0].x)
-            return self._descended(begun, whole=True)
-
-        names = [f"{c.key} {c.option}" for c in effects]
-        made = self._kept(" ".join(["resumed", *names, repr(only), _mark(points[0].x)]), effects, compute)
-        return self._trial(made) if math.isfinite(made.point.cost) else None
-
     def finish(self, partial: PartialFit, reach: float = math.inf) -> ScoredModel:
         """Finish a partial fit until it converges, or `SEARCH.most_steps` are taken, and score it.
 

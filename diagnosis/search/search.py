@@ -85,7 +85,7 @@ def study(
         looked,
     )
     search.ended_early = cut_short
-    search.resume(known)
+    search.fit_known(known)
     try:
         search.begin()
         if anew := taken_otherwise(fitter, search.known.best):
@@ -264,16 +264,6 @@ class _Search:
         near = sorted(self.known.told, key=lambda pair: self.known.worth(pair[1]), reverse=True)
         told = {as_.keys: as_ for as_, m in near if self.known.worth(m) > self.known.reach}
         return list(told.values())[: SEARCH.settled]
-
-    def resume(self, models: Sequence[ScoredModel]) -> None:
-        """Go on with models that were found with other recordings; where more than noise is left, they begin anew too.
-
-        The few steps on coarse recordings, with which a fit begins, lead those away that coarse ones do not show.
-        """
-        for m in models:
-            made = self.known.resumed(_as_ended(m), standing(m.fit))
-            if made is None or misses(made.left):
-                self.fit_known([m])
 
     def fit_known(self, models: Sequence[ScoredModel]) -> None:
         """Fit models that were found with other recordings, from where they ended there, each to its end.

@@ -229,20 +229,6 @@ class TriedModels:
                 break
         return kept
 
-    def resumed(self, effects: tuple[Candidate, ...], values: Values) -> ScoredModel | None:
-        """A model fitted to the recordings as they were taken, from given parameters; None where it cannot begin."""
-        try:
-            made = self.fitter.resumed(effects, values)
-        except FlexarmError as error:
-            self.failures.append((effects[-1].key, error.message))
-            return None
-        if made is None or not self._has_meaning(made):
-            return None
-        made = self._judged(made)
-        self.keep(made)
-        self._keep_refit(self._judged(self.refit))
-        return made
-
     def _judged(self, model: ScoredModel) -> ScoredModel:
         """A model as it is, or where all recordings together are likeliest, if that is several steps away.
 
