@@ -118,7 +118,13 @@ def lucky(model: ScoredModel, simpler: ScoredModel) -> bool:
     what is less likely than a simpler model stays its rival.
     """
     luck = max(model.left.luck, simpler.left.luck)
-    return bool(simpler.effects) and luck > 0 and model.log_evidence - simpler.log_evidence < luck
+    near = luck > 0 and model.log_evidence - simpler.log_evidence < luck
+    return bool(simpler.effects) and near and not _alone_in_step(model, simpler)
+
+
+def _alone_in_step(model: ScoredModel, other: ScoredModel) -> bool:
+    """Whether only the first of two models follows the beginnings of the recordings: that is no luck."""
+    return model.in_step and not other.in_step
 
 
 def owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:
@@ -206,7 +212,8 @@ def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int)
 
     That some effect is there is as probable as the evidence says. Which one it is, is tempered: those that explain the
     same mismatch differ by little of it, and what no model has, such as nuisances, may decide that. Where a hair's
-    breadth of parameters moves the model that leads at random, its evidence is a normal deviate about what was found.
+    breadth of parameters moves the model that leads at random, its evidence is a normal deviate about what was found;
+    but for models that do not even follow the beginnings of the recordings, where it does.
 
     Args:
         models: as `told_as` gives them.
@@ -214,14 +221,17 @@ def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int)
     """
     values = np.array([value(m, tried) for _, m in models])
     best = int(values.argmax())
-    luck = models[best][1].left.luck
+    leader = models[best][1]
+    luck = leader.left.luck
     some = np.array([bool(as_.effects) for as_, _ in models])
     count = EVIDENCE.lots if luck else 1
     lots = [luck * NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)]
+    behind = np.array([luck > 0 and _alone_in_step(leader, m) for _, m in models])
     found: dict[frozenset[str], float] = {}
     for lot in lots:
         drawn = values.copy()
         drawn[best] += lot
+        drawn[behind] += lot  # as far behind it, whatever the lot
         for (as_, _), share in zip(models, _shares(drawn, some), strict=True):
             found[as_.keys] = found.get(as_.keys, 0.0) + float(share) / count
     return found

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.effects.effect import Candidate
+from diagnosis.estimation.growing import beginning
 from diagnosis.estimation.held_out_starts import with_held_out_starts
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.leftover import Leftover, Noise
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import counted
 from diagnosis.search.evidence import ChosenSize, evidence
-from diagnosis.thresholds import WORDING
+from diagnosis.thresholds import SEARCH, WORDING
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,12 @@ class ScoredModel:
         """What the user's own parameters cost against their tolerances."""
         pairs = zip(self.fit.problem.free, self.fit.x, strict=True)
         return float(sum((x / f.spread) ** 2 for f, x in pairs if f.prior and not f.recording))
+
+    @functools.cached_property
+    def in_step(self) -> bool:
+        """Whether it follows the beginnings of all recordings: over them a hair's breadth of parameters does little."""
+        begun = beginning(self.fit.problem, SEARCH.beginning)
+        return all(begun.chi2(self.fit.x, [e]) < SEARCH.lost for e in begun.experiments)
 
     @property
     def own(self) -> int:

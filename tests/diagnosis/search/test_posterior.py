@@ -55,6 +55,7 @@ def model(*effects: Candidate, excess: float, held_out: float | None = None, **m
         unseen=unseen,
         hold_out=float(unseen.energy[0]) / COUNT,
         log_evidence=given["log_evidence"],
+        in_step=given.get("in_step", False),
         foretold=unseen.log_likelihood,
         strain=given["strain"],
         room=left(excess).unexplained + 0.5 * given["strain"],
@@ -138,6 +139,15 @@ def test_a_further_effect_is_told_only_for_more_than_luck(gained: float, kept: b
     assert ((simple, both) in told_as([REFIT, simple, both], REFIT)) != kept
 
 
+def test_what_alone_follows_the_beginnings_of_the_recordings_is_not_likelier_by_luck() -> None:
+    """Over whole recordings a hair's breadth of its parameters makes it likelier by 5000, or less likely."""
+    simple = model(FRICTION, excess=5e4)
+    both = model(FRICTION, LAG, excess=1e4, log_evidence=4000.0, luck=5000.0, in_step=True)
+    assert (both, both) in told_as([REFIT, simple, both], REFIT)
+    in_step_too = model(FRICTION, excess=5e4, in_step=True)
+    assert (in_step_too, both) in told_as([REFIT, in_step_too, both], REFIT)
+
+
 def test_a_richer_model_that_is_less_likely_stays_a_rival_where_there_is_no_luck() -> None:
     simple = model(FRICTION, excess=5e4, log_evidence=500.0)
     both = model(FRICTION, LAG, excess=1e4, log_evidence=499.0)
@@ -152,6 +162,16 @@ def test_a_rival_is_as_probable_as_luck_is_to_have_left_it_behind(ahead: float, 
     best, rival = model(FRICTION, excess=1e3, log_evidence=ahead * luck, luck=luck), model(LAG, excess=1e3)
     odds = probabilities([(best, best), *[(rival, rival)] * ways], 20)
     assert odds[rival.keys] == pytest.approx(norm.cdf(-ahead), abs=0.02)
+
+
+def test_luck_has_not_left_behind_what_does_not_follow_the_beginnings_of_the_recordings() -> None:
+    lead = 10.0 * EVIDENCE.temperature
+    best = model(FRICTION, excess=1e3, log_evidence=lead, luck=100 * lead, in_step=True)
+    rival, equal = model(LAG, excess=1e3), model(FRICTION, LAG, excess=1e3, in_step=True)
+    odds = probabilities([(best, best), (rival, rival)], 20)
+    assert odds[best.keys] / odds[rival.keys] == pytest.approx(math.exp(10.0))
+    odds = probabilities([(best, best), (rival, rival), (equal, equal)], 20)
+    assert odds[equal.keys] == pytest.approx(0.5, abs=0.02)
 
 
 def test_the_luck_of_what_is_behind_is_not_asked_for() -> None:
