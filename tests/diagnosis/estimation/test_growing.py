@@ -135,8 +135,8 @@ def test_a_motor_that_sticks_between_the_waves_of_its_magnets_is_followed_to_the
     assert made.chi2(whole, made.training) > 100.0
     sizes = made.values(found)[0]
     # Torques go by their ratios; in those to the rotor's inertia the gear's own has a share that is hardly told.
-    amplitude, friction = sizes["found_cogging.amplitude"], sizes["found_coulomb_friction.coulomb_friction"]
-    assert friction / amplitude == pytest.approx(level / truth["cogging"]["amplitude"], rel=0.01)
+    amplitude, kinetic = sizes["found_cogging.amplitude"], sizes["found_coulomb_friction.coulomb_friction"]
+    assert kinetic / amplitude == pytest.approx(level / truth["cogging"]["amplitude"], rel=0.01)
     ratio = sizes["motor.rotor_inertia"] / case.truth.parameters["motor.rotor_inertia"]
     assert amplitude == pytest.approx(ratio * truth["cogging"]["amplitude"], rel=0.05)
 
