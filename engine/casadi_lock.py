@@ -2,7 +2,7 @@
 
 CasADi 3.7 and 3.8 let go of Python's lock while they work, and keep equal constants as one. A thread that drops the
 last expression with a constant may free it after another thread was given it, which then reads what is freed and ends
-the process: one of twelve diagnoses with two threads did. Expressions are mostly made in Python, so waiting is cheap.
+the process: one of 13 diagnoses with two threads did. Expressions are mostly made in Python, so waiting is cheap.
 """
 
 from __future__ import annotations
