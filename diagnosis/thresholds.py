@@ -434,7 +434,7 @@ class Search:
         500_000_000,
         "operations",
         "Work that counts as a second of the time that is allowed, with all that is not counted.",
-        "nine random rigs (among them 477385, 988510, 133953) did 450 to 810 million in a second: few are to take longer",
+        "nine random rigs (among them 477385, 988510, 133953) did 450 to 810 million in a second: few take longer",
     )
     look: int = number(
         10_000_000,

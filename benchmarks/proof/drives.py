@@ -120,7 +120,7 @@ that no recording to train on meets. The last two rules are younger than the fir
 came out as one whose stiffness is wrong by half, which left 1.05 of the noise, and rig 1001 between stops that its
 recordings to train on do not touch as "something is missing".
 
-Of 82 intervals with a known true value 78 hold it. All four that do not are of friction that grows with the load, two
+Of 85 intervals with a known true value 81 hold it. All four that do not are of friction that grows with the load, two
 of them where its square acts too. The resistance of a supply is told for a
 supply of twice the largest command, and compared at that voltage (ADR 45).
 
@@ -142,7 +142,8 @@ processor time; Coulomb friction with a limit of the current on the flexible lin
 in 22 s. None is right no more. Coulomb friction with cogging is named in all four cases, in 176 to 216 s. Two of them
 leave 314 and 38800 floors of the held-out recordings, and a third 44.8: what such a motor does next hangs on where it
 is, and they are told by the beginnings, which only the right pair follows. The stops of rig 1002 took 345 s for the 200
-that were allowed.
+that were allowed. With these fifteen, 101 cases took 29 s in the median and 176 s at 95 %, and all 105 claims of a name
+are right.
 
 Of the cases that are not right steps of the command of rig 1000 left nothing that has a name: pairs are chosen over the
 beginnings of the recordings, and what was fitted from there left more than the noise. Before, they were named with a
