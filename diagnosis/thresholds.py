@@ -428,7 +428,7 @@ class Search:
         20_000_000_000,
         "operations",
         "Work for which it goes on after a gain in any case, about half a minute of processor time.",
-        "it is worth a third effect; in random rig 194213 one came 47 s behind the second, counted otherwise",
+        "that is worth a third effect; in random rig 194213 one was 47 s behind the second, before tangents counted",
     )
     second: int = number(
         500_000_000,

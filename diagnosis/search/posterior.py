@@ -212,8 +212,8 @@ def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int)
 
     That some effect is there is as probable as the evidence says. Which one it is, is tempered: those that explain the
     same mismatch differ by little of it, and what no model has, such as nuisances, may decide that. Where a hair's
-    breadth of parameters moves the model that leads at random, its evidence is a normal deviate about what was found;
-    but for models that do not even follow the beginnings of the recordings, where it does.
+    breadth of parameters moves the model that leads at random, its evidence is a normal deviate about what was found.
+    Luck has not left behind what does not follow the beginnings of the recordings, if what leads follows them.
 
     Args:
         models: as `told_as` gives them.
