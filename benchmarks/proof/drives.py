@@ -136,14 +136,14 @@ other work, and none of them again. It was told to say what it has found after 2
 stopped. They took 30 s of processor time in the median, 122 s at 95 %, and 95 were right.
 
 Fifteen cases were run again by the rules of ADR 54 and 55, and stand here as these left them: the six that were not
-right, all of two effects, and three of those that had taken longest. A second that is allowed is longer by these rules.
-Three more are right, so that 98 are: Coulomb friction with cogging of 30 thresholds on two masses, in 216 s of
+right, all of two effects, and three of those that had taken longest. A second that is allowed is longer by these
+rules. Three more are right, so that 98 are: Coulomb friction with cogging of 30 thresholds on two masses, in 216 s of
 processor time; Coulomb friction with a limit of the current on the flexible link, in 123 s; a slack belt of rig 1002,
-in 22 s. None that was right is wrong now. Coulomb friction with cogging is named in all four cases, in 176 to 216 s. Two of
-them leave 314 and 38800 floors of the held-out recordings, and a third 44.8: what such a motor does next hangs on where it
-is, and they are told by the beginnings, which only the right pair follows. The stops of rig 1002 took 345 s for the 200
-that were allowed. With these fifteen, 101 cases took 29 s in the median and 176 s at 95 %, and all 105 claims of a name
-are right.
+in 22 s. None that was right is wrong now. Coulomb friction with cogging is named in all four cases, in 176 to 216 s.
+Two of them leave 314 and 38800 floors of the held-out recordings, and a third 44.8: what such a motor does next hangs
+on where it is, and they are told by the beginnings, which only the right pair follows. The stops of rig 1002 took 345
+s for the 200 that were allowed. With these fifteen, 101 cases took 29 s in the median and 176 s at 95 %, and all 105
+claims of a name are right.
 
 Of the cases that are not right steps of the command of rig 1000 left nothing that has a name: pairs are chosen over the
 beginnings of the recordings, and what was fitted from there left more than the noise. Before, they were named with a
