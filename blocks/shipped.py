@@ -25,6 +25,7 @@ SHIPPED = {
     "controllers.gain_schedule": "GainSchedule",
     "controllers.transfer_function": "TransferFunction DiscreteTransferFunction",
     "controllers.curve": "Curve",
+    "controllers.dead_time": "DeadTime",
     "controllers.dead_zone": "DeadZone",
     "controllers.saturation": "Saturation",
     "controllers.low_pass": "LowPass",

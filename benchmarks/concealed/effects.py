@@ -566,6 +566,16 @@ DRIVES: dict[str, Effect] = {
             },
             most=100,
         ),
+        Effect(
+            "dead_time",
+            "input",
+            "voltage that is lost against the current, V",
+            lambda s: 0.01 * s.command,
+            lambda z, f, s: {"lost_voltage": z, "ripple_current": f["ripple"]},
+            lambda rng, s: {"ripple": s.current * float(rng.uniform(0.01, 0.1))},
+            most=30,
+            only=("V",),
+        ),
     )
 }
 """Effects of drives, kept apart: the catalogue above is drawn from, and the cases of a seed stay what they are."""

@@ -181,6 +181,11 @@ class Mechanism:
         B[n : 2 * n] = inverse @ force
         return A, B
 
+    @property
+    def carries_current(self) -> bool:
+        """Whether the current of a winding with inductance is a state: it is the last one."""
+        return self._motor is not None and self._motor[1] > 0
+
     def turning(self, A: Array, B: Array) -> Array:
         """Row of the speed at which the actuator's shaft turns.
 

@@ -17,10 +17,12 @@ enum { FRICTION, CONTACT, CUBIC, DRAG, GRAVITY, RIPPLE, VIBRATION, BOUC_WEN, WAR
        MESH_INPUT };
 
 /* What happens to the command: places in `input`. SLEW: fastest change (1/s). QUANTUM: step of the command. SAG: resistance
- * of the supply over that of the winding and the square of its voltage (1/V2). HEAT...: rise of the resistance per kelvin,
+ * of the supply over that of the winding and the square of its voltage (1/V2). LOST: voltage that a dead time takes against
+ * the current; KNEE: current above which all of it is taken (A), without inductance times the resistance of the winding (V);
+ * CARRIED: whether there is an inductance, so that the current is the last state. HEAT...: rise of the resistance per kelvin,
  * resistance (ohm), heat capacity (J/K) and thermal resistance (K/W) of the winding, the same of the housing. */
 enum { FORWARD, BACKWARD, OFFSET, LOW, HIGH, DEAD_LOW, DEAD_HIGH, LAG, DELAY, ROOM, EMF, SLEW, QUANTUM, SAG,
-       HEAT, WINDING, CAPACITY, INSULATION, HOUSING, COOLING };
+       LOST, KNEE, CARRIED, HEAT, WINDING, CAPACITY, INSULATION, HOUSING, COOLING };
 
 typedef struct {
     int states, forces, elements, outputs, modes, substeps, samples, closed;
@@ -194,15 +196,24 @@ static double shaped(const Plan *P, double u) {
     return u > p[DEAD_HIGH] ? u - p[DEAD_HIGH] : u < p[DEAD_LOW] ? u - p[DEAD_LOW] : 0;
 }
 
+/* What is left of `asked` where `lost` acts against it, up to `knee` in proportion to what is left. */
+static double left(double asked, double lost, double knee) {
+    double most = lost + knee;
+    return fabs(asked) < most ? asked * knee / most : asked > 0 ? asked - lost : asked + lost;
+}
+
 /* What reaches the actuator. A bridge takes its share d = u / E of a bus whose voltage falls by the resistance of the supply
  * times d i, i = (voltage - emf) / R: solved for the voltage. A warm winding has more resistance: the cold one would need
- * less voltage for the same current. An amplifier whose current has a limit gives no more than that current needs. */
+ * less voltage for the same current. What a dead time takes is in proportion to the current, up to all of it: without
+ * inductance what is left of the voltage solves drop + LOST * clip(drop / KNEE, -1, 1) = u - emf. An amplifier whose current has a limit gives no more than that current needs. */
 static double driven(const Plan *P, double u, const double *x, double warmth) {
     const double *p = P->input;
     u = shaped(P, u);
-    if (!(p[ROOM] > 0 || p[SAG] > 0 || p[HEAT] > 0)) return u;
+    if (!(p[ROOM] > 0 || p[SAG] > 0 || p[HEAT] > 0 || p[LOST] > 0)) return u;
     double middle = p[EMF] * dot(P->turning, x, P->states), lost = p[SAG] * u * u;
     u = (u + lost * middle) / (1 + lost);
+    if (p[LOST] > 0 && p[CARRIED] > 0) u -= p[LOST] * clip(x[P->states - 1] / p[KNEE], -1, 1);
+    else if (p[LOST] > 0) u = middle + left(u - middle, p[LOST], p[KNEE]);
     if (p[HEAT] > 0) u = middle + (u - middle) / (1 + p[HEAT] * warmth);
     return p[ROOM] > 0 ? clip(u, middle - p[ROOM], middle + p[ROOM]) : u;
 }
@@ -328,6 +339,10 @@ int concealed_simulate(const Plan *P) {
                     zm[j] = z[j] + h / 2 * memory(P, j, z[j], x);
                 else if (P->kind[j] == FRICTION)
                     g[1 + j] = f[1 + j];
+            if (P->input[LOST] > 0 && P->input[CARRIED] > 0) { /* the loss may be far stiffer than the winding: implicit */
+                double most = P->gamma_half[(n - 1) * m] * P->input[LOST], knee = P->input[KNEE];
+                middle[n - 1] = left(middle[n - 1] + most * clip(x[n - 1] / knee, -1, 1), most, knee);
+            }
             g[0] = driven(P, u, middle, winding);
             if (P->input[HEAT] > 0) warmed(P, g[0], middle, h, &winding, &housing);
             efforts(P, middle, zm, now + h / 2, k, share + half, g);

@@ -45,8 +45,9 @@ class InputChain:
 
     Steps of ``quantum``, delay, fastest change ``slew`` (1/s), first-order lag, gain (one per direction), offset,
     limits, dead zone. Then what the winding of a motor makes of it: a supply of which ``sag`` is the resistance over
-    that of the winding and the square of its voltage (1/V2); a winding that warms up; the limit of its current, with
-    which the voltage stays within ``room`` of ``emf`` times the speed.
+    that of the winding and the square of its voltage (1/V2); a dead time that takes ``lost`` (V) against the current,
+    all of it above ``knee`` (A where the current is ``carried`` by an inductance, else V in the winding); a winding
+    that warms up; the limit of its current, with which the voltage stays within ``room`` of ``emf`` times the speed.
     """
 
     forward: float = 1.0
@@ -63,18 +64,22 @@ class InputChain:
     slew: float = 0.0
     quantum: float = 0.0
     sag: float = 0.0
+    lost: float = 0.0
+    knee: float = 0.0
+    carried: bool = False
     heat: Heat | None = None
 
     def row(self) -> Array:
         """As the C code wants it."""
         law = [self.forward, self.backward, self.offset, self.low, self.high, self.dead_low, self.dead_high]
         chain = [self.lag, self.delay, self.room, self.emf, self.slew, self.quantum, self.sag]
-        return np.array([*law, *chain, *(astuple(self.heat) if self.heat else [0.0] * len(fields(Heat)))])
+        dead = [self.lost, self.knee, float(self.carried)]
+        return np.array([*law, *chain, *dead, *(astuple(self.heat) if self.heat else [0.0] * len(fields(Heat)))])
 
     @property
     def winding(self) -> bool:
         """Whether the current in a motor's winding matters."""
-        return self.room > 0 or self.sag > 0 or self.heat is not None
+        return self.room > 0 or self.sag > 0 or self.lost > 0 or self.heat is not None
 
     @property
     def held(self) -> bool:

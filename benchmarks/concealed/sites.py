@@ -14,7 +14,7 @@ from benchmarks.concealed.plants.base import Body, LinkOptions, Plant
 from benchmarks.concealed.simulator import Simulator
 from benchmarks.concealed.truth import Truth, winding
 
-WOUND = frozenset({"current_limit", "supply_sag", "warm_up"})
+WOUND = frozenset({"current_limit", "supply_sag", "warm_up", "dead_time"})
 """Effects whose size goes by the current of a motor."""
 
 DRIVEN = ("motor.shaft", "drive.shaft")

@@ -131,13 +131,15 @@ def simulator(truth: Truth, signals: Sequence[str], interval: float, step: float
     # The limits are those of the command: a gain error behind them does not hide what goes beyond.
     input_chain.low *= 1 + truth.nuisance.gain
     input_chain.high *= 1 + truth.nuisance.gain
+    body = truth.plant.assemble(truth.parameters, laws, link, inductance)
     if input_chain.winding:
         resistance, back_emf = winding(truth)
         input_chain.room, input_chain.emf = input_chain.room * resistance, back_emf
         input_chain.sag /= resistance
         if input_chain.heat:
             input_chain.heat = replace(input_chain.heat, resistance=resistance)
-    body = truth.plant.assemble(truth.parameters, laws, link, inductance)
+        input_chain.carried = body.mechanism.carries_current
+        input_chain.knee *= 1.0 if input_chain.carried else resistance
     for c in shafts:
         if c.place not in body.ports:
             raise ValueError(f"{truth.plant.name} has no shaft '{c.place}'; it has {', '.join(body.ports)}")
@@ -206,6 +208,10 @@ def _heat(chain: InputChain, p: Mapping[str, float]) -> None:
     chain.heat = Heat(p["coefficient"], 1.0, *(p[key] for key in thermal))
 
 
+def _switched(chain: InputChain, p: Mapping[str, float]) -> None:
+    chain.lost, chain.knee = p["lost_voltage"], p["ripple_current"]  # until the winding is known
+
+
 def _dead(chain: InputChain, p: Mapping[str, float]) -> None:
     chain.dead_low, chain.dead_high = p["lower"], p["upper"]
 
@@ -238,6 +244,7 @@ _INPUT: dict[str, Callable[[InputChain, Mapping[str, float]], None]] = {
     "command_quantisation": _steps,
     "supply_sag": _sag,
     "warm_up": _heat,
+    "dead_time": _switched,
 }
 
 

@@ -65,6 +65,11 @@ PLACES: dict[str, tuple[str, str, str]] = {
         "0.1 of its twist, within a factor of 10",
         "torque ripple of the same order, where the gear hardly twists",
     ),
+    "dead_time": (
+        "before the voltage of a motor whose winding and back-emf are known",
+        "0.1 of the largest command, and of the current that it drives at rest, within a factor of 10 each",
+        "a dead zone, where the motor hardly turns; Coulomb friction of the motor, where it never brakes",
+    ),
     "rate_limit": (
         "before a driven input",
         "the largest value in 30 samples, within 3 factors of 10: drives differ by powers of ten",

@@ -180,6 +180,7 @@ DRIVE_CASES: dict[str, tuple[str, ...]] = {
     "warm_up": ("belt-axis",),
     "friction_warm_up": ("belt-axis",),
     "quadratic_load_friction": ("geared-two-mass", "pendulum"),
+    "dead_time": ("srv02-flexible", "geared-two-mass", "belt-axis"),
     "coulomb_friction": ("srv02-flexible", "geared-two-mass", "harmonic-arm", "pendulum"),
     "coulomb_friction+current_limit": ("srv02-flexible", "geared-two-mass"),
     "coulomb_friction+cogging": ("geared-two-mass", "hard-belt-cogging"),
@@ -205,6 +206,7 @@ ON_RIGS = (
     "warm_up",
     "friction_warm_up",
     "transmission_error",
+    "dead_time",
 )
 """Effects of drives that are concealed on random rigs too."""
 

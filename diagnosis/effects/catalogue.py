@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator
 
 from diagnosis.effects.belt import at_belt
 from diagnosis.effects.command import at_command
-from diagnosis.effects.drive import at_driven_shaft, at_gear, at_loaded_shaft, at_motor_input
+from diagnosis.effects.drive import at_driven_shaft, at_gear, at_loaded_shaft, at_motor_bridge, at_motor_input
 from diagnosis.effects.effect import Candidate
 from diagnosis.effects.end_stop import at_measured_shaft
 from diagnosis.effects.friction_heat import at_bearing
@@ -70,13 +70,14 @@ EFFECTS = (
     "warm_up",
     "friction_warm_up",
     "quadratic_load_friction",
+    "dead_time",
 )
 """Machine names of the catalogue's own effects."""
 
 Rule = Callable[[OperatingScales, Place], Iterator[Candidate]]
 
 MECHANICAL: tuple[tuple[str, tuple[Rule, ...]], ...] = (
-    (INPUT, (at_input, at_motor_input, at_command, at_motor_supply)),
+    (INPUT, (at_input, at_motor_input, at_command, at_motor_supply, at_motor_bridge)),
     (SHAFT, (at_shaft, at_loaded_shaft, at_driven_shaft, at_measured_shaft)),
     (JOINT, (at_joint,)),
     (BLOCK, (at_mount,)),

@@ -36,6 +36,12 @@ MOST_ORDERS = 5
 GEAR_ORDERS = (1.0, 2.0, 4.0)
 """Waves of a transmission error per revolution of a gear's input; the first two of its output too."""
 
+LOST = (1e-3, 5e-3, 0.02, 0.08)
+"""Starting sizes of the voltage that a dead time takes, as shares of the largest command."""
+
+RIPPLES = (0.01, 0.1)
+"""Starting sizes of the current above which all of it is taken, as shares of that at rest under the largest command."""
+
 NO_LIMIT_KNOWN = 10.0
 """Widening of the prior of a limit: how far an amplifier goes is not known before."""
 
@@ -145,6 +151,34 @@ def at_motor_input(scales: OperatingScales, place: Place) -> Iterator[Candidate]
         reads={"speed": f"{place.block}.{block.cut_after[0]}.speed"},
         resistance=with_unit(resistance, "ohm"),
         back_emf_constant=with_unit(back_emf, "V.s/rad"),
+    )
+
+
+def at_motor_bridge(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
+    """The dead time of a switching amplifier, only before the voltage of a motor whose winding is known.
+
+    It acts against the current, which a motor with inductance tells; without, it follows from voltage and speed.
+    """
+    block, winding = scales.system.blocks[place.block], scales.system.blocks[place.block].winding_parameters
+    known = winding and block.back_emf_parameter and block.cut_after and "current" in block.ports
+    if not known or not place.target.endswith(".voltage"):
+        return
+    resistance, inductance = (block.values[key] for key in winding)
+    stall = place.size / resistance
+    yield from in_signal(
+        place,
+        "dead_time",
+        "DeadTime",
+        combinations(lost_voltage=shares(place.size, *LOST), ripple_current=shares(stall, *RIPPLES)),
+        EffectParameter("lost_voltage", place.size),
+        EffectParameter("ripple_current", stall),
+        held=False,
+        reads={"current": f"{place.block}.current"}
+        if inductance
+        else {"speed": f"{place.block}.{block.cut_after[0]}.speed"},
+        resistance=with_unit(resistance, "ohm"),
+        back_emf_constant=with_unit(block.values[block.back_emf_parameter], "V.s/rad"),
+        inductance=bool(inductance),
     )
 
 

@@ -57,6 +57,7 @@ IN_SPRING = {"yield_twist": -1.0, "yield_deflection": -1.0}
 OF_DRIVES = {
     "rate_limit": {"rising": -1.0},
     "supply_sag": {"resistance": 1.0},
+    "dead_time": {"lost_voltage": 1.0},
     "belt_slack": {"pretension": -1.0},
     "warm_up": {"winding_heat_capacity": -1.0, "winding_thermal_resistance": 1.0},
     "friction_warm_up": {"heat_capacity": -1.0, "thermal_resistance": 1.0},

@@ -20,6 +20,7 @@ WORDS = {
     "rate_limit": "a rate limit",
     "command_quantisation": "steps of the command",
     "supply_sag": "a supply that sags",
+    "dead_time": "a dead time of the amplifier",
     "belt_slack": "slack of the belt",
     "end_stop": "an end stop",
     "warm_up": "warm-up of the winding",

@@ -18,8 +18,10 @@ from blocks.actuators.pmsm import PMSM
 from blocks.actuators.supply import Supply
 from blocks.actuators.thermal_dc_motor import ThermalDCMotor
 from blocks.controllers.current_limiter import CurrentLimiter
+from blocks.controllers.dead_time import DeadTime
 from blocks.controllers.duty_servo import DutyServo
 from blocks.controllers.field_oriented_controller import FieldOrientedController
+from blocks.controllers.gain import Gain
 from blocks.controllers.sum import Sum
 from blocks.controllers.torque_envelope import TorqueEnvelope
 from blocks.links.fixed import Fixed
@@ -292,6 +294,62 @@ def test_dead_time_takes_its_share_against_the_current(duty: float) -> None:
     result = run(parts, *wires, stop=0.05, internal_step=1e-5)
     assert result["motor.current"][-1] == pytest.approx(within if abs(within) < ripple else beyond, rel=1e-6)
     assert balance(result) < 1e-6
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_dead_time_before_a_motor_without_inductance_slows_what_drives_and_what_brakes_alike(sign: float) -> None:
+    """A flywheel that brakes from k w = 14 V to 6 V: with e = 6 V - k w, tau e' = -(e + Vd) until e = -(Vd + R I0).
+
+    From there tau e' = -e R I0 / (Vd + R I0): nothing drives it past e = 0, nor holds it at Vd.
+    """
+    k, r, inertia, lost, ripple = 0.05, 2.0, 1e-4, 0.8, 0.1
+    tau, knee = inertia * r / k**2, r * ripple
+    parts: dict[str, Block] = {
+        "command": Constant(value=6.0 * sign),
+        "bridge": DeadTime(lost_voltage=lost, ripple_current=ripple, resistance=r, back_emf_constant=k),
+        "motor": DCMotor(resistance=r, torque_constant=k, rotor_inertia=inertia),
+    }
+    wires = ("command.out bridge.in", "motor.shaft.speed bridge.speed", "bridge.out motor.voltage")
+    result = run(parts, *wires, stop=0.6, initial={"motor.shaft.speed": 14.0 / k * sign})
+    then = tau * math.log((8.0 - lost) / knee)
+    gone = result.time - then
+    e = np.where(
+        gone < 0,
+        -lost - (8.0 - lost) * np.exp(-result.time / tau),
+        -(lost + knee) * np.exp(-np.maximum(gone, 0) / tau * knee / (lost + knee)),
+    )
+    np.testing.assert_allclose(result["motor.shaft.speed"] * k, (6.0 - e) * sign, rtol=1e-8)
+    assert instants(result, "bridge.dead_time")[-1] == pytest.approx(then, rel=1e-8)
+    held = np.clip(result["motor.current"] / ripple, -1, 1)
+    np.testing.assert_allclose(result["bridge.out"], 6.0 * sign - lost * held, rtol=1e-9)
+
+
+def test_dead_time_goes_by_the_current_where_there_is_an_inductance() -> None:
+    """As a whole bridge does; and with next to no inductance as the law without says."""
+    r, k = 2.0, 0.05
+
+    def speed(law: Block, inductance: float, *wires: str, step: float = 1e-5) -> Array:
+        parts: dict[str, Block] = {
+            "wave": Sine(amplitude=6.0, frequency=3.0),
+            "law": law,
+            "motor": DCMotor(resistance=r, torque_constant=k, rotor_inertia=1e-4, inductance=inductance),
+        }
+        if isinstance(law, Bridge):
+            parts |= {"battery": Constant(value=24.0), "share": Gain(gain=1 / 24, unit="1")}
+        made = run(parts, *wires, "law.out motor.voltage", stop=0.5, internal_step=step)
+        return np.asarray(made["motor.shaft.speed"])
+
+    given = {"lost_voltage": 0.48, "ripple_current": 0.05, "resistance": r, "back_emf_constant": k}
+    seen = ("wave.out law.in", "motor.current law.current")
+    bridge = Bridge(dead_time=1e-6, switching_period=50e-6, ripple_current=0.05)
+    whole = speed(
+        bridge, 4e-3, "wave.out share.in", "share.out law.duty", "battery.out law.supply", "motor.current law.current"
+    )
+    np.testing.assert_allclose(speed(DeadTime(**given, inductance=True), 4e-3, *seen), whole, atol=1e-9)
+    quick = speed(DeadTime(**given, inductance=True), 1e-5, *seen, step=1e-6)
+    at_once = speed(DeadTime(**given), 0.0, "wave.out law.in", "motor.shaft.speed law.speed")
+    np.testing.assert_allclose(quick, at_once, atol=5e-4 * np.abs(at_once).max())
+    assert np.abs(whole - at_once).max() > 0.02 * np.abs(at_once).max()
 
 
 def test_a_sagging_bus_and_its_capacitor() -> None:

@@ -147,6 +147,19 @@ def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
             "back_emf_constant": f"{true.get('motor.back_emf_constant', true['motor.torque_constant'])} V.s/rad",
         }
         return [InSignal("x", "CurrentLimiter", ground, law), Wire("w", ("motor.shaft.speed", "x.speed"))]
+    if effect == "dead_time":
+        law = {
+            "lost_voltage": f"{p['lost_voltage']} V",
+            "ripple_current": f"{p['ripple_current']} A",
+            "resistance": f"{true['motor.resistance']} ohm",
+            "back_emf_constant": f"{true.get('motor.back_emf_constant', true['motor.torque_constant'])} V.s/rad",
+        }
+        if getattr(plant, "fixed", {}).get("motor.inductance"):
+            return [
+                InSignal("x", "DeadTime", ground, {**law, "inductance": True}),
+                Wire("w", ("motor.current", "x.current")),
+            ]
+        return [InSignal("x", "DeadTime", ground, law), Wire("w", ("motor.shaft.speed", "x.speed"))]
     if effect in ("torque_ripple", "cogging"):
         law = {"amplitude": f"{p['amplitude']} N.m", "order": p["order"], "phase": f"{p['phase']} rad"}
         return [AtFlange("x", "TorqueRipple", place, "shaft", law)]

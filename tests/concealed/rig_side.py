@@ -28,11 +28,11 @@ def _yaml(change: Any, source: Any) -> Any:
     return out.getvalue()
 
 
-def concealed_in(source: Any, c: Any, rig: Any) -> Any:
+def concealed_in(source: Any, c: Any, rig: Any, true: Any = None) -> Any:
     """The scenario with an effect in it."""
     if c.place in [s.signal for s in rig.sensors]:
         c, rig = replace(c, place=_seat(c.place, rig)), _Seated(rig)
-    for edit in edits_for(c, rig):
+    for edit in edits_for(c, rig, true):
         slides = _slides(c.place, rig.topology)
         if isinstance(edit, InSignal) and edit.name == "y":
             source = _driven(source, edit)
@@ -126,7 +126,7 @@ def simulated(case: Any, folder: Any, concealed: Any = (), internal_step: Any = 
     write(exact, folder / "case", folder / "answers")
     source = _seated(text(exact), case.plant)
     for c in concealed:
-        source = concealed_in(source, c, case.plant)
+        source = concealed_in(source, c, case.plant, case.truth.parameters)
     file, out = folder / "case" / "scenario.yaml", []
     for recorded, angle in zip(case.recordings, case.bench.released, strict=True):
         file.write_text(_begun(source, angle, concealed, case.plant) if angle else source)

@@ -98,6 +98,7 @@ PARTS: dict[str, tuple[str, list[str], str]] = {
   target: {type: Sine, amplitude: 1 rad, frequency: 1 Hz}
   servo: {type: DutyServo, proportional_gain: 20 1/rad, supply_voltage: 12 V}
   limit: {type: CurrentLimiter, current_limit: 1.5 A, resistance: 1 ohm, back_emf_constant: 0.1 V.s/rad}
+  dead: {type: DeadTime, lost_voltage: 0.4 V, resistance: 1 ohm, back_emf_constant: 0.1 V.s/rad}
   dc: {type: DCMotor, resistance: 1 ohm, torque_constant: 0.1 N.m/A, rotor_inertia: 1e-4 kg.m2}
 """,
         [
@@ -109,7 +110,9 @@ PARTS: dict[str, tuple[str, list[str], str]] = {
             "dc.shaft.angle, servo.measurement",
             "dc.shaft.speed, limit.speed",
             "servo.out, limit.in",
-            "limit.out, dc.voltage",
+            "limit.out, dead.in",
+            "dc.shaft.speed, dead.speed",
+            "dead.out, dc.voltage",
         ],
         "rotor.shaft.angle, dc.shaft.angle",
     ),

@@ -156,6 +156,29 @@ def test_a_limiter_that_is_there_gets_another_limit(tmp_path: Path) -> None:
     assert edit == Set("limit", "current_limit", "1.5 A")
 
 
+# -- the dead time of an amplifier -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("henry", [0.0, 4e-3])
+def test_a_dead_time_goes_by_the_current_that_there_is(tmp_path: Path, henry: float) -> None:
+    """Of a motor with inductance the current itself, else what follows from voltage and speed."""
+    path = geared(tmp_path)
+    path.write_text(path.read_text().replace("resistance: 2 ohm", f"resistance: 2 ohm, inductance: {henry} H", 1))
+    (found,) = proposed(path, "dead_time")
+    law, wire = found.edits(found.starts[0])
+    assert isinstance(law, InSignal)
+    assert law.parameters["resistance"] == "2 ohm"
+    assert isinstance(wire, Wire)
+    read = ("motor.current", "current") if henry else ("motor.shaft.speed", "speed")
+    assert wire.ends == (read[0], f"{found.name}.{read[1]}")
+    written = tmp_path / "amended.yaml"
+    written.write_text(amended(path.read_text(), found.edits(found.starts[0])), encoding="utf-8")
+    assert load(str(written)).system.blocks[found.name].values["inductance"] is bool(henry)
+    folder = tmp_path / "torque"
+    folder.mkdir()
+    assert not proposed(spring(folder, "{type: SpringDamper, stiffness: 20 N.m/rad}"), "dead_time")
+
+
 # -- cogging -----------------------------------------------------------------------------------------------------------
 
 
@@ -544,7 +567,12 @@ def law(effect: str, p: Any, amended_file: Path) -> tuple[str, float]:
     own |= {"friction_warm_up": ("heat_capacity", "capacity")}
     own |= {"quadratic_load_friction": ("quadratic_coefficient", "quadratic_coefficient")}
     usual = {"load_dependent_friction": "coefficient", "current_limit": "current_limit", "cogging": "amplitude"}
-    usual |= {"command_quantisation": "step", "belt_slack": "pretension", "end_stop": "upper"}
+    usual |= {
+        "dead_time": "lost_voltage",
+        "command_quantisation": "step",
+        "belt_slack": "pretension",
+        "end_stop": "upper",
+    }
     name, true = own.get(effect, (usual.get(effect, ""),) * 2)
     return name, float(p[true])
 
@@ -560,6 +588,7 @@ def law(effect: str, p: Any, amended_file: Path) -> tuple[str, float]:
         ("geared-two-mass", "rate_limit", 30.0),
         ("geared-two-mass", "command_quantisation", 100.0),
         ("geared-two-mass", "supply_sag", 100.0),
+        ("geared-two-mass", "dead_time", 100.0),
         ("belt-axis", "belt_slack", 100.0),
         ("belt-axis", "warm_up", 100.0),
         ("belt-axis", "friction_warm_up", 100.0),

@@ -26,7 +26,7 @@ EFFECTS = {
     *("rectified_sensor", "backlash", "joint_flexibility", "hardening_spring", "hysteresis"),
     *("load_dependent_friction", "current_limit", "cogging", "transmission_error"),
     *("rate_limit", "command_quantisation", "supply_sag", "belt_slack", "end_stop", "warm_up", "friction_warm_up"),
-    "quadratic_load_friction",
+    *("quadratic_load_friction", "dead_time"),
 }
 FRICTION, DEAD = 4.0e-4, 0.15
 

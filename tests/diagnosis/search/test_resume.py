@@ -33,7 +33,7 @@ LEFT_OUT = (
     *("sensor_scale", "sensor_lag", "sensor_bias", "rectified_sensor", "wrong_parameter", "delay"),
     *("load_dependent_friction", "current_limit", "cogging", "transmission_error"),
     *("rate_limit", "command_quantisation", "supply_sag", "belt_slack", "end_stop", "warm_up", "friction_warm_up"),
-    "quadratic_load_friction",
+    *("quadratic_load_friction", "dead_time"),
 )
 FITS = 3
 """Fits that are done when the command is stopped."""

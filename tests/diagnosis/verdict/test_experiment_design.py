@@ -35,7 +35,7 @@ OTHERS = (
     *("gravity", "torque_ripple", "sensor_scale", "sensor_lag", "sensor_bias", "rectified_sensor", "wrong_parameter"),
     *("load_dependent_friction", "current_limit", "cogging", "transmission_error"),
     *("rate_limit", "command_quantisation", "supply_sag", "belt_slack", "end_stop", "warm_up", "friction_warm_up"),
-    "quadratic_load_friction",
+    *("quadratic_load_friction", "dead_time"),
 )
 
 
