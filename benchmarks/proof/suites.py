@@ -214,7 +214,7 @@ ASKED = {"belt_slack": "belt", "warm_up": "motor", "transmission_error": "gear"}
 """What a random rig is asked to have, for effects that need it."""
 
 
-FURTHER = {"belt_slack": 8, "end_stop": 6, "warm_up": 5}
+FURTHER = {"belt_slack": 8, "end_stop": 6, "warm_up": 5, "dead_time": 5}
 """Random rigs for effects that some rigs cannot show: so many that four can be drawn with the first seed."""
 
 

@@ -115,11 +115,17 @@ def lucky(model: ScoredModel, simpler: ScoredModel) -> bool:
     """Whether a model is likelier than a simpler one by no more than a hair's breadth of parameters gives and takes.
 
     The simpler one has effects: without any, a model is as likely as it is. Where both are steady there is no luck, and
-    what is less likely than a simpler model stays its rival.
+    what is less likely than a simpler model stays its rival. Luck bends no parameters: a simpler model that needs them
+    bent is not what is told.
     """
     luck = max(model.left.luck, simpler.left.luck)
     near = luck > 0 and model.log_evidence - simpler.log_evidence < luck
-    return bool(simpler.effects) and near and not _alone_in_step(model, simpler)
+    return bool(simpler.effects) and near and not _alone_in_step(model, simpler) and not _unbends(model, simpler)
+
+
+def _unbends(model: ScoredModel, simpler: ScoredModel) -> bool:
+    """Whether a simpler model needs bent parameters, and most of that strain goes with what the other one has more."""
+    return simpler.bent and model.strain < EVIDENCE.most * simpler.strain
 
 
 def _alone_in_step(model: ScoredModel, other: ScoredModel) -> bool:
@@ -129,7 +135,7 @@ def _alone_in_step(model: ScoredModel, other: ScoredModel) -> bool:
 
 def owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:
     """Whether what a model has more than a simpler one may be a nuisance: nuisances are small, and they are several."""
-    if simpler.bent and model.strain < EVIDENCE.most * simpler.strain:
+    if _unbends(model, simpler):
         return False  # nuisances do not bend parameters
     little = energy(simpler) - energy(model) < EVIDENCE.share * explained
     return little and _one_of_several(model, simpler)

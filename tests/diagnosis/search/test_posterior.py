@@ -148,6 +148,14 @@ def test_what_alone_follows_the_beginnings_of_the_recordings_is_not_likelier_by_
     assert (in_step_too, both) in told_as([REFIT, in_step_too, both], REFIT)
 
 
+@pytest.mark.parametrize(("strain", "told"), [(300.0, True), (8.0, False)])
+def test_luck_bends_no_parameters(strain: float, told: bool) -> None:
+    """What needs them bent is not told in the place of what does not, however much a hair's breadth gives and takes."""
+    simple = model(FRICTION, excess=5e4, log_evidence=-130.0, luck=1000.0, strain=strain)
+    both = model(FRICTION, LAG, excess=1e4, log_evidence=0.0, strain=8.0)
+    assert ((both, both) in told_as([REFIT, simple, both], REFIT)) == told
+
+
 def test_a_richer_model_that_is_less_likely_stays_a_rival_where_there_is_no_luck() -> None:
     simple = model(FRICTION, excess=5e4, log_evidence=500.0)
     both = model(FRICTION, LAG, excess=1e4, log_evidence=499.0)
