@@ -442,6 +442,12 @@ class Search:
         "Work that an effect that is looked at counts for, beside its runs: to put it in and to work out its courses.",
         "an estimate: a model takes 7 ms to build, which is half of it",
     )
+    first: float = number(
+        1 / 3,
+        "1",
+        "Share of the time that is allowed, if any, after which first effects wait until others stand beside them.",
+        "as many rounds as effects are sought together, and each is to have its turn",
+    )
     growing: float = number(
         2 / 3,
         "1",

@@ -183,6 +183,10 @@ class _Search:
         """Models whose nodes were cut otherwise."""
         self._begun: bool | None = None
         """Whether the first effect was sought, once that is known."""
+        self._first_tasks: list[tuple[list[tuple[tuple[Candidate, ...], list[Values]]], int]] = []
+        """First effects that are still to be fitted, and the wrong parameters among them; how many to the end."""
+        self._all_begun = True
+        """Whether all first effects have had their turn: it ends after a share of the time that is allowed."""
         self.ended_early = False
         """Whether the time that is allowed was over before all was tried."""
 
@@ -198,20 +202,18 @@ class _Search:
                     self.known.failures += self.looked.refused
                     tasks = [(_as_ended(m), [standing(m.fit)]) for m in self.looked.fitted]
                     self.known.fit(tasks, SEARCH.finished)
-                self._vary(self.known.best)
+                self._all_begun &= self._within(SEARCH.first, lambda: self._vary(self.known.best))
                 self.known.patience.at_least(self.fitter.work.done)
 
     def run(self, most: int) -> None:
         """Add effects one by one, from the best few models, while even a perfect further effect would pay."""
         self.begin()
         if self._begun:
-            self.known.growing = True
-            try:
-                self._grow(most)
-            except OutOfTime:
-                self.ended_early, self.known.growing = True, False
+            if not self._within(SEARCH.growing, lambda: self._grow(most)):
+                self.ended_early = True
                 self._vary(self.known.best)  # what leads may have come just before, and have rivals as good
-            self.known.growing = False
+            if not self._all_begun:
+                self._go_on_with_the_first()
         for model in self._near():
             self._put_in_place_of_equals(model)
         for model in self._near():
@@ -502,10 +504,8 @@ class _Search:
         return explained(self.known.refit, self.known.best) >= EVIDENCE.most
 
     def _finish_waiting(self) -> None:
-        waiting, self.known.waiting, before = self.known.waiting, [], self.known.best
-        while waiting:
-            self.known.finished(waiting[: SEARCH.few])
-            waiting = waiting[SEARCH.few :]
+        before = self.known.best
+        self.known.finish_waiting()
         if self.known.best is not before:
             self._vary(self.known.best)
 
@@ -637,10 +637,7 @@ class _Search:
 
     def _vary(self, model: ScoredModel) -> None:
         """Take each effect of a model away; put it elsewhere, others in its place, a known pair in the place of one."""
-        waiting = [p for p in self.known.waiting if related(p.effects[-1], model.effects)]
-        self.known.waiting = [p for p in self.known.waiting if not related(p.effects[-1], model.effects)]
-        for few in range(0, len(waiting), SEARCH.few):
-            self.known.finished(waiting[few : few + SEARCH.few])
+        self.known.finish_waiting(lambda p: related(p.effects[-1], model.effects))
         self._finish_dropped(model)
         singles = sorted((m for m in self.known.models if len(m.effects) == 1), key=self.known.worth, reverse=True)
         best = [*(m.effects[0] for m in singles), *self._order]
@@ -804,9 +801,37 @@ class _Search:
         self.known.fit([((c,), parents) for c in first], 1)
         able = self._near_promised(origins, able)
         # A wrong parameter is as likely as a missing effect: neither kind is to crowd out the other.
-        for kind in ([c for c in able if not c.freed], [c for c in able if c.freed]):
-            tasks = [((c,), parents) for c in kind[: SEARCH.fitted]]
-            self.known.fit(tasks, SEARCH.finished - (1 if kind[:1] == first else 0))
+        kinds = ([c for c in able if not c.freed], [c for c in able if c.freed])
+        self._first_tasks = [
+            ([((c,), parents) for c in kind[: SEARCH.fitted]], SEARCH.finished - (1 if kind[:1] == first else 0))
+            for kind in kinds
+        ]
+        self._all_begun = self._within(SEARCH.first, self._fit_first)
+
+    def _fit_first(self) -> None:
+        """Fit the first effects that are still to be fitted."""
+        while self._first_tasks:
+            self.known.fit(*self._first_tasks[0])
+            self._first_tasks.pop(0)
+
+    def _go_on_with_the_first(self) -> None:
+        """Fit the first effects that had no turn, since a further effect was to have its own before."""
+        before = self.known.best
+        self._fit_first()
+        self.known.finish_waiting()
+        if self.known.best is not before:
+            self._vary(self.known.best)
+
+    def _within(self, share: float, move: Callable[[], None]) -> bool:
+        """Make a move that ends once a share of the time that is allowed is over; whether it came to its own end."""
+        self.known.until = share
+        try:
+            move()
+        except OutOfTime:
+            return False
+        finally:
+            self.known.until = 1.0
+        return True
 
     def _near_promised(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
         """Effects that may come near the first of them, where that explains all; all of them where it does not.

@@ -36,7 +36,7 @@ class TriedModels:
         waiting: partial fits that were far from the best when it was their turn.
         dropped: partial fits that had no turn, since others left less after a few steps.
         bounded: whether the search ends where the time is over that is allowed for it.
-        growing: whether effects are being added, which ends once that has taken its share of the time that is allowed.
+        until: share of the time that is allowed after which the move that goes on now is to end.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class TriedModels:
         self.failures: list[tuple[str, str]] = []
         self.waiting: list[PartialFit] = []
         self.dropped: list[PartialFit] = []
-        self.bounded = self.growing = False
+        self.bounded, self.until = False, 1.0
         self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
         self._done: set[tuple[str, ...]] = set()
         self._ended: set[frozenset[str]] = set()
@@ -122,10 +122,14 @@ class TriedModels:
         """Go on with the next fit.
 
         Raises:
-            OutOfTime: the time that is allowed is over, or the share of it in which effects are added.
+            OutOfTime: the time that is allowed is over, or the share of it after which this move is to end.
         """
-        if self.bounded and self.fitter.spent.is_over(SEARCH.growing if self.growing else 1.0):
+        if self._is_over:
             raise OutOfTime
+
+    @property
+    def _is_over(self) -> bool:
+        return self.bounded and self.fitter.spent.is_over(self.until)
 
     def fit(
         self,
@@ -193,6 +197,9 @@ class TriedModels:
             whole: to the end even where that is not near the best, for what the best may be told as.
             begun: whether the first is fitted although the time is over: all that was spent on the few steps of the
                 others has told that it leads.
+
+        Raises:
+            OutOfTime: as of `_go_on`; those that are left wait.
         """
         reaches: dict[int, float] = {}
 
@@ -206,8 +213,9 @@ class TriedModels:
         for few in range(0, len(partials), SEARCH.few):
             some, able = partials[few : few + SEARCH.few], list[ScoredModel]()
             for number, group in enumerate((some[:1], some[1:]) if few == 0 else (some,)):
-                if not (begun and few == number == 0):
-                    self._go_on()
+                if self._is_over and not (begun and few == number == 0):
+                    self.waiting += [p for p in partials[few:] if id(p) not in reaches]
+                    raise OutOfTime
                 reaches |= {id(partial): self._reach_of(partial) for partial in group}
                 with Spread(self.fitter.workers, threads=True) as pool:
                     found = list(pool.map(finish, group))
@@ -228,6 +236,14 @@ class TriedModels:
                 self.waiting += partials[few + SEARCH.few :]
                 break
         return kept
+
+    def finish_waiting(self, wanted: Callable[[PartialFit], bool] = lambda partial: True) -> None:
+        """Fit models to the end that wait for it, a few at a time, even if none of the few comes near the best."""
+        left = [p for p in self.waiting if wanted(p)]
+        for few in range(0, len(left), SEARCH.few):
+            some = left[few : few + SEARCH.few]
+            self.waiting = [p for p in self.waiting if not any(p is s for s in some)]
+            self.finished(some)
 
     def _judged(self, model: ScoredModel) -> ScoredModel:
         """A model as it is, or where all recordings together are likeliest, if that is several steps away.

@@ -49,7 +49,8 @@ class World:
         excess: see `Excess`.
         promise: by how much an effect, by key and option, promises to raise the likelihood; 50 where it is not said.
         shapes: what an effect, by key, changes of the recordings; nothing where it is not said.
-        fit: work that the fit of one effect takes; that of two takes ten times as much.
+        fit: work that the fit of one effect takes.
+        dearer: how many times as much each further effect takes.
         allowed: work that is allowed for all.
     """
 
@@ -63,8 +64,9 @@ class World:
         shapes: Mapping[str, Sequence[float]] | None = None,
         fit: int = 0,
         allowed: float = math.inf,
+        dearer: int = 10,
     ) -> None:
-        self.work, self.fit, self.allowed = Work(), fit, allowed
+        self.work, self.fit, self.allowed, self.dearer = Work(), fit, allowed, dearer
         self.spent = SimpleNamespace(work=Work(), is_over=self.is_over)
         self.excess = self.excess_at_end = excess
         self.promise, self.shapes = promise or {}, shapes or {}
@@ -137,14 +139,14 @@ class World:
         return self.work.done >= share * self.allowed
 
     def partial_fit(self, effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
-        self.work.add(self.fit * 10 ** (len(effects) - 1))
+        self.work.add(self.fit * self.dearer ** (len(effects) - 1))
         left = self.made(effects).left
         problem: Any = SimpleNamespace(cost=lambda x, e: -left.log_likelihood, training=())
         point = StartingPoint(float(left.energy[0]), problem, np.zeros(0), tuple(c.starts[0] for c in effects), ())
         return PartialFit(effects, point, True)
 
     def finish(self, partial: PartialFit, reach: float = math.inf) -> Any:
-        self.work.add(self.fit * 10 ** (len(partial.effects) - 1))
+        self.work.add(self.fit * self.dearer ** (len(partial.effects) - 1))
         made = self.made(partial.effects, after=self.excess_at_end)
         self.reaches.append((made.keys, reach))
         made.fit.converged = made.keys not in self.bad
@@ -381,8 +383,40 @@ def test_a_search_ends_where_its_time_is_over_and_keeps_a_share_of_it_for_rivals
     world, search = of(5)
     with pytest.raises(OutOfTime):
         search.run(3)
-    assert 5 <= world.work.done < 5 + len(OTHERS)
+    assert 5 <= world.work.done < 5 + len(OTHERS) + pairs
     assert len(search.known.best.effects) == 1
+
+
+@pytest.mark.parametrize("share", [1 / 3, 1.0])
+def test_first_effects_wait_once_they_had_their_share(monkeypatch: pytest.MonkeyPatch, share: float) -> None:
+    """Friction leads after a few; all fourteen would take the time in which a lag is put in beside it."""
+    monkeypatch.setattr(searching, "SEARCH", replace(SEARCH, first=share))
+    listed = [FRICTION, LAG, *OTHERS]
+    alone = {c.key: 5e4 + 5 + k for k, c in enumerate(OTHERS)} | {FRICTION.key: 5e4, LAG.key: 7e4}
+    world = World(by(alone | {f"{FRICTION.key} + {LAG.key}": 0.0}), fit=1, allowed=27)
+    search = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    with pytest.raises(OutOfTime):
+        search.run(3)
+    waits = share < SEARCH.growing
+    assert search.known.best.keys == ({FRICTION.key, LAG.key} if waits else {FRICTION.key})
+
+
+def test_first_effects_that_waited_are_fitted_where_time_is_left() -> None:
+    listed = [FRICTION, LAG, *OTHERS]
+    alone = {c.key: 8e4 for c in OTHERS} | {FRICTION.key: 5e4, LAG.key: 7e4}
+    table = by(alone | {f"{FRICTION.key} + {LAG.key}": 0.0})
+
+    def fitted(allowed: float) -> tuple[set[frozenset[str]], set[frozenset[str]]]:
+        world = World(table, fit=1, allowed=allowed, dearer=1)
+        search = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+        search.begin()
+        before = set(world.fitted)
+        search.run(3)
+        assert search.known.best.keys == {FRICTION.key, LAG.key}
+        return before, set(world.fitted)
+
+    before, after = fitted(45)
+    assert before < fitted(math.inf)[0] <= after
 
 
 def test_what_leads_a_round_is_fitted_to_the_end_although_the_time_is_over() -> None:
