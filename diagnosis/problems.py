@@ -18,6 +18,7 @@ from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment, over_time
 from diagnosis.frequency_response.table_experiment import prepared
 from diagnosis.recordings.columns import RecordingError
+from diagnosis.recordings.feedback import plant_inputs
 from diagnosis.recordings.noise import noise, spikes
 from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
 from diagnosis.thresholds import FITTING
@@ -144,7 +145,8 @@ def problem(scenario: Scenario, recordings: Sequence[Recorded]) -> Problem:
         )
     else:
         model, experiments = _over_time(scenario, [r for r in recordings if isinstance(r, Recording)])
-    posed = _pose(scenario, model, experiments, _tolerances(scenario, model))
+    reference = bool(plant_inputs(scenario.system, [v.name for v in model.inputs]))
+    posed = replace(_pose(scenario, model, experiments, _tolerances(scenario, model)), reference=reference)
     return followed(posed, np.zeros(len(posed.free)))
 
 
@@ -166,7 +168,8 @@ def variant(
     inputs = renamed([v.name for v in base.model.inputs], edits)
     outputs = renamed([v.name for v in base.model.outputs], edits)
     model, experiments = base.experiments[0].on_variant(scenario, inputs, outputs, base.experiments)
-    return _pose(scenario, model, experiments, _tolerances(scenario, None), extra, held, base.steps)
+    made = _pose(scenario, model, experiments, _tolerances(scenario, None), extra, held, base.steps)
+    return replace(made, reference=base.reference)
 
 
 def _pose(

@@ -19,7 +19,6 @@ from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.slopes import linearised
-from diagnosis.recordings.feedback import plant_inputs
 from diagnosis.thresholds import INTERVALS
 from engine.errors import SimulationError
 
@@ -72,8 +71,8 @@ def _sums(rows: Array, length: float, e: Experiment) -> list[Array]:
 
 def _disturbed(problem: Problem, x: Array, e: Experiment) -> list[Array]:
     """Residuals with the input a little larger, and a little later; none where the input is known exactly."""
-    if plant_inputs(problem.scenario.system, [v.name for v in problem.model.inputs]):
-        return []  # a reference is what the controller was told
+    if problem.reference:
+        return []  # it is what the controller was told
     changed = e.disturbed_inputs(INTERVALS.input_size, INTERVALS.input_timing)
     return [r.ravel() for r in problem.residuals(x, changed)]
 

@@ -53,6 +53,7 @@ class Problem:
         free: what may move.
         internal_step: longest integration step (s), the same for every evaluation, so that comparisons are fair.
         steps: how long integration steps may be.
+        reference: whether what drives the user's model is a controller's reference: it is known exactly.
     """
 
     scenario: Scenario
@@ -61,6 +62,7 @@ class Problem:
     free: tuple[FreeParameter, ...]
     internal_step: float | None = None
     steps: StepRule = FOLLOWED
+    reference: bool = False
 
     @property
     def training(self) -> list[Experiment]:

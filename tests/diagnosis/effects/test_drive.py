@@ -24,6 +24,7 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.effects.orders import explained_energy, standing_out
 from diagnosis.effects.scales import operating_scales
 from diagnosis.effects.step_heights import NEAR, heights
+from diagnosis.estimation.covariance import covariance
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, variant
 from diagnosis.search.equivalent_effects import NESTED
@@ -154,6 +155,25 @@ def test_a_limiter_that_is_there_gets_another_limit(tmp_path: Path) -> None:
     (found,) = proposed(path, "current_limit")
     (edit,) = found.edits({"current_limit": 1.5})
     assert edit == Set("limit", "current_limit", "1.5 A")
+
+
+def test_a_law_that_reads_the_shaft_makes_no_reference_of_a_voltage(tmp_path: Path) -> None:
+    """A limit that is never reached changes nothing: no parameter is known better with it.
+
+    They were: the voltage was taken for a controller's reference, which is known exactly. The interval of a dead time's
+    voltage was 0.07 % to either side, of an amplifier whose gain was 5 % off.
+    """
+    path = geared(tmp_path)
+    scenario = load(str(path))
+    base = problem(scenario, gather(scenario, [], []))
+    (found,) = proposed(path, "current_limit")
+    law = [f"{found.name}.{key}" for key in ("current_limit", "resistance", "back_emf_constant")]
+    never = variant(base, found.edits({"current_limit": 1e6}), held=law)
+    names = [f.name for f in base.free]
+    assert [f.name for f in never.free] == names
+    x = np.zeros(len(names))
+    without, within = (np.diag(covariance(posed, x)[0]) for posed in (base, never))
+    np.testing.assert_allclose(within, without, rtol=1e-6)
 
 
 # -- the dead time of an amplifier -------------------------------------------------------------------------------------
