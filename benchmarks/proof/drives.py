@@ -169,8 +169,7 @@ true; the held-out error falls from 638 to 0.99 times the floor.
 Some parts of a drive have no name of their own. Play of a belt or a screw is `backlash`, which is tried at every spring
 of a slide. A current loop that is slower than it is taken for is a `lag` of the command. The saliency of a motor is how
 two inductances of the block `PMSM` differ, which are the user's own parameters. What the sampling jitters by is read
-from the time stamps. Dead time of a bridge has a block and no effect: it takes a voltage against the current, which by
-its law brakes as Coulomb friction does while the motor drives, and is a dead zone of the command at rest.
+from the time stamps.
 """
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from blocks.controllers.base import SignalBlock
 from blocks.symbolic import by_mode
 from engine.block import option, parameter, signal_in, signal_out
-from engine.ports import Expression
+from engine.ports import Expression, Port
 
 if TYPE_CHECKING:
     from engine.net import Net
@@ -20,10 +21,10 @@ class DeadTime(SignalBlock):
     half the ripple of the current, as in `Bridge` [Jeong 1991]. The loss acts against the current, not against the
     speed: it takes torque from a motor that drives and from one that brakes. The two kinks are located.
 
-    It stands before a `DCMotor`, with the motor's R and km (back_emf_constant) and the speed w of its shaft. Without
-    inductance the current is i = (out - km w) / R, and the law is solved for it: with e = u - km w,
-    out = u - e Vd / (Vd + R I0) within |e| <= Vd + R I0, u - Vd above, u + Vd below. With ``inductance`` it reads the
-    motor's current instead; R, km and the speed then have no meaning.
+    It stands before a `DCMotor`, with the motor's R and km (back_emf_constant), and its input ``speed`` reads the
+    speed w of its shaft. Without inductance the current is i = (out - km w) / R, and the law is solved for it: with
+    e = u - km w, out = u - e Vd / (Vd + R I0) within |e| <= Vd + R I0, u - Vd above, u + Vd below. With ``inductance``
+    an input ``current`` in place of ``speed`` reads that of the motor; R and km then have no meaning.
     """
 
     lost_voltage = parameter("V", ..., "voltage Vd that the dead time takes against the current", gt=0, tolerance=0.5)
@@ -33,16 +34,22 @@ class DeadTime(SignalBlock):
     inductance = option(bool, False, "whether the motor has an inductance: then its current is read")
 
     input = signal_in("V", "voltage u that is commanded", name="in")
-    speed = signal_in("rad/s", "speed of the motor's shaft w", default=0.0)
-    current = signal_in("A", "current of the motor i, read with an inductance", default=0.0)
     out = signal_out("V", "voltage at the motor")
+
+    def further_ports(self) -> Iterable[Port]:
+        """What the current is told by."""
+        if self.inductance:
+            yield Port("current", "input", "current of the motor i", unit="A")
+        else:
+            yield Port("speed", "input", "speed of the motor's shaft w", unit="rad/s")
 
     def stamp(self, net: Net) -> None:
         u, lost, knee = self.input, self.lost_voltage, self.ripple_current
         if self.inductance:
-            x, end, within = self.current, knee, lost * self.current / knee
+            x = self.port("current")
+            end, within = knee, x * lost / knee
         else:
-            x, room = u - self.back_emf_constant * self.speed, self.resistance * knee
+            x, room = u - self.back_emf_constant * self.port("speed"), self.resistance * knee
             end, within = lost + room, x * lost / (lost + room)
 
         def guards(mode: Expression) -> tuple[Expression, Expression]:
