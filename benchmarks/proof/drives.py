@@ -125,9 +125,10 @@ that no recording to train on meets. The last two rules are younger than the fir
 came out as one whose stiffness is wrong by half, which left 1.05 of the noise, and rig 1001 between stops that its
 recordings to train on do not touch as "something is missing".
 
-Of 85 intervals with a known true value 81 hold it. All four that do not are of friction that grows with the load, two
-of them where its square acts too. The resistance of a supply is told for a
-supply of twice the largest command, and compared at that voltage (ADR 45).
+Of 105 intervals with a known true value 100 hold it. Four that do not are of friction that grows with the load, two of
+them where its square acts too; one is of a dead time's voltage behind an amplifier whose gain is 5 % off, told as 10 %
+too large. The resistance of a supply is told for a supply of twice the largest command, and compared at that voltage
+(ADR 45).
 
 A gear's transmission error counts from where a recording begins, in truth and block: angles are zero there, and the
 gear is not twisted. Before, the block began with the wave's value at its phase. Three of the four rigs were named all
@@ -149,6 +150,11 @@ Two of them leave 314 and 38800 floors of the held-out recordings, and a third 4
 on where it is, and they are told by the beginnings, which only the right pair follows. The stops of rig 1002 took 345
 s for the 200 that were allowed. With these fifteen, 101 cases took 29 s in the median and 176 s at 95 %, and all 105
 claims of a name are right.
+
+A dead time of the amplifier came last, by the rules of ADR 56: all ten cases that can be drawn are named, alone, in 11
+to 54 s. Its current is that of the winding's inductance where there is one, in truth and block. By an earlier program,
+which took the voltage for a controller's reference once an effect read the motor's speed, four of its ten voltages lay
+in their intervals; nine do now. The other 101 cases were not run with it among the effects that are tried.
 
 Of the cases that are not right steps of the command of rig 1000 left nothing that has a name: pairs are chosen over the
 beginnings of the recordings, and what was fitted from there left more than the noise. Before, they were named with a
