@@ -87,7 +87,7 @@ def reliability(rows: Sequence[Score], path: Path) -> None:
             xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), xlabel="claimed probability [1]", ylabel="share that is right [1]"
         )
         axes.grid(alpha=0.3)
-        axes.legend(loc="upper left", fontsize=8)
+        axes.legend(loc="lower right", fontsize=8)
         with writing(path, (".svg",)) as temporary:
             figure.savefig(temporary, metadata={"Date": None})
 
