@@ -50,6 +50,12 @@ def slid(type_: Any, parameters: Any, port: Any) -> Any:
     return kind, made, flange if port == "shaft" else port
 
 
+def winding(true: Any) -> Any:
+    """What a law before a motor's voltage is told of its winding."""
+    back_emf = true.get("motor.back_emf_constant", true["motor.torque_constant"])
+    return {"resistance": f"{true['motor.resistance']} ohm", "back_emf_constant": f"{back_emf} V.s/rad"}
+
+
 def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
     """The effect in flexarm's words."""
     p, place, effect = concealed.parameters, concealed.place, concealed.effect
@@ -141,19 +147,10 @@ def edits_for(concealed: Any, plant: Any, true: Any = None) -> Any:
         law["thermal_resistance"] = f"{p['resistance']} K/W"
         return [Replace(place.partition(".")[0], "WarmingFriction", law)]
     if effect == "current_limit":
-        law = {
-            "current_limit": f"{p['current_limit']} A",
-            "resistance": f"{true['motor.resistance']} ohm",
-            "back_emf_constant": f"{true.get('motor.back_emf_constant', true['motor.torque_constant'])} V.s/rad",
-        }
+        law = {"current_limit": f"{p['current_limit']} A"} | winding(true)
         return [InSignal("x", "CurrentLimiter", ground, law), Wire("w", ("motor.shaft.speed", "x.speed"))]
     if effect == "dead_time":
-        law = {
-            "lost_voltage": f"{p['lost_voltage']} V",
-            "ripple_current": f"{p['ripple_current']} A",
-            "resistance": f"{true['motor.resistance']} ohm",
-            "back_emf_constant": f"{true.get('motor.back_emf_constant', true['motor.torque_constant'])} V.s/rad",
-        }
+        law = {"lost_voltage": f"{p['lost_voltage']} V", "ripple_current": f"{p['ripple_current']} A"} | winding(true)
         if getattr(plant, "fixed", {}).get("motor.inductance"):
             return [
                 InSignal("x", "DeadTime", ground, {**law, "inductance": True}),
