@@ -202,7 +202,7 @@ class _Search:
                     self.known.failures += self.looked.refused
                     tasks = [(_as_ended(m), [standing(m.fit)]) for m in self.looked.fitted]
                     self.known.fit(tasks, SEARCH.finished)
-                self._all_begun &= self._within(SEARCH.first, lambda: self._vary(self.known.best))
+                self._all_begun &= self._within(SEARCH.first, lambda: self._vary())
                 self.known.patience.at_least(self.fitter.work.done)
 
     def run(self, most: int) -> None:
@@ -211,7 +211,7 @@ class _Search:
         if self._begun:
             if not self._within(SEARCH.growing, lambda: self._grow(most)):
                 self.ended_early = True
-                self._vary(self.known.best)  # what leads may have come just before, and have rivals as good
+                self._vary()  # what leads may have come just before, and have rivals as good
             if not self._all_begun:
                 self._go_on_with_the_first()
         for model in self._near():
@@ -401,7 +401,7 @@ class _Search:
                 self._extend_whole(most)
             else:
                 self._deepen(count)
-            self._vary(self.known.best)
+            self._vary()
             before, leading = leading, [m.keys for m in self.known.leading]
             # What leads may be told without an effect that only a third one makes worth its while.
             if leading == before:
@@ -433,7 +433,7 @@ class _Search:
             if self._enough(count + 1):
                 if count > 2:
                     self._paired_otherwise(self.known.best)
-                self._vary(self.known.best)
+                self._vary()
                 self._finish_waiting()
                 return self._enough(count + 1)
         return False
@@ -471,7 +471,7 @@ class _Search:
             for parent in self._parents(1)[:1]:
                 self._extend(parent, self.listed)
         if self.known.best is not before and self._enough(2):
-            self._vary(self.known.best)
+            self._vary()
         self._finish_waiting()
         if not self._enough(2):
             self._other_laws()
@@ -507,7 +507,7 @@ class _Search:
         before = self.known.best
         self.known.finish_waiting()
         if self.known.best is not before:
-            self._vary(self.known.best)
+            self._vary()
 
     def _other_laws(self) -> None:
         """Fit all other laws at the place of the best effect, and of the blocks that are joined there.
@@ -526,7 +526,7 @@ class _Search:
         self.known.fit([((c,), self._alone_from()) for c in laws], len(laws))
         self._finish_waiting()
         if self.known.best is not before:
-            self._vary(self.known.best)
+            self._vary()
 
     def study(self, nominal: tuple[float, float], scales: OperatingScales, notes: Sequence[str]) -> Study:
         """What was tried so far, and how probable it is; arguments as of `Study`."""
@@ -635,7 +635,14 @@ class _Search:
             return []
         return [course for c in self._looked_at if c.key == effect.key for course in courses(origin, c)]
 
-    def _vary(self, model: ScoredModel) -> None:
+    def _vary(self) -> None:
+        """Vary what leads, until nothing that is found so takes its place: what does was looked for beside another."""
+        varied = set[frozenset[str]]()
+        while (model := self.known.best).keys not in varied:
+            varied.add(model.keys)
+            self._varied(model)
+
+    def _varied(self, model: ScoredModel) -> None:
         """Take each effect of a model away; put it elsewhere, others in its place, a known pair in the place of one."""
         self.known.finish_waiting(lambda p: related(p.effects[-1], model.effects))
         self._finish_dropped(model)
@@ -658,6 +665,8 @@ class _Search:
             self._beside_in_every_way(kept, model, effect)
             others = [*self._alike(effect), *(c for c in self._order[: SEARCH.exchanged] if c.key != effect.key)]
             self._beside(kept, model, SEARCH.exchanged, list({id(c): c for c in others}.values()))
+            if any(c.wave is not None for c in kept):
+                self._beside_mimics(kept, model, effect)
         self._put_in_place_of_equals(model)
 
     def _alike(self, effect: Candidate) -> list[Candidate]:
@@ -678,6 +687,15 @@ class _Search:
         likest = {id(c): likeness(courses(origin, c), mine) for c in self._looked_at if c.key != effect.key}
         near = [c for c in self._looked_at if likest.get(id(c), 0.0) > SEARCH.likest]
         return best_ways(sorted(near, key=lambda c: -likest[id(c)]))[: SEARCH.exchanged]
+
+    def _beside_mimics(self, kept: tuple[Candidate, ...], than: ScoredModel, effect: Candidate) -> None:
+        """Put in the place of an effect what changes the recordings nearly as it does, and choose a wave's order anew.
+
+        The order was chosen beside the effect: gravity leaves another one for the ripple than an offset does.
+        """
+        pairs = [(*kept, c) for c in _able_beside(kept, self._mimics(effect))]
+        tasks = [(self._with_all_orders(pair), [standing(than.fit)]) for pair in pairs]
+        self.known.fit(tasks, 1, near=than)
 
     def _put_in_place_of_equals(self, model: ScoredModel) -> None:
         """Put in the place of some effects of a model those that did as well as these without the others, no better.
@@ -820,7 +838,7 @@ class _Search:
         self._fit_first()
         self.known.finish_waiting()
         if self.known.best is not before:
-            self._vary(self.known.best)
+            self._vary()
 
     def _within(self, share: float, move: Callable[[], None]) -> bool:
         """Make a move that ends once a share of the time that is allowed is over; whether it came to its own end."""
@@ -977,10 +995,10 @@ class _Search:
 
         What a machine that sticks, or bounces, does next hangs on where it is: over whole recordings no tangent tells
         what effects would explain, and a fit ends in a hollow. So the pairs are fitted to the beginnings, and the best
-        of them to whole recordings, from there.
+        of them to whole recordings, from there, if they do better over the beginnings than what leads does.
 
         Args:
-            than: model that they are to promise to better over the beginnings.
+            than: model that they are to better over the beginnings.
         """
         if self.fitter.tables:
             return
@@ -989,7 +1007,10 @@ class _Search:
         pairs = [self._with_all_orders(c) for c in self._promised_pairs(early, parents[0], SEARCH.few, than)]
         known = TriedModels(early, early.refit, self.known.tried, self.progress)
         known.fit([(pair, parents) for pair in pairs], len(pairs))
-        for m in known.foremost()[: SEARCH.few]:
+        if pairs and than.effects:
+            known.fit([(_as_ended(than), [standing(than.fit)])], 1, whole=True)
+        least = known.worth(known[than.keys]) if than.keys in known else -math.inf
+        for m in [m for m in known.foremost() if known.worth(m) > least][: SEARCH.few]:
             self.fit_known([m])
             if self.known.best.keys != m.keys:  # the order of a wave may be another one
                 self.known.fit([(self._with_all_orders(_as_ended(m)), [standing(m.fit)])], 1, whole=True)

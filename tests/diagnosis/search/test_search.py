@@ -266,6 +266,25 @@ def test_a_pair_with_what_leads_or_a_law_of_its_kind_is_left_to_its_extension(mo
     assert world.fitted == [frozenset({LAG.key, drag.key})]
 
 
+def test_a_pair_that_is_no_better_over_the_beginnings_than_what_leads_is_not_fitted_to_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It promises more there than the friction that leads, which leaves as little once it is fitted there."""
+    spring, drag = effect("spring", "arm"), effect("drag", "load")
+    early = World(by({f"{drag.key} + {spring.key}": 40.0, FRICTION.key: 0.0}))
+    monkeypatch.setattr(World, "early", early)
+    monkeypatch.setattr(
+        searching, "together", lambda found, origin, most, gained: [(drag, spring)] if origin.builder is early else []
+    )
+    world = World(by({FRICTION.key: 5e4, f"{drag.key} + {spring.key}": 4e4}))
+    made: Any = searching._Search(world, world.refit, [FRICTION, LAG, spring, drag], None)  # type: ignore[arg-type]
+    made.begin()
+    made._pairs_of_beginnings(made.known.best)
+    both = frozenset({drag.key, spring.key})
+    assert both in early.fitted
+    assert both not in world.fitted
+
+
 @pytest.mark.parametrize(("left", "looked"), [(5e4, True), (0.0, False)])
 def test_pairs_that_promise_most_over_the_beginnings_are_fitted_there_and_the_best_to_all(
     monkeypatch: pytest.MonkeyPatch, left: float, looked: bool
@@ -577,6 +596,42 @@ def test_what_changes_recordings_as_an_effect_does_is_tried_in_its_place(
     beside = {f"{FRICTION.key} + {LAG.key}": 300.0, f"{FRICTION.key} + {delay.key}": 0.0}
     found = run(World(by(alone | beside), promise, shapes), [FRICTION, LAG, *OTHERS, delay], most=2)
     assert {c.effect for c in found.known.best.effects} == {"coulomb_friction", found_as}
+
+
+def test_what_is_found_in_the_place_of_what_leads_is_varied_in_its_turn() -> None:
+    """Beside friction a delay is no better than the lag; beside the richer law, found meanwhile, it explains all."""
+    delay = effect("delay", "u")
+    rows = {FRICTION.key: 4e5, LAG.key: 8e5, STRIBECK.key: 1e6, delay.key: 8e5}
+    rows |= {f"{FRICTION.key} + {LAG.key}": 2e5, f"{FRICTION.key} + {delay.key}": 3e5}
+    rows |= {f"{STRIBECK.key} + {LAG.key}": 1e5, f"{STRIBECK.key} + {delay.key}": 0.0}
+    world = World(by(rows))
+    listed = [STRIBECK, LAG, delay, FRICTION, *OTHERS]
+    made: Any = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    made.known.fit([((FRICTION, LAG), [{}])], 1)
+    made._vary()
+    assert made.known.best.keys == {STRIBECK.key, delay.key}
+
+
+def test_beside_what_is_put_in_the_place_of_its_like_the_order_of_a_wave_is_chosen_anew() -> None:
+    """Gravity leaves another order for the ripple than the offset does that it imitates."""
+    starts = tuple({"order": order, "amplitude": 0.1, "phase": 0.0} for order in (2.0, 3.0))
+    wave = replace(effect("torque_ripple"), starts=starts, wave=Wave("amplitude", "phase", starts))
+    gravity, offset = effect("gravity", "arm"), effect("offset", "u")
+    raced: list[tuple[dict[str, float], ...]] = []
+
+    class Waves(World):
+        def partial_fit(self, effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
+            raced.extend(c.starts for c in effects if c.wave is not None and offset.key in {k.key for k in effects})
+            return super().partial_fit(effects, parents)
+
+    rows = {gravity.key: 3e5, offset.key: 4e5, f"{gravity.key} + {wave.key}": 5e4}
+    world = Waves(by(rows), {wave.key: 10.0}, {gravity.key: (0.0, 1.0), offset.key: (0.1, 1.0)})
+    made: Any = searching._Search(world, world.refit, [gravity, offset, wave], None)  # type: ignore[arg-type]
+    made.begin()
+    found = made.known.fit([((gravity, replace(wave, starts=starts[:1])), [{}])], 1)
+    raced.clear()
+    made._varied(found[0])
+    assert starts in raced
 
 
 def test_where_one_effect_leaves_the_noise_no_further_is_sought() -> None:
