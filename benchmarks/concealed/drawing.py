@@ -29,7 +29,12 @@ WHOLE, BLINDING = 0.9, 1e6
 """Share of its size that an effect on a random rig must reach, and floors that it must not leave."""
 
 ACCESSORY = 0.3
-"""Share of its size that a backlash on a random rig may leave without a gap: its faces give, as a joint that bends."""
+"""Share of its size that a backlash on a random rig may leave without a gap: its faces give, as a joint that bends; and
+that one of `LATE` may leave without a size."""
+
+LATE = ("delay", "lag", "inductance", "rate_limit")
+"""Effects by which what drives comes later. However little that is, where a command jumps an acceleration is read
+before it, and without them after it: a nanosecond shows as much as a millisecond."""
 
 LOUDEST, SOFTEST = 4.0, 0.15
 """How far the commands are scaled for an effect that has no size of its own."""
@@ -247,6 +252,8 @@ def hide(
             raise Unseen(f"{site} cannot be made {multiple:g} times as large as can be seen")
         if quick and effect.name == "backlash" and alone(1e-3 * size) > ACCESSORY * found[-1][2]:
             raise Unseen(f"{site} shows by its faces, which give, and not by its gap")
+        if quick and effect.name in LATE and alone(1e-3 * size) > ACCESSORY * found[-1][2]:
+            raise Unseen(f"{site} shows by the side of a jump that is read, and not by how late it comes")
         if quick and effect.name == "end_stop" and not _in_training(bench, base, concealed[-1], quick) > 1:
             raise Unseen(f"{site} is met by no recording to train on")
         if quick and effect.name == "belt_slack" and not _beyond_softness(bench, base, concealed[-1]) > 1:

@@ -189,6 +189,12 @@ static double delayed(const Plan *P, double t, double h, double dt) {
     return sum / h;
 }
 
+/* The delayed, held command at the instant t, which an accelerometer feels. */
+static double come(const Plan *P, double t, double dt) {
+    int k = (int)floor((t - P->input[DELAY]) / dt + 1e-9), last = P->samples - 1;
+    return k < 0 ? 0 : sent(P, k > last ? last : k);
+}
+
 static double shaped(const Plan *P, double u) {
     const double *p = P->input;
     u = u > 0 ? p[FORWARD] * u : p[BACKWARD] * u;
@@ -284,7 +290,7 @@ int concealed_simulate(const Plan *P) {
     for (int k = 0; k < P->samples; k++) {
         double t = k * dt;
         if (P->closed) P->command[k] = k ? P->command[k - 1] : 0; /* what acts until this sample has been read */
-        double now_in = P->input[SLEW] > 0 ? towards(slewed, delayed(P, t, h, dt), P->input[SLEW] * h) : delayed(P, t, h, dt);
+        double now_in = P->input[SLEW] > 0 ? slewed : come(P, t, dt);
         f[0] = driven(P, P->input[LAG] > 0 ? lagged : now_in, x, winding);
         efforts(P, x, z, P->start + t, k, 0, f);
         /* An accelerometer feels the friction of the instant that begins, not that of the step before: a jump of the

@@ -27,7 +27,7 @@ from benchmarks.concealed.rigs.hard import HARD, hard
 from benchmarks.concealed.rigs.rig import SLIDING
 from benchmarks.concealed.rigs.topology import PARTS
 from benchmarks.concealed.scenario import text, write
-from benchmarks.concealed.simulator import Simulator
+from benchmarks.concealed.simulator import InputChain, Simulator
 from benchmarks.concealed.sites import DECLARED, drive_sites, find, sites
 from benchmarks.concealed.truth import Nuisance, Truth
 from tests.concealed.flexarm_side import NOT_IN_THE_LIBRARY, clean, difference
@@ -220,6 +220,14 @@ def test_a_backlash_that_shows_by_its_faces_alone_is_refused() -> None:
         draw(rig, ["backlash@accelerometer.shaft -> gear1.input"], [5.0], 0, replace(options, **QUIET, rate=500.0))
 
 
+@pytest.mark.parametrize(("seed", "effect"), [(543296, "delay"), (731157, "lag")])
+def test_what_comes_later_and_shows_however_little_that_is_is_refused(seed: int, effect: str) -> None:
+    """Where the command jumps, an accelerometer is read before the jump, be it late by a nanosecond or by a sample."""
+    rig, options = made(seed)
+    with pytest.raises(Unseen, match="side of a jump"):
+        draw(rig, [effect], [10.0], seed, options)
+
+
 def test_a_belt_that_hangs_all_the_time_is_refused() -> None:
     """It is a belt of one strand, half as stiff: a wrong stiffness, which is all that recordings could show."""
     rig, options = made(1001, "belt")
@@ -324,8 +332,23 @@ def test_a_body_that_sticks_does_not_accelerate_when_the_command_jumps() -> None
     m.add(FRICTION, body, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 1.0)
     command = np.repeat([0.0, 0.9, -0.9, 0.5, 3.0], 10)
     run = Simulator(m, [Readout(body.sense, 2)], 1e-3, 50).run(command)
-    assert np.abs(run.clean[:40]).max() == 0
+    assert np.abs(run.clean[:40]).max() < 1e-15  # but for the last digit
     assert run.clean[40:, 0] == pytest.approx(1.0)  # (3 - 1) / 2
+
+
+@pytest.mark.parametrize("substeps", [1, 7])
+def test_an_accelerometer_feels_what_has_come_of_a_late_command(substeps: int) -> None:
+    """One body of 2 kg.m2: a sample later the whole of it, a sixteenth of a sample later or at a rate nothing yet."""
+    m = Mechanism()
+    body = m.coordinate("body")
+    m.inertia(body, 2.0)
+    m.torque(body)
+    command = np.repeat([0.0, 1.0], 4)
+    for chain, first in [(InputChain(), 4), (InputChain(delay=1e-3 / 16), 5), (InputChain(delay=1e-3), 5)]:
+        run = Simulator(m, [Readout(body.sense, 2)], 1e-3, substeps, chain).run(command)
+        assert run.clean[:, 0] == pytest.approx(np.where(np.arange(8) < first, 0.0, 0.5))
+    run = Simulator(m, [Readout(body.sense, 2)], 1e-3, substeps, InputChain(slew=400.0)).run(command)
+    assert run.clean[:, 0] == pytest.approx([0, 0, 0, 0, 0, 0.2, 0.4, 0.5])
 
 
 def test_a_preloaded_rig_begins_twisted_and_at_rest() -> None:
