@@ -11,9 +11,7 @@ from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import EVIDENCE, SEARCH
 
 
-def exchanged(
-    fitter: CandidateFitter, model: ScoredModel, price: float, *, beside_nuisances: bool = True
-) -> tuple[list[Recorded], str] | None:
+def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tuple[list[Recorded], str] | None:
     """The recordings with a held-out one moved to training, where only held-out data show a mismatch.
 
     An effect that no training recording excites cannot be fitted, such as an amplifier that saturates in the held-out
@@ -21,25 +19,23 @@ def exchanged(
 
     Nuisances are in all recordings. Where the fitted ones show some, they must leave no more than a sensor's noise may
     be taken for. A held-out recording then counts if the model leaves more than that of it, and more than half of what
-    the user's model leaves.
+    the user's model leaves, which is more than noise, too: what only the model misses refutes it.
 
     Args:
         fitter: of the study.
         model: the best one.
         price: what a further effect costs.
-        beside_nuisances: whether the fitted ones may show some. Not for a model that the fitted recordings alone chose:
-            held-out ones may leave much because they refute it.
     """
     x, problem = model.fit.x, model.fit.problem
     fitted = problem.leftover(x, problem.training)
     noisy = fitted.unexplained > price
-    if noisy and (misses(fitted) or not beside_nuisances):
+    if noisy and misses(fitted):
         return None
     refit, shown = fitter.refit.fit, dict[str, float]()
     given = {e.name: e for e in refit.problem.held_out}
     for e in problem.held_out:
         left, before = problem.leftover(x, [e]), refit.problem.leftover(refit.x, [given[e.name]])
-        if not noisy or (misses(left) and excess(left) > EVIDENCE.most * excess(before)):
+        if not noisy or (misses(before) and misses(left) and excess(left) > EVIDENCE.most * excess(before)):
             shown[e.name] = left.unexplained
     worst = max(shown, key=lambda name: shown[name], default="")
     if not worst or shown[worst] < price + SEARCH.effort:

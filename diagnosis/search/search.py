@@ -130,9 +130,7 @@ def _exchanged(search: _Search, told: Sequence[str]) -> tuple[list[Recorded], st
     fitter, found = search.fitter, search.known
     if told or fitter.tables:
         return None
-    return exchanged(fitter, found.best, found.price) or exchanged(
-        fitter, found.best_fitted, found.price, beside_nuisances=False
-    )
+    return exchanged(fitter, found.best, found.price) or exchanged(fitter, found.best_fitted, found.price)
 
 
 def _seen_beside(scales: OperatingScales, model: ScoredModel) -> OperatingScales:
