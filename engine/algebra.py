@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 import casadi as ca
 
-from engine.operations import COSTLY
+from engine.operations import CALLED, COSTLY
 
 CONSTANT, PARAMETER, MODE, STATE = range(4)
 """Levels of nodes: what they depend on, and so how often they are computed."""
@@ -26,7 +26,6 @@ _FEW, _DIVISION, _ROOT, _CALL = 4, 14, 18, 50
 _TIMES = {ca.OP_NEG: 1, ca.OP_IF_ELSE_ZERO: 3, ca.OP_DIV: _DIVISION, ca.OP_INV: _DIVISION, ca.OP_SQRT: _ROOT}
 _EARLY = -1000
 """When what is not a state is known."""
-_CALLED = COSTLY - {ca.OP_DIV, ca.OP_INV, ca.OP_SQRT}
 _STAGE = 2 * _FEW
 """Cycles that an operation takes, about; and those from a rate to the state of the next stage."""
 _FACTORED = frozenset({ca.OP_NEG, ca.OP_TWICE, ca.OP_MUL, ca.OP_SQ, ca.OP_INV, ca.OP_DIV})
@@ -473,7 +472,7 @@ class Algebra:
             return self._joined(factors), sign
         value = self._value(plain)
         nodes = {atom: self._made[atom] for atom in factors}
-        if self._target.levels[value] == MODE and any(self._parts[atom][0] in _CALLED for atom in factors):
+        if self._target.levels[value] == MODE and any(self._parts[atom][0] in CALLED for atom in factors):
             product = self._node(ca.OP_MUL, value, self._joined(factors))
             return self._node(ca.OP_IF_ELSE_ZERO, value, product), sign
         chosen = min(factors, key=lambda atom: (-self._pairs[plain, atom], self._when(nodes[atom]), atom))

@@ -17,6 +17,7 @@ from engine.casadi_lock import one_at_a_time, symbolic_property
 from engine.display import counts
 from engine.errors import ParameterError, Where, nearest
 from engine.evaluation import Evaluation
+from engine.operations import CALL, CALLED
 from engine.ports import Expression
 from engine.quantity import Parameter
 from engine.relations import Relation
@@ -440,8 +441,10 @@ class Model:
 
     @symbolic_property
     def operations(self) -> int:
-        """Operations of the right-hand side."""
-        return int(self.functions["derivative"].n_instructions())
+        """Operations of the right-hand side, each call of a function as many as take as long."""
+        derivative = self.functions["derivative"]
+        taken = [derivative.instruction_id(k) for k in range(derivative.n_instructions())]
+        return sum(CALL if operation in CALLED else 1 for operation in taken)
 
     @symbolic_property
     def law(self) -> str:

@@ -59,6 +59,10 @@ UNARY = {
 COSTLY = frozenset(UNARY) - {ca.OP_ASSIGN, ca.OP_NEG, ca.OP_SQ, ca.OP_TWICE, ca.OP_NOT, ca.OP_FABS, ca.OP_SIGN}
 COSTLY |= {ca.OP_DIV, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_ATAN2, ca.OP_HYPOT}
 """Operations that take many times as long as an addition."""
+CALLED = COSTLY - {ca.OP_DIV, ca.OP_INV, ca.OP_SQRT}
+"""Those of them that are functions of the C library."""
+CALL = 20
+"""How many additions and multiplications, among others of their kind, take as long as a sine; measured."""
 
 
 def literal(value: float) -> str:

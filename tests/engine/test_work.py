@@ -6,11 +6,12 @@ import pytest
 
 from engine.assemble import build
 from engine.model import Model
+from engine.operations import CALL
 from engine.simulate import carried_out_together, prepare, simulate
 from engine.tangent import tangents
 from engine.threads import Threads
 from engine.work import DIRECTION, EACH, counted, counting
-from tests.engine.parts import Body, Spring, system
+from tests.engine.parts import Body, Push, Spring, Wave, system
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +61,8 @@ def test_threads_count_for_whoever_made_them(model: Model, workers: int) -> None
         runs = list(pool.map(lambda k: simulate(model, 0.1 * k, 1e-2, internal_step=2e-3).steps, range(1, 9)))
     assert sum(runs) == 36 * 50
     assert work.done == 36 * 50 * model.operations + 8 * EACH
+
+
+def test_a_sine_counts_as_the_operations_that_take_as_long() -> None:
+    model = build(system({"w": Wave(), "p": Push(), "m": Body(inertia=0.1)}, ("w.out", "p.in"), ("p.shaft", "m.shaft")))
+    assert model.operations == int(model.functions["derivative"].n_instructions()) + CALL - 1
