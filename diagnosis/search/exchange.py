@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.posterior import excess, misses
+from diagnosis.search.posterior import misses
 from diagnosis.search.scored_model import ScoredModel
-from diagnosis.thresholds import EVIDENCE, SEARCH
+from diagnosis.thresholds import SEARCH
 
 
 def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tuple[list[Recorded], str] | None:
@@ -18,8 +18,8 @@ def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tupl
     recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it.
 
     Nuisances are in all recordings. Where the fitted ones show some, they must leave no more than a sensor's noise may
-    be taken for. A held-out recording then counts if the model leaves more than that of it, and more than half of what
-    the user's model leaves, which is more than noise, too: what only the model misses refutes it.
+    be taken for. A held-out recording then counts if more than that is left of it, by the user's model, too: what only
+    the model misses refutes it.
 
     Args:
         fitter: of the study.
@@ -35,7 +35,7 @@ def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tupl
     given = {e.name: e for e in refit.problem.held_out}
     for e in problem.held_out:
         left, before = problem.leftover(x, [e]), refit.problem.leftover(refit.x, [given[e.name]])
-        if not noisy or (misses(before) and misses(left) and excess(left) > EVIDENCE.most * excess(before)):
+        if not noisy or (misses(before) and misses(left)):
             shown[e.name] = left.unexplained
     worst = max(shown, key=lambda name: shown[name], default="")
     if not worst or shown[worst] < price + SEARCH.effort:

@@ -110,7 +110,7 @@ def study(
                 without=without,
                 progress=progress,
                 told=[swapped[1]],
-                known=search.known.foremost(),
+                known=[m for m in search.near() if m.effects],
                 cut_short=search.ended_early,
             )
         named = search.study(before, scales, told)
@@ -212,9 +212,9 @@ class _Search:
                 self._vary()  # what leads may have come just before, and have rivals as good
             if not self._all_begun:
                 self._go_on_with_the_first()
-        for model in self._near():
+        for model in self.near():
             self._put_in_place_of_equals(model)
-        for model in self._near():
+        for model in self.near():
             self.known.settled(model)
         self.known.confirmed(self.known.best)
         done: list[ScoredModel] = []
@@ -254,7 +254,7 @@ class _Search:
         """Effects, but for freed parameters, that were looked at beside the user's model alone."""
         return [c for c in self.looked.order if not c.freed] if self.looked else []
 
-    def _near(self) -> list[ScoredModel]:
+    def near(self) -> list[ScoredModel]:
         """The models near the best that are worth most, itself among them."""
         near = [m for m in self.known.models if self.known.worth(m) > self.known.reach]
         return sorted(near, key=self.known.worth, reverse=True)[: SEARCH.settled]

@@ -394,7 +394,7 @@ def test_a_search_ends_where_its_time_is_over_and_keeps_a_share_of_it_for_rivals
     endless, pairs = world.work.done, 2 * 10 * 2 * SEARCH.few
     allowed = endless // 2
     world, search = of(allowed)
-    search._near = lambda: grown.append(world.work.done) or []  # type: ignore[func-returns-value]
+    search.near = lambda: grown.append(world.work.done) or []  # type: ignore[func-returns-value]
     grown: list[int] = []
     search.run(3)
     assert SEARCH.growing * allowed <= grown[0] < SEARCH.growing * allowed + pairs
@@ -1470,6 +1470,22 @@ def test_a_held_out_recording_that_alone_shows_what_is_missing_is_asked_for_befo
     assert list(found.notes) == ["rec3 was fitted too"]
     assert not found.ended_early
     assert len(counted) == (1 if begun else 2)
+
+
+def test_only_models_near_the_best_go_on_in_other_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All others are looked at there anew, with what leads known."""
+    went_on: list[list[frozenset[str]]] = []
+    own = searching._Search.fit_known
+
+    def fit_known(self: Any, models: Sequence[Any]) -> None:
+        went_on.append([m.keys for m in models])
+        own(self, models)
+
+    monkeypatch.setattr(searching._Search, "fit_known", fit_known)
+    world = World(by({FRICTION.key: 1e4, STRIBECK.key: 1e4 - 2, LAG.key: 5e5}))
+    between_recordings(monkeypatch, lambda model: bool(model.effects), world, (FRICTION, STRIBECK, LAG))
+    assert went_on[0] == []
+    assert sorted(map(sorted, went_on[1])) == [[FRICTION.key], [STRIBECK.key]]
 
 
 def test_that_a_search_was_cut_short_is_told_of_its_models_in_other_recordings_too(
