@@ -81,13 +81,14 @@ def reliability(rows: Sequence[Score], path: Path) -> None:
         shares = np.array([right / total for *_, right, total in table])
         bounds = np.array([wilson(right, total) for *_, right, total in table]).reshape(-1, 2)
         axes.errorbar(claimed, shares, np.abs(bounds.T - shares), fmt="o", color=BLUE, capsize=3, label="measured")
-        for (*_, total), x, y in zip(table, claimed, shares, strict=True):
-            axes.annotate(str(total), (x, y), textcoords="offset points", xytext=(-6, -14), fontsize=8, ha="right")
+        for (*_, total), x, (low, _) in zip(table, claimed, bounds, strict=True):
+            # Below its bar: points that claim nearly the same have bounds that differ.
+            axes.annotate(str(total), (x, low), textcoords="offset points", xytext=(0, -11), fontsize=8, ha="center")
         axes.set(
             xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), xlabel="claimed probability [1]", ylabel="share that is right [1]"
         )
         axes.grid(alpha=0.3)
-        axes.legend(loc="lower right", fontsize=8)
+        axes.legend(loc="lower left", fontsize=8)
         with writing(path, (".svg",)) as temporary:
             figure.savefig(temporary, metadata={"Date": None})
 
