@@ -40,7 +40,8 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         place,
         "stray_spring",
         "GroundSpring",
-        combinations(stiffness=shares(torque / angle, *LEVELS), rest_angle=[0.01 * angle]),
+        # It may be tight when the part is where it began, which looks like an offset: so it rests to either side, too.
+        combinations(stiffness=shares(torque / angle, *LEVELS), rest_angle=shares(angle, 0.01, 1.0, -1.0)),
         EffectParameter("stiffness", torque / angle),
         # One that is at rest farther away pulls evenly: an offset, which is another effect.
         EffectParameter("rest_angle", angle, signed=True, most=3.0),

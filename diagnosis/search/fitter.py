@@ -224,6 +224,35 @@ class CandidateFitter:
             found = made
         return found
 
+    def begun_from(self, model: ScoredModel, other: ScoredModel) -> ScoredModel:
+        """A model fitted from the parameters of another one, its own effects as they are; itself, if that is no closer.
+
+        Args:
+            model: which.
+            other: model whose parameters it begins from.
+        """
+        point = end_of(model)
+        there = _with_values(point, standing(other.fit))
+
+        def compute() -> PartialFit:
+            made = point.problem
+            with Threads(self.workers) as pool:
+                x, cost, converged = descend(
+                    made,
+                    there,
+                    made.training,
+                    pool,
+                    iterations=SEARCH.most_steps,
+                    least_gain=SEARCH.slow,
+                    reach=point.cost - SEARCH.slow,
+                )
+            closer = cost < point.cost - SEARCH.slow
+            end = replace(point, x=x, cost=cost) if closer else point
+            return PartialFit(model.effects, end, converged if closer else model.fit.converged)
+
+        found = self._kept(f"begun {model.label} {_mark(point.x)} from {_mark(there)}", model.effects, compute)
+        return self._trial(found) if found.point.cost < point.cost - SEARCH.slow else model
+
     def _closer_there(self, model: ScoredModel) -> PartialFit | None:
         """A model fitted from where all recordings together are likeliest, if that is closer to the fitted ones."""
         point, begin = end_of(model), model.likeliest

@@ -19,12 +19,12 @@ def best_ways(ranked: Sequence[Candidate]) -> list[Candidate]:
     return list(found.values())
 
 
-def place_by_place(ranked: Sequence[T], place: Callable[[T], str]) -> list[T]:
-    """The first at each place before all others: laws at one place are alike, and would take all turns."""
+def by_turns(ranked: Sequence[T], of: Callable[[T], str]) -> list[T]:
+    """The first of each place, or of whatever ``of`` tells, before all others: those are alike, and took all turns."""
     found: dict[str, T] = {}
     for one in ranked:
-        found.setdefault(place(one), one)
-    return [*found.values(), *(one for one in ranked if found[place(one)] is not one)]
+        found.setdefault(of(one), one)
+    return [*found.values(), *(one for one in ranked if found[of(one)] is not one)]
 
 
 def related(effect: Candidate, others: Sequence[Candidate]) -> bool:

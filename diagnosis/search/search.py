@@ -34,7 +34,7 @@ from diagnosis.search.posterior import (
     probabilities,
     strained,
 )
-from diagnosis.search.ranking import best_ways, cut, place_by_place, ranked, related, spoken_for
+from diagnosis.search.ranking import best_ways, by_turns, cut, ranked, related, spoken_for
 from diagnosis.search.readings import taken_otherwise
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Course, Origin, courses, likeness, together
@@ -200,7 +200,7 @@ class _Search:
                     self.known.failures += self.looked.refused
                     tasks = [(_as_ended(m), [standing(m.fit)]) for m in self.looked.fitted]
                     self.known.fit(tasks, SEARCH.finished)
-                self._all_begun &= self._within(SEARCH.first, lambda: self._vary())
+                self._all_begun &= self._within(SEARCH.first, self._vary)
                 self.known.patience.at_least(self.fitter.work.done)
 
     def run(self, most: int) -> None:
@@ -217,6 +217,7 @@ class _Search:
         for model in self.near():
             self.known.settled(model)
         self.known.confirmed(self.known.best)
+        self.known.begin_at_the_best()
         done: list[ScoredModel] = []
         # Beside a nuisance that it is told without, a law may owe to the nuisance what makes it rich.
         while left := [m for m in self.known.leading if not any(m is d for d in done)]:
@@ -652,7 +653,7 @@ class _Search:
         self._moved(model)
         if len(model.effects) == 1 and complete(model, self.known.refit):
             self._elsewhere(model)
-            self._beside((), model, SEARCH.exchanged, self._alike(model.effects[0]))
+            self._put_in_place_of((), model, model.effects[0])
         if len(model.effects) < 2:
             return
         if cuts(model.effects):
@@ -661,19 +662,34 @@ class _Search:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
             self._beside_in_every_way(kept, model, effect)
-            others = [*self._alike(effect), *(c for c in self._order[: SEARCH.exchanged] if c.key != effect.key)]
-            self._beside(kept, model, SEARCH.exchanged, list({id(c): c for c in others}.values()))
+            self._put_in_place_of(kept, model, effect, self._order[: SEARCH.exchanged])
             if any(c.wave is not None for c in kept):
                 self._beside_mimics(kept, model, effect)
         self._put_in_place_of_equals(model)
 
-    def _alike(self, effect: Candidate) -> list[Candidate]:
-        """Other effects that act where one does, are of its kind, or change the recordings nearly as it does."""
-        found = [*(c for c in self.listed if related(c, [effect])), *self._mimics(effect)]
-        return list({id(c): c for c in found if c.key != effect.key}.values())
+    def _put_in_place_of(
+        self, kept: tuple[Candidate, ...], model: ScoredModel, effect: Candidate, first: Sequence[Candidate] = ()
+    ) -> None:
+        """Put in the place of an effect of a model others that act there or are of its kind, and what imitates it.
+
+        All that imitates it is fitted to the end: what it promises, or leaves after a few steps, tells little of it.
+
+        Args:
+            kept: the other effects of the model, as they ended.
+            model: which.
+            effect: of it.
+            first: further effects to try.
+        """
+        akin = [*(c for c in self.listed if related(c, [effect])), *first]
+        others = {id(c): c for c in akin if c.key != effect.key}
+        self._beside(kept, model, SEARCH.exchanged, list(others.values()))
+        keys = frozenset(c.key for c in kept)
+        wanted = [c for c in self._mimics(effect) if not self._as_close(keys | {c.key}, model)]
+        tasks = [((*kept, c), _begun_from(model)) for c in _able_beside(kept, wanted)]
+        self.known.fit(tasks, len(tasks), near=model)
 
     def _mimics(self, effect: Candidate) -> list[Candidate]:
-        """Effects that change the recordings nearly as one does beside the user's model alone, the likest first.
+        """Effects that change the recordings nearly as one does beside the user's model alone, each kind by turns.
 
         However little they promised there, where something stronger was missing: a delay in front of the motor is a
         sensor's lag to whatever answers in proportion.
@@ -684,7 +700,8 @@ class _Search:
         mine = self._answers(effect)
         likest = {id(c): likeness(courses(origin, c), mine) for c in self._looked_at if c.key != effect.key}
         near = [c for c in self._looked_at if likest.get(id(c), 0.0) > SEARCH.likest]
-        return best_ways(sorted(near, key=lambda c: -likest[id(c)]))[: SEARCH.exchanged]
+        by_likeness = best_ways(sorted(near, key=lambda c: -likest[id(c)]))
+        return by_turns(by_likeness, lambda c: c.effect)[: SEARCH.exchanged]
 
     def _beside_mimics(self, kept: tuple[Candidate, ...], than: ScoredModel, effect: Candidate) -> None:
         """Put in the place of an effect what changes the recordings nearly as it does, and choose a wave's order anew.
@@ -717,14 +734,16 @@ class _Search:
             self.known.fit(tasks, len(tasks), near=model)
 
     def _finish_dropped(self, model: ScoredModel) -> None:
-        """Fit to the end what had no turn although it is akin to a model: as many effects, at its places or the same.
+        """Fit to the end what had no turn although it is akin to a model: as many effects, each akin to one of its own.
 
-        A few steps do not tell such models apart.
+        A few steps do not tell such models apart: those with effects at its places, the same ones, or their imitations.
         """
+        alike = {c.key for effect in model.effects for c in self._mimics(effect)}
         akin = [
             p
             for p in self.known.dropped
-            if len(p.effects) == len(model.effects) and all(related(c, model.effects) for c in p.effects)
+            if len(p.effects) == len(model.effects)
+            and all(c.key in alike or related(c, model.effects) for c in p.effects)
         ]
         self.known.dropped = [p for p in self.known.dropped if not any(p is other for other in akin)]
         for few in range(0, len(akin), SEARCH.few):
@@ -772,7 +791,7 @@ class _Search:
             and c.starts[0].keys() == found.keys()
         ]
         parents = [standing(model.fit), standing(self.known.refit.fit)]
-        able = place_by_place(self._screened(self._origins((), model, parents), rivals), lambda c: c.place)
+        able = by_turns(self._screened(self._origins((), model, parents), rivals), lambda c: c.place)
         self.known.fit([((c,), parents) for c in able[: SEARCH.fitted]], SEARCH.few, near=model)
 
     def _cut_anew(self, model: ScoredModel) -> ScoredModel:
@@ -831,12 +850,10 @@ class _Search:
             self._first_tasks.pop(0)
 
     def _go_on_with_the_first(self) -> None:
-        """Fit the first effects that had no turn, since a further effect was to have its own before."""
-        before = self.known.best
+        """Fit the first effects that had no turn, since a further effect was to have its own; vary what leads."""
         self._fit_first()
         self.known.finish_waiting()
-        if self.known.best is not before:
-            self._vary()
+        self._vary()
 
     def _within(self, share: float, move: Callable[[], None]) -> bool:
         """Make a move that ends once a share of the time that is allowed is over; whether it came to its own end."""
@@ -887,7 +904,7 @@ class _Search:
         keys = frozenset(c.key for c in kept)
         others = [c for c in among if not self._as_close(keys | {c.key}, than)]
         ways = best_ways(self._screened_beside(kept, than, parents, others))
-        able = place_by_place(ways[:most], lambda c: c.place)
+        able = by_turns(ways[:most], lambda c: c.place)
         for few in range(0, len(able), SEARCH.few):
             tasks = [((*kept, c), parents) for c in able[few : few + SEARCH.few]]
             found = self.known.fit(tasks, 1, near=than)

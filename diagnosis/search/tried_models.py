@@ -11,8 +11,9 @@ from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, drawn_back, ended
 from diagnosis.search.patience import Patience
 from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, told_as, value
-from diagnosis.search.ranking import place_by_place
+from diagnosis.search.ranking import by_turns
 from diagnosis.search.scored_model import ScoredModel
+from diagnosis.search.study import LEAST_ODDS
 from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.errors import FlexarmError
 from engine.spread import Spread
@@ -316,6 +317,20 @@ class TriedModels:
                 self._models[model.keys] = made
         return self._models[model.keys]
 
+    def begin_at_the_best(self) -> None:
+        """Begin each model that takes part in the choice from the parameters of the best one, too.
+
+        A fit may have ended in a hollow that another one has left. What that found of the machine is as right beside
+        other effects.
+        """
+        best = self.leading[1]
+        least = self.worth(best) - EVIDENCE.temperature * math.log(1 / LEAST_ODDS)
+        for model in [m for m in self.models if m.effects and m is not best and self.worth(m) > least]:
+            self._go_on()
+            closer = self.fitter.begun_from(model, best)
+            if closer is not model:
+                self.keep(self._judged(closer))
+
     def keep_only(self, models: Iterable[ScoredModel]) -> None:
         """Forget all models but some."""
         self._models = {m.keys: m for m in models}
@@ -343,7 +358,7 @@ class TriedModels:
         others = [p for p in found if not any(p is leader for leader in leaders)]
         return (
             leaders,
-            place_by_place(others, lambda partial: partial.effects[-1].place),
+            by_turns(others, lambda partial: partial.effects[-1].place),
             [p for p in found if id(p) in close],
         )
 
