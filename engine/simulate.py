@@ -23,7 +23,7 @@ from engine.native import Job, Outcome, Timetable
 from engine.start import start_values
 from engine.step import fastest
 from engine.step import internal_step as choose_step
-from engine.work import DIRECTION, EACH, counting
+from engine.work import DIRECTION, EACH, EACH_NUMBER, counting
 
 MOST_BEGUN = 64
 """Starts that a model keeps, and internal steps; see `prepare`."""
@@ -581,8 +581,9 @@ def note_work(model: Model, outcomes: Sequence[Outcome], directions: int = 0) ->
     """
     work = counting()
     if work is not None:
-        steps = sum(outcome.steps for outcome in outcomes)
-        work.add(round(steps * model.operations * (1 + DIRECTION * directions)) + len(outcomes) * EACH)
+        steps, numbers = (sum(row) for row in zip(*((o.steps, o.y.size) for o in outcomes), strict=True))
+        runs = round(steps * model.operations * (1 + DIRECTION * directions))
+        work.add(runs + len(outcomes) * EACH + (1 + directions) * numbers * EACH_NUMBER)
 
 
 def fault(model: Model, job: Job, outcome: Outcome) -> str:

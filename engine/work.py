@@ -6,8 +6,14 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-EACH = 330_000
-"""Operations that take as long as what surrounds a run: to begin it, and to work out what it leaves; measured."""
+EACH = 420_000
+"""Operations that take as long as to begin a run; measured."""
+
+EACH_NUMBER = 20
+"""Operations that take as long as what is done with each number that a run or its tangents give; measured."""
+
+FACTORED = 0.7
+"""Operations that take as long as to factor a matrix, for each of its numbers times each of its columns; measured."""
 
 DIRECTION = 0.15
 """Time of a run's tangent in one direction, as a share of that of the run itself; measured."""
@@ -18,7 +24,8 @@ class Work:
 
     Attributes:
         done: operations: steps of runs, each times those of its model's right-hand side, `DIRECTION` of them for each
-            tangent, and `EACH` for each run.
+            tangent, `EACH` for each run and `EACH_NUMBER` for each number that it gives, and those of what is made of
+            these.
     """
 
     def __init__(self) -> None:

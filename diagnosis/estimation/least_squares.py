@@ -19,6 +19,7 @@ from diagnosis.estimation.whitened import WhitenedResiduals
 from diagnosis.thresholds import FITTING, SEARCH
 from engine.errors import SimulationError
 from engine.threads import Threads
+from engine.work import FACTORED, counting
 
 Progress = Callable[[str], None]
 
@@ -313,6 +314,8 @@ class _LocalModel:
         n = len(self.moves)
         columns = np.empty((n + 1, len(r)))
         columns[:n], columns[n] = J.T if n == J.shape[1] else J.T[self.moves], r
+        if (work := counting()) is not None:
+            work.add(round(FACTORED * columns.size * n))
         # Triangular factors, for squaring a Jacobian would lose what the prior says beside precise data.
         upper = np.asarray(np.linalg.qr(columns.T, mode="r"))
         left, self.values, self.directions = np.linalg.svd(upper[:n, :n])

@@ -646,7 +646,7 @@ class _Search:
         self.known.finish_waiting(lambda p: related(p.effects[-1], model.effects))
         self._finish_dropped(model)
         singles = sorted((m for m in self.known.models if len(m.effects) == 1), key=self.known.worth, reverse=True)
-        best = [*(m.effects[0] for m in singles), *self._order]
+        best = best_ways([*(m.effects[0] for m in singles), *self._order])
         pairs = [c for c in lookalikes(model, best) if prices(c) <= SEARCH.most]
         self.known.fit([(c, [standing(model.fit)]) for c in pairs], len(pairs), near=model)
         self._enriched(model)
@@ -662,7 +662,7 @@ class _Search:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
             self._beside_in_every_way(kept, model, effect)
-            self._put_in_place_of(kept, model, effect, self._order[: SEARCH.exchanged])
+            self._put_in_place_of(kept, model, effect, best[: SEARCH.exchanged])
             if any(c.wave is not None for c in kept):
                 self._beside_mimics(kept, model, effect)
         self._put_in_place_of_equals(model)

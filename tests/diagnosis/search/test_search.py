@@ -81,6 +81,10 @@ class World:
         """Models of which no fit converges before it is tried again."""
         self.reaches: list[tuple[frozenset[str], float]] = []
         """What each fit to the end was to reach."""
+        self.begun: list[tuple[frozenset[str], frozenset[str]]] = []
+        """Models that were begun from the parameters of another one, and that."""
+        self.closer: dict[frozenset[str], Excess] = {}
+        """What models leave once they are."""
         self.refit = self.made(())
 
     def made(self, effects: tuple[Candidate, ...], *, after: Excess | None = None) -> Any:
@@ -157,6 +161,11 @@ class World:
     def settled(self, model: Any) -> Any:
         self.settlings.append(model.keys)
         return model
+
+    def begun_from(self, model: Any, other: Any) -> Any:
+        self.begun.append((model.keys, other.keys))
+        closer = self.closer.get(model.keys)
+        return model if closer is None else self.made(model.effects, after=closer)
 
     def retried(self, model: Any, reach: float = math.inf) -> Any:
         self.retries.append(model.keys)
