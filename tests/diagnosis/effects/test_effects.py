@@ -577,3 +577,18 @@ def test_a_lag_is_no_slower_than_the_recordings_are_long(tmp_path: Path, samples
         (corner,) = lag.free(lag.starts[0])
         assert corner.value(-1e9) == pytest.approx(1 / longest)
         assert all(corner.low < start["corner_frequency"] < corner.high for start in lag.starts)
+
+
+def test_a_stray_spring_may_be_tight_to_either_side_where_a_part_begins(tmp_path: Path) -> None:
+    """A spring that rests far from there pulls like an offset, of which one that rests near it shows nothing."""
+    scenario = load(case(tmp_path))
+    springs = [
+        c
+        for c in candidates(operating_scales(problem(scenario, gather(scenario, [], []))))
+        if c.effect == "stray_spring"
+    ]
+    assert springs
+    for spring in springs:
+        angle = spring.parameters[1].reference
+        rests = {round(start["rest_angle"] / angle, 3) for start in spring.starts}
+        assert {-1.0, 1.0} < rests

@@ -85,6 +85,22 @@ def test_a_fit_that_ended_in_a_hollow_goes_on_where_all_recordings_together_lead
     np.testing.assert_array_equal(kept.fit.x, right.fit.x)
 
 
+def test_a_model_that_stands_far_off_is_begun_from_the_parameters_of_another_one(
+    fitter: CandidateFitter, listed: Any
+) -> None:
+    """A dead zone with the user's parameters two tolerances off, beside one that is where it fits best."""
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    right = fitter.finish(fitter.partial_fit((zone,), [{}]))
+    point = end_of(right)
+    x = np.array([at + 2 * f.prior for f, at in zip(point.problem.free, point.x, strict=True)])
+    cost = point.problem.cost(x, point.problem.training)
+    off = fitter._trial(PartialFit((zone,), replace(point, x=x, cost=cost), False))
+    after = fitter.begun_from(off, right)
+    assert after.fit.cost == pytest.approx(right.fit.cost, abs=1.0)
+    assert after.fit.converged
+    assert fitter.begun_from(right, off) is right
+
+
 def test_a_model_is_likelier_by_half_of_what_its_fit_costs_less(fitter: CandidateFitter, listed: Any) -> None:
     """Where recordings are as short as these, what effects are looked at on is all of them."""
     zone = next(c for c in listed if c.effect == "dead_zone")

@@ -643,6 +643,76 @@ def test_beside_what_is_put_in_the_place_of_its_like_the_order_of_a_wave_is_chos
     assert starts in raced
 
 
+def test_what_imitates_the_best_is_fitted_to_the_end_though_a_few_steps_left_more() -> None:
+    """An offset came behind eight others after a few steps, of which a weight leads; the offset explains all."""
+    weight, offset = effect("gravity", "arm"), effect("offset", "u")
+    others = OTHERS[: SEARCH.finished]
+    shapes = {weight.key: (0.0, 1.0), offset.key: (0.1, 1.0)}
+    world = World(by({c.key: 100.0 for c in others} | {weight.key: 50.0, offset.key: 200.0}), shapes=shapes)
+    world.excess_at_end = by({c.key: 500.0 for c in others} | {weight.key: 100.0, offset.key: 0.0})
+    assert run(world, [*others, weight, offset]).known.best.keys == {offset.key}
+
+
+def test_what_imitates_an_effect_has_a_turn_whatever_else_does_so_at_more_places() -> None:
+    """A weight is likest to itself at seven other places; an offset is nearly as like."""
+    weights = [effect("gravity", f"shaft {k}") for k in range(8)]
+    offset = effect("offset", "u")
+    shapes = {c.key: (0.0, 1.0) for c in weights} | {offset.key: (0.1, 1.0)}
+    world = World(by({}), shapes=shapes)
+    made: Any = searching._Search(world, world.refit, [*weights, offset], None)  # type: ignore[arg-type]
+    made.begin()
+    found = made._mimics(weights[0])
+    assert (len(found), found[1].key) == (SEARCH.exchanged, offset.key)
+
+
+def test_what_led_alone_is_put_in_the_place_of_each_of_two() -> None:
+    """Friction led alone; a bias beside an offset explains nearly all, and the bias beside the friction does so."""
+    bias, offset = effect("sensor_bias", "gauge"), effect("offset", "u")
+    alone = {FRICTION.key: 4e5, offset.key: 5e5, bias.key: 5e5}
+    both = {f"{bias.key} + {offset.key}": 5000.0, f"{bias.key} + {FRICTION.key}": 0.0}
+    world = Beside(by(alone | both), FRICTION, bias)
+    listed = [bias, offset, *OTHERS, FRICTION]
+    made: Any = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    made.begin()
+    made.known.fit([((FRICTION,), [{}])], 1)
+    assert made.known.best.keys == {FRICTION.key}
+    made.known.fit([((bias, offset), [{}])], 1)
+    made._vary()
+    assert made.known.best.keys == {bias.key, FRICTION.key}
+
+
+def test_what_leads_is_varied_though_the_time_for_first_effects_was_over_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    varied: list[frozenset[str]] = []
+    listed = [FRICTION, LAG, *OTHERS]
+    world = World(by({c.key: 8e4 for c in OTHERS} | {FRICTION.key: 0.0, LAG.key: 7e4}), fit=1)
+    search = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    vary = search._vary
+
+    def ended() -> None:
+        monkeypatch.setattr(search, "_vary", lambda: varied.append(search.known.best.keys) or vary())
+        raise OutOfTime
+
+    monkeypatch.setattr(search, "_vary", ended)
+    search.run(3)
+    assert varied == [frozenset({FRICTION.key})]
+
+
+def test_models_that_take_part_in_the_choice_are_begun_from_the_best_one_too() -> None:
+    """An offset ended in a hollow; what is far behind, and the user's own model, need no second beginning."""
+    offset, far = effect("offset", "u"), effect("lag", "far")
+    world = World(by({FRICTION.key: 0.0, offset.key: 5.0, far.key: 5e5}))
+    known = tried_models.TriedModels(world, world.refit, 3)  # type: ignore[arg-type]
+    known.fit([((c,), [{}]) for c in (FRICTION, offset, far)], 3)
+    assert known.best.keys == {FRICTION.key}
+    world.closer[frozenset({offset.key})] = lambda names: 1.0
+    before = known.worth(known[frozenset({offset.key})])
+    known.begin_at_the_best()
+    assert world.begun == [(frozenset({offset.key}), frozenset({FRICTION.key}))]
+    assert known.worth(known[frozenset({offset.key})]) > before
+
+
 def test_where_one_effect_leaves_the_noise_no_further_is_sought() -> None:
     world = World(by({FRICTION.key: 0.0}))
     found = run(world, [FRICTION, LAG, *OTHERS])
