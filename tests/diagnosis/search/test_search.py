@@ -690,8 +690,12 @@ def test_what_leads_is_varied_though_the_time_for_first_effects_was_over_before(
     search = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
     vary = search._vary
 
+    def noted() -> None:
+        varied.append(search.known.best.keys)
+        vary()
+
     def ended() -> None:
-        monkeypatch.setattr(search, "_vary", lambda: varied.append(search.known.best.keys) or vary())
+        monkeypatch.setattr(search, "_vary", noted)
         raise OutOfTime
 
     monkeypatch.setattr(search, "_vary", ended)
