@@ -16,6 +16,7 @@ from diagnosis.estimation.parameters import FreeParameter, prior
 from diagnosis.thresholds import FITTING
 from engine.errors import SimulationError
 from engine.threads import Threads
+from engine.work import FACTORED, counted
 
 Array = NDArray[np.float64]
 
@@ -340,3 +341,9 @@ def test_a_cost_that_many_times_what_is_promised_would_not_reach_is_given_up_at_
     toy = Toy(line, lambda x: np.array([*[0.0] * 19, -rest[-1]])[:, None], [plain("a", spread=1e3)])
     toy.descended([0.0], iterations=60, noise="stated", reach=float(line(np.zeros(1)) @ line(np.zeros(1))) + reach)
     assert toy.jacobians == steps
+
+
+def test_factoring_a_jacobian_counts_by_its_numbers_and_columns() -> None:
+    with counted() as work:
+        _LocalModel(np.ones(500), np.random.default_rng(0).normal(size=(500, 3)), [])
+    assert work.done == round(FACTORED * 500 * 4 * 3)

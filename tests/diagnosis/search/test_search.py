@@ -707,13 +707,10 @@ def test_models_that_take_part_in_the_choice_are_begun_from_the_best_one_too() -
     """An offset ended in a hollow; what is far behind, and the user's own model, need no second beginning."""
     offset, far = effect("offset", "u"), effect("lag", "far")
     world = World(by({FRICTION.key: 0.0, offset.key: 5.0, far.key: 5e5}))
-    known = tried_models.TriedModels(world, world.refit, 3)  # type: ignore[arg-type]
-    known.fit([((c,), [{}]) for c in (FRICTION, offset, far)], 3)
-    assert known.best.keys == {FRICTION.key}
     world.closer[frozenset({offset.key})] = lambda names: 1.0
-    before = known.worth(known[frozenset({offset.key})])
-    known.begin_at_the_best()
+    known = run(world, [FRICTION, offset, far], most=1).known
     assert world.begun == [(frozenset({offset.key}), frozenset({FRICTION.key}))]
+    before = known.worth(world.made((offset,)))
     assert known.worth(known[frozenset({offset.key})]) > before
 
 
