@@ -416,7 +416,8 @@ def _new_timetable(
         )
     if rows is None:
         number = np.arange(int(Fraction(stop + 1e-9 * step) / rational(step)) + 1)
-        ticks, time = number * int(rational(step) / tick), number * np.float64(rational(step))
+        each = int(rational(step) / tick) if len(number) > 1 else 0  # a step beyond the end may be any
+        ticks, time = number * each, number * np.float64(rational(step))
     else:
         ticks, time = np.round(rows / float(tick)).astype(np.int64), rows.copy()
     return Timetable(

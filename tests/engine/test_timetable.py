@@ -68,6 +68,13 @@ def test_a_run_that_ends_before_its_first_row_takes_any_internal_step() -> None:
     assert len(found.time) == 1
 
 
+def test_a_step_beyond_the_end_may_be_too_long_for_the_ticks_of_a_drive() -> None:
+    """They are of a nanosecond, and 64 bits hold 292 years of them."""
+    model = load("reference-a").build(inputs=["motor.voltage"])
+    found = simulate(model, 0.1, 1e10, drive=Drive([0.0, 0.0123], [[0.0], [1.0]]))
+    assert found.time.tolist() == [0.0]
+
+
 @pytest.mark.parametrize("kind", [float, int])
 @pytest.mark.parametrize("changed", ["time", "values"])
 def test_a_drive_whose_numbers_were_changed_in_place_drives_by_the_new_ones(kind: type, changed: str) -> None:
