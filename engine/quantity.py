@@ -185,21 +185,31 @@ def _dimension(text: str) -> tuple[tuple[str, float], ...]:
     return tuple(sorted((str(name), float(power)) for name, power in _unit(text).dimensionality.items()))
 
 
-def split(text: str) -> tuple[float, str]:
+def split(text: str, unit: str = "N.m/A") -> tuple[float, str]:
     """Number and unit of a text such as ``7.68 mN.m/A``.
+
+    Args:
+        text: it.
+        unit: of an example, for who gave no number.
 
     Raises:
         ParameterError: the text does not start with a number.
     """
     match = _NUMBER.match(text)
     if not match:
-        raise ParameterError(f"'{text}' is not a number with a unit", remedy="write for example '7.68 mN.m/A'")
+        kind = "a number with a unit" if _named(unit) else "a number"
+        raise ParameterError(f"'{text}' is not {kind}", remedy=f"write for example '{f'7.68 {_named(unit)}'.strip()}'")
     return float(match.group(1).replace("_", "")), match.group(2)
+
+
+def _named(unit: str) -> str:
+    """The unit, where there is one to name."""
+    return "" if unit in ("1", "*") else unit
 
 
 def _in(unit: str) -> str:
     """The unit in a sentence, where there is one to name."""
-    return "" if unit in ("1", "*", "") else f" in {unit}"
+    return f" in {_named(unit)}" if _named(unit) else ""
 
 
 def convert(value: object, unit: str) -> float:
@@ -213,7 +223,7 @@ def convert(value: object, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ParameterError(f"{value!r} is not a number{_in(unit)}")
     if isinstance(value, str):
-        number, given = split(value)
+        number, given = split(value, "N.m/A" if unit == "*" else unit)
         try:
             scale = (coherent(given)[0] if unit == "*" else factor(given, unit)) if given else 1.0
         except ParameterError as error:

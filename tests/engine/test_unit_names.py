@@ -56,3 +56,18 @@ def test_nothing_is_suggested_where_nothing_is_near(written: str, target: str) -
     with pytest.raises(ParameterError) as caught:
         convert(f"1 {written}", target)
     assert "did you mean" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("unit", "said", "example"),
+    [
+        ("s", "a number with a unit", "7.68 s"),
+        ("1", "a number", "7.68"),
+        ("*", "a number with a unit", "7.68 N.m/A"),
+    ],
+)
+def test_what_is_no_number_is_shown_one_in_the_unit_that_is_wanted(unit: str, said: str, example: str) -> None:
+    with pytest.raises(ParameterError) as refused:
+        convert("abc", unit)
+    assert refused.value.message == f"'abc' is not {said}"
+    assert refused.value.remedy == f"write for example '{example}'"
