@@ -582,7 +582,7 @@ def note_work(model: Model, outcomes: Sequence[Outcome], directions: int = 0) ->
     """
     work = counting()
     if work is not None:
-        steps, numbers = (sum(row) for row in zip(*((o.steps, o.y.size) for o in outcomes), strict=True))
+        steps, numbers = sum(o.steps for o in outcomes), sum(o.y.size for o in outcomes)
         runs = round(steps * model.operations * (1 + DIRECTION * directions))
         work.add(runs + len(outcomes) * EACH + (1 + directions) * numbers * EACH_NUMBER)
 

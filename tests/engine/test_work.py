@@ -7,7 +7,7 @@ import pytest
 from engine.assemble import build
 from engine.model import Model
 from engine.operations import CALL
-from engine.simulate import carried_out_together, prepare, simulate
+from engine.simulate import carried_out_together, note_work, prepare, simulate
 from engine.tangent import tangents
 from engine.threads import Threads
 from engine.work import DIRECTION, EACH, EACH_NUMBER, counted, counting
@@ -39,6 +39,12 @@ def test_tangents_and_runs_together_are_counted_too(model: Model) -> None:
         carried_out_together(model, jobs)
     runs = 4 * (250 * model.operations + EACH) + round(DIRECTION * 250 * model.operations)
     assert work.done == runs + 5 * 51 * EACH_NUMBER
+
+
+def test_no_runs_take_no_work(model: Model) -> None:
+    with counted() as work:
+        note_work(model, [])
+    assert work.done == 0
 
 
 def test_tangents_count_for_every_direction(model: Model) -> None:
