@@ -32,10 +32,10 @@ def grown(
 ) -> Array | None:
     """The search vector fitted to the beginning of each recording, and to ever more of each while it is followed.
 
-    A recording is lost where it leaves `SEARCH.lost` times what it left before there was more of it, or where that has
-    grown so many times as much as the recording has. What is lost goes on in half the stride, down to `SEARCH.stride`,
-    and then waits until the others have come as far as they can: they make the parameters more exact. None where the
-    beginnings are followed from no start: such a model has more than its way to find.
+    A recording is lost where it leaves `SEARCH.lost` times the noise, or what half as much of it left, if that is more.
+    What is lost goes on in half the stride, down to `SEARCH.stride`, and then waits until the others have come as far
+    as they can: they make the parameters more exact. No stride becomes longer again: what lacks physics would go on for
+    long in the least. None where the beginnings are followed from no start: such a model has more than its way to find.
 
     Args:
         made: what is fitted.
@@ -45,14 +45,17 @@ def grown(
     """
     given = made.training if experiments is None else experiments
     shares, strides = [SEARCH.beginning] * len(given), [1.0] * len(given)
+    before: list[dict[float, float]] = [{} for _ in given]
     for start in starts:
         x, left = _followed(made, start, given, shares, only, SEARCH.most_steps)
-        if not _lost(shares, left, [1.0] * len(given)):
+        if not _lost(shares, left, before):
             break
     else:
         return None
     gained = True
     while True:
+        for known, share, leaves in zip(before, shares, left, strict=True):
+            known[share] = leaves
         behind = {k for k, share in enumerate(shares) if share < 1}
         wanted = {k for k in behind if strides[k] >= SEARCH.stride}
         if not wanted and not (gained and behind):
@@ -61,13 +64,11 @@ def grown(
             wanted, gained = behind, False
             strides = [SEARCH.stride if k in behind else stride for k, stride in enumerate(strides)]
         more = [min(share * 2 ** strides[k], 1.0) if k in wanted else share for k, share in enumerate(shares)]
-        there, leaves = _followed(made, x, given, more, only, SEARCH.first_steps)
-        if lost := _lost(more, leaves, left):
-            slower, times = lost & wanted or wanted, 0.5
+        there, leaving = _followed(made, x, given, more, only, SEARCH.first_steps)
+        if lost := _lost(more, leaving, before):
+            strides = [0.5 * stride if k in (lost & wanted or wanted) else stride for k, stride in enumerate(strides)]
         else:
-            x, shares, left, gained = there, more, leaves, True
-            slower, times = wanted, 2.0
-        strides = [min(times * stride, 1.0) if k in slower else stride for k, stride in enumerate(strides)]
+            x, shares, left, gained = there, more, leaving, True
 
 
 def doubled(
@@ -101,10 +102,21 @@ def raced(begun: Sequence[tuple[Problem, Array]]) -> list[tuple[int, Array]]:
     return found
 
 
-def _lost(shares: Sequence[float], leaves: Sequence[float], before: Sequence[float]) -> set[int]:
-    """Numbers of the recordings that are lost over these shares of them, as of `grown`; noise is 1."""
-    bounds = [min(share / SEARCH.beginning, max(left, 1.0)) for share, left in zip(shares, before, strict=True)]
-    return {k for k, bound in enumerate(bounds) if not leaves[k] < SEARCH.lost * bound}
+def _lost(shares: Sequence[float], left: Sequence[float], before: Sequence[dict[float, float]]) -> set[int]:
+    """Numbers of the recordings that are lost over these shares of them, as of `grown`; noise is 1.
+
+    Args:
+        shares: of each recording.
+        left: what each leaves.
+        before: what each left of shares that were followed.
+    """
+    lost = set[int]()
+    for k, (share, leaves) in enumerate(zip(shares, left, strict=True)):
+        half = [known for known in before[k] if known <= 0.501 * share]
+        least = before[k][max(half)] if half else 1.0
+        if not leaves < SEARCH.lost * max(least, 1.0):
+            lost.add(k)
+    return lost
 
 
 def _followed(

@@ -628,6 +628,7 @@ class CandidateFitter:
             if left < SEARCH.lost * max(end.problem.chi2(end.x, end.problem.training), 1.0):
                 return whole
             x = doubled(made, end.x)
+        reach = min(reach, whole.point.cost)
         with Threads(1) as pool:
             x, cost, converged = descend(
                 made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow, reach=reach

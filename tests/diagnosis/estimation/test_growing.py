@@ -83,6 +83,38 @@ def test_what_cannot_be_followed_stays_behind(monkeypatch: pytest.MonkeyPatch) -
     assert len(world.shares) < 40, "it ends"
 
 
+def test_what_leaves_twice_as_much_over_an_octave_is_lost_however_short_its_strides(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A model that lacks physics leaves a little more with every stride; twice as much of each octave it leaves."""
+
+    class Lacking(Followed):
+        def fitted(self, _: Any, x: Vector, __: Any, shares: Sequence[float], *___: Any) -> tuple[Vector, list[float]]:
+            self.shares.append(tuple(shares))
+            return x, [
+                1.5 * (share / SEARCH.beginning) ** slope for share, slope in zip(shares, (0.0, 2.0), strict=True)
+            ]
+
+    world = Lacking([0.0, 0.0], [1.0, 1.0])
+    grown(world, monkeypatch)
+    assert max(second for first, second in world.shares if first == 1.0) < 2.0**0.5 * SEARCH.beginning
+    assert len(world.shares) < 16
+
+
+def test_what_leaves_less_than_twice_as_much_over_each_octave_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nuisances of a machine whose sensors are fine: 30 times the noise over all of it."""
+
+    class Drifting(Followed):
+        def fitted(self, _: Any, x: Vector, __: Any, shares: Sequence[float], *___: Any) -> tuple[Vector, list[float]]:
+            self.shares.append(tuple(shares))
+            return x, [(share / SEARCH.beginning) ** 0.95 for share in shares]
+
+    world = Drifting([0.0], [1.0])
+    grown(world, monkeypatch)
+    assert world.shares[-1] == (1.0,)
+    assert len(world.shares) == 6
+
+
 def test_a_model_that_does_not_follow_the_beginnings_is_left_there(monkeypatch: pytest.MonkeyPatch) -> None:
     world = Followed([0.0, 0.0], [1.0, 3.0])
     monkeypatch.setattr(growing, "_followed", world.fitted)
