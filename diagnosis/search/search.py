@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects.catalogue import candidates
-from diagnosis.effects.effect import Candidate, across, all_beside, beside, cuts
+from diagnosis.effects.effect import Candidate, Sizes, across, all_beside, beside, cuts
 from diagnosis.effects.places import node
 from diagnosis.effects.scales import OperatingScales, operating_scales
 from diagnosis.estimation.tones import tones
@@ -369,18 +369,22 @@ class _Search:
     def _enriched(self, model: ScoredModel) -> None:
         """Put richer laws in the place of a simpler one of a model, from where that ended.
 
-        Each that was not tried, and each that left more: it contains the simpler one, so its fit has lost its way.
+        Each that was not tried, and each that left more: it contains the simpler one, so its fit has lost its way. The
+        order of a wave was chosen beside the simpler law: beside one that comes closer it is chosen anew.
         """
         for effect in model.effects:
             kept = tuple(ended(model, c) for c in model.effects if c is not effect)
             found = ended(model, effect).starts[0]
             richer = [
-                replace(c, starts=tuple({k: found.get(k, v) for k, v in start.items()} for start in c.starts))
+                replace(c, starts=_grown_from(found, c))
                 for c in _able_beside(kept, self.listed)
                 if (c.place, c.option) == (effect.place, effect.option) and c.key != effect.key and is_in(effect, c)
             ]
             wanted = [c for c in richer if not self._as_close(frozenset(k.key for k in (*kept, c)), model)]
-            self.known.fit([((*kept, c), [standing(model.fit)]) for c in wanted], len(wanted), whole=True, near=model)
+            tasks = [((*kept, c), [standing(model.fit)]) for c in wanted]
+            made = self.known.fit(tasks, len(wanted), whole=True, near=model)
+            closer = [m for m in made if m.fit.cost < model.fit.cost and any(c.wave is not None for c in kept)]
+            self.known.fit([(self._with_all_orders(_as_ended(m)), [standing(m.fit)]) for m in closer], 1, near=model)
 
     def _as_close(self, keys: frozenset[str], model: ScoredModel) -> bool:
         """Whether a model with these effects was fitted, as closely as another one but for what is no evidence."""
@@ -429,6 +433,8 @@ class _Search:
                 self._extend(whole, self.listed)
             if len(self.known.best.keys) <= len(before.keys):
                 return False
+            if not self._enough(count + 1):
+                self._enriched(self.known.best)  # a richer law costs less than a further effect
             if self._enough(count + 1):
                 if count > 2:
                     self._paired_otherwise(self.known.best)
@@ -1056,6 +1062,20 @@ class _Search:
 def _ratio(there: float, here: float) -> float:
     """How many times as large a size is at one place as at another; one where it is none."""
     return there / here if here and there / here > 0 else 1.0
+
+
+def _grown_from(found: Sizes, richer: Candidate) -> tuple[Sizes, ...]:
+    """The sizes that a richer law begins from, those of a simpler one as found; what is of their kind keeps its ratio.
+
+    A static friction that is half as large again as the sliding one stays so, however large that was found to be.
+    """
+    kinds = {p.name: p.reference for p in richer.parameters}
+
+    def grown(start: Sizes) -> Sizes:
+        times = {kinds[k]: found[k] / v for k, v in start.items() if k in found and k in kinds and v}
+        return {k: found.get(k, v * times.get(kinds.get(k, math.nan), 1.0)) for k, v in start.items()}
+
+    return tuple({repr(sizes): sizes for sizes in map(grown, richer.starts)}.values())
 
 
 def _is_moved(flanges: Collection[str], blocks: Collection[str]) -> bool:

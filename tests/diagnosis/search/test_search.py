@@ -37,7 +37,7 @@ Excess = Callable[[frozenset[str]], float]
 
 
 def effect(name: str, place: str = "shaft", *, option: str = "", sizes: int = 1) -> Candidate:
-    rows = tuple(EffectParameter(f"p{k}", 1.0) for k in range(sizes))
+    rows = tuple(EffectParameter(f"p{k}", k + 1.0) for k in range(sizes))  # of a kind each
     start = {row.name: 0.1 for row in rows}
     return Candidate(name, place, place, f"found_{name}", lambda sizes: [], rows, (start,), option=option)
 
@@ -978,6 +978,57 @@ def test_a_richer_law_that_leaves_more_than_the_simpler_one_is_tried_from_where_
     assert world.fitted.count(frozenset({STRIBECK.key})) == 2
     assert found.known.best.keys == {STRIBECK.key}
     assert found.known.best.left.energy[0] == COUNT
+
+
+def test_a_richer_law_is_tried_before_a_third_effect_is_sought() -> None:
+    """Alone the richer law does no better than the simpler one; beside the lag it explains all."""
+    rows = {
+        FRICTION.key: 4e5,
+        STRIBECK.key: 4e5,
+        f"{FRICTION.key} + {LAG.key}": 1e5,
+        f"{STRIBECK.key} + {LAG.key}": 0.0,
+    }
+    world = World(by(rows), {STRIBECK.key: 10.0})
+    found = run(world, [FRICTION, LAG, STRIBECK, *OTHERS])
+    assert found.known.best.keys == {STRIBECK.key, LAG.key}
+    assert all(len(keys) < 3 for keys in world.fitted)
+
+
+def test_the_order_of_a_wave_is_chosen_anew_beside_a_richer_law() -> None:
+    """Beside Coulomb friction the second order comes closer, beside Stribeck friction, once fitted, the third."""
+    starts = tuple({"order": order, "amplitude": 0.1, "phase": 0.0} for order in (2.0, 3.0))
+    wave = replace(effect("torque_ripple"), starts=starts, wave=Wave("amplitude", "phase", starts))
+    raced: list[tuple[dict[str, float], ...]] = []
+
+    class Waves(World):
+        def partial_fit(self, effects: tuple[Candidate, ...], parents: Any) -> PartialFit:
+            if effects[0].key == STRIBECK.key and effects[0].starts[0]["p2"] == 0.2:  # where it ended
+                raced.append(effects[-1].starts)
+            return super().partial_fit(effects, parents)
+
+    rows = {FRICTION.key: 3e5, f"{FRICTION.key} + {wave.key}": 5e4, f"{STRIBECK.key} + {wave.key}": 4e4}
+    made: Any = searching._Search(world := Waves(by(rows)), world.refit, [FRICTION, STRIBECK, wave], None)  # type: ignore[arg-type]
+    made.begin()
+    found = made.known.fit([((FRICTION, replace(wave, starts=starts[:1])), [{}])], 1)
+    raced.clear()
+    made._enriched(found[0])
+    assert raced == [starts]
+
+
+def test_what_a_richer_law_has_of_a_size_s_kind_keeps_its_ratio_to_it() -> None:
+    """Stribeck friction from Coulomb friction that was found to be 6: static friction half as large again."""
+    rows = [("coulomb_friction", 4.0), ("static_friction", 4.0), ("stribeck_velocity", 0.1)]
+    starts = tuple(
+        {"coulomb_friction": s, "static_friction": 1.5 * s, "stribeck_velocity": v}
+        for s in (1.0, 20.0)
+        for v in (0.1, 2.0)
+    )
+    parameters = tuple(EffectParameter(name, reference) for name, reference in rows)
+    law = Candidate("stribeck_friction", "shaft", "shaft", "found_law", lambda sizes: [], parameters, starts)
+    assert searching._grown_from({"coulomb_friction": 6.0}, law) == (
+        {"coulomb_friction": 6.0, "static_friction": 9.0, "stribeck_velocity": 0.1},
+        {"coulomb_friction": 6.0, "static_friction": 9.0, "stribeck_velocity": 2.0},
+    )
 
 
 def test_beside_the_best_pair_what_promised_least_alone_is_looked_at_too(monkeypatch: pytest.MonkeyPatch) -> None:
