@@ -9,7 +9,8 @@ all that another model leaves above the sensors' noise is none, however little t
 what lets bent parameters return to their values. What an effect makes worse on recordings that were not fitted is not
 believed at all, nor is one where the user's model leaves no more than noise, unless it takes away most of that. A
 richer law is no nuisance by itself: it stands for one only where others do as well, in its place or beside the simpler
-law. One from which the fitted recordings gain nothing is told as the simpler one, whatever the others gain.
+law; where they do nearly as well, both are told, as likely as their evidence says. One from which the fitted recordings
+gain nothing is told as the simpler one, whatever the others gain.
 """
 
 from __future__ import annotations
@@ -144,15 +145,15 @@ def owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> b
 def _is_met_otherwise(
     whole: ScoredModel, richer: ScoredModel, simpler: ScoredModel, models: Sequence[ScoredModel]
 ) -> bool:
-    """Whether what a richer law explains beyond a simpler one may be a nuisance that others meet about as well.
+    """Whether what a richer law explains beyond a simpler one may be a nuisance, since others meet it as well.
 
     A further effect may be a nuisance itself. A law stands for one that is no part of it, as friction that differs
-    between the directions does for an offset: then the simpler law does as well as the whole model with other effects
-    beside it, or enriched otherwise. Where none does, by odds of twenty to one, the richer law is what is there.
+    between the directions does for an offset: then the simpler law does as well as the whole model, alone, with other
+    effects beside it, or enriched otherwise. Where it does nearly as well, both are told: their odds say how nearly.
     """
-    near = whole.log_evidence - EVIDENCE.temperature * SEARCH.effort
     others = (m for m in models if m.keys != richer.keys and not is_simpler(richer, m))
-    return any(m.log_evidence > near and (m.keys == simpler.keys or is_simpler(simpler, m)) for m in others)
+    as_well = (m for m in others if m.log_evidence >= whole.log_evidence)
+    return any(m.keys == simpler.keys or is_simpler(simpler, m) for m in as_well)
 
 
 def _one_of_several(model: ScoredModel, simpler: ScoredModel) -> bool:
