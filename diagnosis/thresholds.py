@@ -400,6 +400,12 @@ class Evidence:
         "A name explains at least this share of the held-out mismatch.",
         "more than half is most",
     )
+    imitated: float = number(
+        0.9,
+        "1",
+        "The same where more is left than a sensor's noise: what explains less may imitate what nobody lists.",
+        "14 pages of random rigs: of 12 claims that left a tenth or more, and twice the noise, 6 were right; ADR 59",
+    )
 
 
 @dataclass(frozen=True)

@@ -303,3 +303,9 @@ def explained(refit: ScoredModel, model: ScoredModel) -> float:
     beyond = refit.hold_out - floor(model)
     of_excess = (refit.hold_out - model.hold_out) / beyond if beyond > 0 else 0.0
     return min(max(of_excess, relieved(refit, model), 0.0), 1.0)
+
+
+def may_imitate(refit: ScoredModel, model: ScoredModel) -> bool:
+    """Whether a model explains too little to be given its name: half, or of what is not noise nearly all."""
+    share = explained(refit, model)
+    return share < EVIDENCE.most or (share < EVIDENCE.imitated and misses(model.unseen))

@@ -14,7 +14,7 @@ from diagnosis.effects.spring import is_linear_spring
 from diagnosis.estimation.least_squares import Fit, Interval, with_covariance
 from diagnosis.search.equivalent_effects import NESTED
 from diagnosis.search.force_recovery import Curve, RecoveredForce, place_of, recover
-from diagnosis.search.posterior import credible, explained, floor, misses, price, probability, strained
+from diagnosis.search.posterior import credible, explained, floor, may_imitate, misses, price, probability, strained
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import LEAST_ODDS, Study
 from diagnosis.thresholds import EVIDENCE, INTERVALS, SEARCH
@@ -139,7 +139,8 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
         return Diagnosis(study, status, (_nothing(study, status, near),), (), None, warnings, made, force)
     models = [m for m in (refit, *study.trials) if m.keys in study.odds]
     others = tuple(m for m in credible(models, study.odds) if m is not chosen)
-    share, improbable = explained(refit, chosen), strained(chosen, study.tried) or bool(chosen.at_an_end)
+    share = explained(refit, chosen)
+    improbable = may_imitate(refit, chosen) or strained(chosen, study.tried) or bool(chosen.at_an_end)
     intervals = {i.name: i for i in made.intervals()}
     findings = []
     for k, effect in enumerate(chosen.effects):
@@ -147,7 +148,7 @@ def judge(study: Study, seed: int = 0) -> Diagnosis:
         odds = probability(effect.key, study.odds) + sum(study.odds[t.keys] for t in agree)
         against = [t for t in others if effect.key not in t.keys and not _says_the_same(t, effect)]
         untold = untold_sizes(study, effect, made.intervals())
-        if effect.effect == "unknown" or share < EVIDENCE.most or improbable or untold or any(r.grave for r in found):
+        if effect.effect == "unknown" or improbable or untold or any(r.grave for r in found):
             status = "unknown"
         elif odds < EVIDENCE.probability and against:
             status = "tie"

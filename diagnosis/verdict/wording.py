@@ -10,10 +10,10 @@ import numpy as np
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.least_squares import Fit
 from diagnosis.estimation.time_experiment import TimeExperiment, over_time
-from diagnosis.search.posterior import floor, strained
+from diagnosis.search.posterior import floor, may_imitate, strained
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
-from diagnosis.thresholds import EVIDENCE, WORDING
+from diagnosis.thresholds import WORDING
 from diagnosis.verdict.table_report import absorbed, remarks
 
 WORDS = {
@@ -95,29 +95,32 @@ def finding_sentence(
         return f"{what.capitalize()} at {place} explains {explained:.0%}, but these do as well: {others}.{left}"
     if effect == "unknown":
         return f"Something without a name is missing at {place}: with its measured law, a curve, {numbers}."
-    if status == "unknown" and explained >= EVIDENCE.most and strained(study.chosen, study.tried):
+    if status == "unknown" and may_imitate(study.refit, study.chosen):
+        return (
+            f"Something is missing near {place}; the best effect, {what}, explains {explained:.0%} of it, and may only "
+            f"imitate it: {numbers}."
+        )
+    if status == "unknown" and strained(study.chosen, study.tried):
         return (
             f"Something is missing near {place}. {what.capitalize()} would explain {explained:.0%}, but only with "
             f"parameters far from their values: {', '.join(_farthest(study.chosen.fit))}. If they may be that far off, "
             f"state their tolerances; a recording in another unit does this too."
         )
-    if status == "unknown" and explained >= EVIDENCE.most and study.chosen.at_an_end:
+    if status == "unknown" and study.chosen.at_an_end:
         return (
             f"Something is missing near {place}. {what.capitalize()} would explain {explained:.0%}, but only with "
             f"{' and '.join(study.chosen.at_an_end)} at an end of its range, where it becomes another effect."
         )
-    if status == "unknown" and explained >= EVIDENCE.most and untold:
+    if status == "unknown" and untold:
         return (
             f"Something is missing near {place}. {what.capitalize()} would explain {explained:.0%}, but whatever its "
             f"{' and '.join(untold)}: a simpler law that was not tried may do as well."
         )
-    if status == "unknown" and explained >= EVIDENCE.most:
+    if status == "unknown":
         return (
             f"{what.capitalize()} at {place} would explain {explained:.0%}, but a recording looks wrong: "
             f"see the warnings."
         )
-    if status == "unknown":
-        return f"Something is missing near {place}; the best effect, {what}, explains {explained:.0%} of it."
     excess = before - floor(study.chosen)
     # Where a hair's breadth decides how a machine goes on, a run may come nearer than the right model does on average.
     share = f" ({min((before - after) / excess, 1.0):.0%} of what was unexplained)" if excess > 0 else ""

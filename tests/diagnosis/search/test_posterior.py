@@ -18,6 +18,7 @@ from diagnosis.search.posterior import (
     complete,
     credible,
     explained,
+    may_imitate,
     misses,
     place_odds,
     probabilities,
@@ -416,3 +417,20 @@ def test_a_model_explains_its_share_of_the_held_out_excess() -> None:
     # Where the refit leaves nothing, it counts how far the parameters had to go.
     absorbed = model(excess=0.0, strain=40.0)
     assert explained(absorbed, model(FRICTION, excess=0.0, strain=4.0)) == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(
+    ("leaves", "beyond", "imitates"),
+    [
+        (0.05, 100.0, False),  # a twentieth of the mismatch is as much as nuisances and coloured noise leave
+        (0.2, 100.0, True),
+        (0.2, 0.5, False),  # no more than the sensor's noise may be
+        (0.6, 0.5, True),
+    ],
+)
+def test_what_leaves_much_of_the_mismatch_above_the_noise_may_imitate(
+    leaves: float, beyond: float, imitates: bool
+) -> None:
+    """A withheld vibration told as a bias left a fifth, and 21 times the noise."""
+    chosen = model(FRICTION, excess=beyond * COUNT)
+    assert may_imitate(model(excess=beyond * COUNT / leaves), chosen) == imitates

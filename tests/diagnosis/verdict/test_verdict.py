@@ -13,6 +13,7 @@ from blocks.actuators.spring_damper import SpringDamper
 from blocks.links.inertia import Inertia
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.estimation.least_squares import Interval
+from diagnosis.estimation.leftover import Leftover
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import WORDING
@@ -21,6 +22,9 @@ from diagnosis.verdict.wording import _both_ways, finding_sentence
 
 STIFFNESS = FreeParameter("shaft.stiffness", 2.0, 0.2, True)
 MASS = FreeParameter("load.mass", 1.0, 0.1, True)
+
+
+REFIT = SimpleNamespace(hold_out=9.0, room=0.0, bent=False)
 
 
 def model(x: tuple[float, float], *effects: Candidate) -> Any:
@@ -72,7 +76,7 @@ def test_an_effect_at_an_end_of_its_range_has_no_name(x: float, named: bool) -> 
     chosen: Any = SimpleNamespace(effects=(lag,), fit=fit, hold_out=1.0, strain=0.0, own=0, left=left)
     chosen.at_an_end = ScoredModel.at_an_end.fget(chosen)  # type: ignore[attr-defined]
     assert chosen.at_an_end == ([] if named else ["corner_frequency of sensor_lag at tacho"])
-    study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=9.0), chosen=chosen, tried=10)
+    study: Any = SimpleNamespace(refit=REFIT, chosen=chosen, tried=10)
     said = finding_sentence(lag, "named" if named else "unknown", 0.9, study, ())
     assert ("corner_frequency of sensor_lag at tacho at an end of its range" in said) != named
 
@@ -94,11 +98,12 @@ def test_a_richer_law_whose_own_size_nothing_bounds_has_no_name_unless_the_simpl
         Interval("load.inertia", 1.0, -math.inf, math.inf, "kg.m2", 1.0),
     ]
     scenario = SimpleNamespace(system=SimpleNamespace(blocks={}))
-    study: Any = SimpleNamespace(scenario=scenario, trials=tries, refit=SimpleNamespace(hold_out=9.0))
+    study: Any = SimpleNamespace(scenario=scenario, trials=tries, refit=REFIT)
     found = untold_sizes(study, backlash, rows)
     assert found == ([] if bounded or tried == "joint_flexibility" else ["half_gap"])
     if found:
-        study.chosen, study.tried = SimpleNamespace(hold_out=1.0, strain=0.0, own=0, at_an_end=[]), 10
+        left = SimpleNamespace(noise=np.ones(1), count=np.ones(1))
+        study.chosen, study.tried = SimpleNamespace(hold_out=1.0, strain=0.0, own=0, at_an_end=[], left=left), 10
         said = finding_sentence(backlash, "unknown", 0.9, study, (), found)
         assert "but whatever its half_gap: a simpler law that was not tried may do as well" in said
 
@@ -124,3 +129,18 @@ def test_no_finding_explains_more_than_there_is(after: float, share: str) -> Non
     study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=100.0), chosen=chosen)
     lag: Any = SimpleNamespace(effect="lag", place="motor.voltage", option="")
     assert f"({share} of what was unexplained)" in finding_sentence(lag, "named", 1.0, study, [])
+
+
+def test_what_may_only_imitate_something_is_said_to() -> None:
+    """A bias beside a vibration that nobody lists explains four fifths, and leaves 20 times the noise."""
+    noise, count = np.ones(1), np.array([100.0])
+    there = np.array([2e3])
+    left = Leftover(there, count, noise, ((0, 0),), there[None, :], count[None, :])
+    bias = Candidate("sensor_bias", "rotor.shaft.angle", "rotor", "found_bias", lambda sizes: [])
+    chosen: Any = SimpleNamespace(effects=(bias,), hold_out=20.0, left=left, unseen=left, room=1.0, at_an_end=[])
+    study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=96.0, room=5.0, bent=False), chosen=chosen, tried=10)
+    said = finding_sentence(bias, "unknown", 0.8, study, ())
+    assert said == (
+        "Something is missing near rotor.shaft.angle; the best effect, sensor bias, explains 80% of it, and may only "
+        "imitate it: the held-out error falls from 96 to 20 times the noise floor."
+    )
