@@ -20,7 +20,10 @@ def best_ways(ranked: Sequence[Candidate]) -> list[Candidate]:
 
 
 def by_turns(ranked: Sequence[T], of: Callable[[T], str]) -> list[T]:
-    """The first of each place, or of whatever ``of`` tells, before all others: those are alike, and took all turns."""
+    """The first of each place, or of whatever ``of`` tells, before all others.
+
+    What is at one place is alike: in its own order one place would take all turns.
+    """
     found: dict[str, T] = {}
     for one in ranked:
         found.setdefault(of(one), one)
