@@ -101,6 +101,26 @@ def test_what_leaves_twice_as_much_over_an_octave_is_lost_however_short_its_stri
     assert len(world.shares) < 16
 
 
+def test_no_stride_becomes_longer_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What lacks physics would be lost in every other stride, if each that is followed made the next one longer."""
+    strides: list[float] = []
+
+    class Strides(Followed):
+        followed = SEARCH.beginning
+
+        def fitted(self, _: Any, x: Vector, __: Any, shares: Sequence[float], *___: Any) -> tuple[Vector, list[float]]:
+            (share,) = shares
+            fits = share < 1.2 * self.followed or share == SEARCH.beginning
+            if share > SEARCH.beginning and share < 1:  # the last one ends with the recording
+                strides.append(share / self.followed)
+            self.followed = share if fits else self.followed
+            return x, [1.0 if fits else 100.0]
+
+    grown(Strides([0.0], [1.0]), monkeypatch)
+    assert strides == sorted(strides, reverse=True)
+    assert strides[-1] == pytest.approx(2**0.25)
+
+
 def test_what_leaves_less_than_twice_as_much_over_each_octave_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nuisances of a machine whose sensors are fine: 30 times the noise over all of it."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -414,3 +415,23 @@ def test_a_bent_parent_does_not_take_the_turn_of_the_given_values(
     begun = fitter._begun((zone,), [{"bent": 1.0}, {"given": 1.0}])
     assert [start.cost for start in begun] == [100.0, 101.0, 900.0]
     assert [start.cost for start in fitter._begun((zone,), [{"given": 1.0}])] == [900.0, 950.0]
+
+
+@pytest.mark.parametrize("reach", [math.inf, 40.0])
+def test_a_fit_from_the_beginnings_is_left_where_it_would_come_no_lower_than_the_one_that_it_is_to_better(
+    monkeypatch: pytest.MonkeyPatch, reach: float
+) -> None:
+    """What lacks physics is lost on the way, and its fit to all that follows ends where the first one did."""
+    asked: list[float] = []
+
+    def descend(problem: Any, x: Any, *rest: Any, reach: float, **more: Any) -> Any:
+        asked.append(reach)
+        return x, 60.0, False
+
+    monkeypatch.setattr(fitting, "grown", lambda made, starts: np.array([1.0]))
+    monkeypatch.setattr(fitting, "descend", descend)
+    problem: Any = SimpleNamespace(chi2=lambda x, experiments: 9.0, training=())
+    whole = PartialFit((), StartingPoint(50.0, problem, np.zeros(1), (), ()), True)
+    where: Any = SimpleNamespace(tables=False, _likelier=lambda ends: ends[0])
+    assert CandidateFitter._back_in_step(where, whole, whole, whole, reach) is whole
+    assert asked == [min(reach, 50.0)]

@@ -17,6 +17,7 @@ from diagnosis.estimation.leftover import Leftover
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import WORDING
+from diagnosis.verdict import verdict as verdicts
 from diagnosis.verdict.verdict import _says_the_same, untold_sizes
 from diagnosis.verdict.wording import _both_ways, finding_sentence
 
@@ -144,3 +145,27 @@ def test_what_may_only_imitate_something_is_said_to() -> None:
         "Something is missing near rotor.shaft.angle; the best effect, sensor bias, explains 80% of it, and may only "
         "imitate it: the held-out error falls from 96 to 20 times the noise floor."
     )
+
+
+@pytest.mark.parametrize(("after", "status"), [(20.0, "unknown"), (5.0, "named"), (1.5, "named")])
+def test_what_may_only_imitate_something_has_no_name(
+    monkeypatch: pytest.MonkeyPatch, after: float, status: str
+) -> None:
+    """A bias leaves 20 of 96 times the noise; of what leaves 5 nine tenths are explained."""
+    noise, count = np.ones(1), np.array([100.0])
+    there = after * count
+    left = Leftover(there, count, noise, ((0, 0),), there[None, :], count[None, :])
+    bias = Candidate("sensor_bias", "rotor.shaft.angle", "rotor", "found_bias", lambda sizes: [])
+    chosen: Any = SimpleNamespace(effects=(bias,), keys=frozenset({bias.key}), hold_out=after, left=left, unseen=left)
+    chosen.fit, chosen.room, chosen.strain, chosen.own, chosen.at_an_end = None, 1.0, 0.0, 1, []
+    refit: Any = SimpleNamespace(effects=(), keys=frozenset(), hold_out=96.0, room=5.0, bent=False)
+    study: Any = SimpleNamespace(chosen=chosen, refit=refit, trials=[chosen], odds={chosen.keys: 1.0}, tried=10)
+    study.ended_early, study.notes = False, ()
+    monkeypatch.setattr(verdicts, "with_covariance", lambda fit, excess: SimpleNamespace(intervals=list))
+    monkeypatch.setattr(verdicts, "_remarks", lambda study: [])
+    monkeypatch.setattr(verdicts, "warnings_of", lambda study: ())
+    monkeypatch.setattr(verdicts, "untold_sizes", lambda study, effect, intervals: [])
+    monkeypatch.setattr(verdicts, "place_of", lambda effect, study: ())
+    monkeypatch.setattr(verdicts, "recover", lambda study: None)
+    monkeypatch.setattr(verdicts, "_finding", lambda study, k, status, *rest: {"status": status})
+    assert verdicts.judge(study).verdict == status
