@@ -217,7 +217,7 @@ def _summary(rows: Sequence[Score]) -> str:
         groups.setdefault(_effects(row), []).append(row)
     listed = []
     for effects, mine in groups.items():
-        drawn = [r for r in mine if not r.failure.startswith("cannot be drawn")]
+        drawn = [r for r in mine if r.drawn]
         rest = f"{len(mine) - len(drawn)} cannot be drawn" if len(drawn) < len(mine) else ""
         listed.append([effects, rate(sum(r.right for r in drawn), len(drawn)), rest])
     return table(["concealed", "right", ""], listed)

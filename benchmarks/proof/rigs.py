@@ -156,7 +156,7 @@ def write(proof: Proof, page: Path, causes: Mapping[str, str], hard: Mapping[str
         FlexarmError: the file cannot be written.
     """
     every = of(proof.rows, "rigs")
-    rows = [r for r in every if r.outcome != "not run"]
+    rows = [r for r in every if r.outcome != "not run" and r.drawn]
     parts = [HEAD + _ran(proof, every, rows), _table(rows), _outcomes(rows), _coverage(rows)]
     reliability(rows, page.with_name(FIGURE))
     parts += [_reliability(rows), _failures(rows, causes)]
@@ -168,10 +168,15 @@ def write(proof: Proof, page: Path, causes: Mapping[str, str], hard: Mapping[str
 def _ran(proof: Proof, every: Sequence[Score], rows: Sequence[Score]) -> str:
     seeds = sorted(r.spec["seed"] for r in rows)
     asked = sorted(r.spec["seed"] for r in every)
+    none = [f"`{r.plant}`" for r in every if not r.drawn]
     chosen = "development seeds, chosen" if asked and asked[-1] < 1000 else "seeds"
     states = ", ".join(f"`{s}` ({n} cases)" for s, n in Counter(r.code for r in rows if r.code).most_common())
     told = f"{len(rows)} of the {len(every)} rigs that were asked for have run ({chosen}: "
     told += f"{asked[0]} to {asked[-1]}; run: {_spans(seeds)}). " if asked else "none). "
+    if none:
+        told += (
+            f"{len(none)} cannot be drawn, since no effect of those that were drawn can be seen: {', '.join(none)}. "
+        )
     told += (
         f"{proof.about['machine']}, shared with other work. State of the program (hash over its sources): {states}.\n"
     )

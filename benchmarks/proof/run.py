@@ -34,6 +34,9 @@ second of which takes half a second to one and a half."""
 LONGEST = 1800
 """Seconds after which a diagnosis is stopped and counted as a failure."""
 
+UNDRAWN = "cannot be drawn"
+"""How the failure of a case begins from whose seed nothing can be drawn."""
+
 TOOL = (sys.executable, "-m", "flexarm")
 PLAN = "plan.json"
 
@@ -121,7 +124,7 @@ def _draw(spec: Spec, folder: Path) -> dict[str, Any] | None:
         else:
             made = draw(spec.plant, spec.effects, spec.sizes, spec.seed, spec.options)
     except (ValueError, ArithmeticError, Diverged) as error:
-        return {"verdict": "failed", "seconds": 0.0, "cpu": 0.0, "failure": f"cannot be drawn: {error}"}
+        return {"verdict": "failed", "seconds": 0.0, "cpu": 0.0, "failure": f"{UNDRAWN}: {error}"}
     write(made, case, answers, withheld)
     return None
 

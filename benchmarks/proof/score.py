@@ -14,7 +14,7 @@ from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.sites import drive_sites, sites
 from benchmarks.concealed.ties import ENOUGH, FLOOR, WRONG, from_answers, tie_class
 from benchmarks.proof.intervals import covered
-from benchmarks.proof.run import plan
+from benchmarks.proof.run import UNDRAWN, plan
 from diagnosis.search.study import LEAST_ODDS
 
 RIGHT = frozenset({"named", "tie", "none", "equal"})
@@ -87,6 +87,11 @@ class Score:
     converged: tuple[int, int] | None = None
     recognised: bool = False
     early: bool = False
+
+    @property
+    def drawn(self) -> bool:
+        """Whether there was a case to diagnose: a seed may give none."""
+        return not self.failure.startswith(UNDRAWN)
 
     @property
     def right(self) -> bool:

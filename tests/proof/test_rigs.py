@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -131,6 +132,22 @@ def test_pairs_triples_nothing_withheld_and_wrong_parameters() -> None:
     assert goal(rows, "withheld", "confident").measured.startswith("0 of 1")
     assert goal(rows, "one parameter", "found").measured.startswith("1 of 1")
     assert goal(rows, "one effect", "right name").measured == "not run"
+
+
+def test_a_rig_that_cannot_be_drawn_is_told_and_counts_for_nothing(tmp_path: Path) -> None:
+    """Its seed asked for effects of which none can be seen: the tool was never run, and nothing was concealed."""
+    failure = f"{runner.UNDRAWN}: of 12 drawings of 3 effects none can be seen"
+    rows = [
+        score((), "none", code="a"),
+        score([DRAWN], "failed", failure=failure),
+        score((), "failed", failure="crash"),
+    ]
+    rigs.write(data.Proof({"machine": "two cores"}, rows, {}), tmp_path / "page.md", {}, {})
+    page = (tmp_path / "page.md").read_text(encoding="utf-8")
+    assert "2 of the 3 rigs that were asked for have run" in page
+    assert "1 cannot be drawn, since no effect of those that were drawn can be seen: `rig-1`." in page
+    assert "| nothing concealed | false alarms <= 3 % | 1 of 2," in page
+    assert "1 of 2 rigs." in page
 
 
 def test_each_parameter_has_its_own_intervals() -> None:
