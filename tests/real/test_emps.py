@@ -103,7 +103,6 @@ def test_held_out_force(axis: Bench, directional: ScoredModel) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="beside nuisances the pair ends a few units of evidence lower")
 def test_the_verdict_is_a_tie_of_the_two(recordings: Path) -> None:
     found = diagnose("emps", workers=2)
     assert found.verdict == "tie"
