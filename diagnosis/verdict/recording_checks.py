@@ -44,11 +44,17 @@ class Remark:
         text: a sentence.
         grave: whether no effect of the catalogue should be named with confidence while it stands.
         refutable: whether a model that leaves only noise refutes it: a shift in time, an end of a sensor's range.
+        scales: signals of which it says that one is scaled wrongly, and how many times too large that is.
     """
 
     text: str
     grave: bool
     refutable: bool = False
+    scales: tuple[tuple[str, float], ...] = ()
+
+    def is_met_by(self, signal: str, scale: float) -> bool:
+        """Whether it says no more than that a signal is so many times too large."""
+        return any(name == signal and scale > 0 and _is_near(scale, said) for name, said in self.scales)
 
 
 def screen(problem: Problem, x: Array | None = None) -> list[Remark]:
@@ -230,8 +236,15 @@ def _kinematics(e: TimeExperiment, names: Sequence[str]) -> list[Remark]:
                     f"'{name}' of recording '{e.name}' moves {solved[0]:.4g} times as far as '{other}' says: is one of "
                     "them scaled wrongly, or does the clock run wrong?"
                 )
-                found.append(Remark(text, abs(math.log(abs(solved[0]))) > RECORDING_CHECKS.near))
+                times = float(solved[0])
+                scales = ((name, times), (other, 1 / times)) if times > 0 else ()
+                found.append(Remark(text, not _is_near(abs(times), 1.0), scales=scales))
     return found
+
+
+def _is_near(factor: float, other: float) -> bool:
+    """Whether two factors, neither of them negative, are one but for what a fit or noise may make of them."""
+    return abs(math.log(max(factor, 1e-9) / other)) <= RECORDING_CHECKS.near
 
 
 def clocks(problem: Problem) -> list[Remark]:

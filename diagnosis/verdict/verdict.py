@@ -197,14 +197,22 @@ def _missing(study: Study) -> bool:
 def _remarks(study: Study) -> list[Remark]:
     """What is odd about the recordings beside the amended model; what that does not show, it refutes.
 
-    A wrong unit or sign is no more refuted by a model that has found a gain for it, or has bent its parameters.
+    A wrong unit or sign is no more refuted by a model that has found a gain for it, or has bent its parameters. What
+    says no more than that a sensor's scale is wrong which was found is no objection to it.
     """
     chosen = study.chosen
     again = screen(chosen.fit.problem, chosen.fit.x)
     if chosen.effects and not chosen.far_off and not any(c.effect in _GAINS or c.freed for c in chosen.effects):
         return again
-    stays = [remark for remark in screen(study.refit.fit.problem) if not remark.refutable]
+    stays = [_unless_found(remark, chosen) for remark in screen(study.refit.fit.problem) if not remark.refutable]
     return list(dict.fromkeys([*stays, *(remark for remark in again if remark.refutable)]))
+
+
+def _unless_found(remark: Remark, chosen: ScoredModel) -> Remark:
+    """A remark, but not a grave one if it says no more than that a sensor's scale is wrong which a model has found."""
+    fitted = chosen.fit.parameters()
+    found = [(c.place, fitted[f"{c.name}.gain"]) for c in chosen.effects if c.effect == "sensor_scale"]
+    return replace(remark, grave=False) if any(remark.is_met_by(*one) for one in found) else remark
 
 
 def _finding(

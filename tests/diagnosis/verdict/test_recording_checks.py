@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
+from diagnosis.api import diagnose
 from diagnosis.binding import find_recording
 from diagnosis.problems import problem
 from diagnosis.recordings import quality
@@ -96,18 +97,48 @@ def column(number: int, factor: float) -> Callable[[Rows], Rows]:
         (late, ["every signal is 4 samples ahead", "drive's column is late"], True),
         (column(1, 0.5), ["every signal is 2", "logged at 0.5", "torque constant, resistance"], False),
         (column(3, 57.3), ["'motor.shaft.angle'", "degrees taken for radians"], True),
+        (column(3, 1.36), ["'motor.shaft.angle'", "moves 1.36", "is one of them scaled wrongly"], True),
         (column(0, 1.02), ["'motor.shaft.angle'", "moves 0.98", "does the clock run wrong"], False),
         (spiked, ["30 of|29 of", " 1500 samples of 'motor.shaft.speed'", "spikes and were left out"], False),
         (frozen, ["'motor.shaft.angle'", "from 0.8 s to 0.8", "was the sensor stuck"], True),
         (wrapped, ["'motor.shaft.angle'", "2 pi of the logged", "does it wrap"], True),
     ],
-    ids=["late", "half", "degrees", "clock", "spikes", "frozen", "wrapped"],
+    ids=["late", "half", "degrees", "scale", "clock", "spikes", "frozen", "wrapped"],
 )
 def test_each_fault_is_named(change: Callable[[Rows], Rows], pieces: list[str], grave: bool, tmp_path: Path) -> None:
     found = remarks(tmp_path, change)
     fitting = [r for r in found if all(any(p in r.text for p in piece.split("|")) for piece in pieces)]
     assert fitting, found
     assert any(r.grave for r in fitting) == grave
+
+
+@pytest.mark.parametrize(
+    ("signal", "scale", "met"),
+    [
+        ("motor.shaft.angle", 1.36, True),
+        ("motor.shaft.speed", 1 / 1.36, True),
+        ("motor.shaft.angle", 1.02, False),
+        ("motor.shaft.angle", -1.36, False),
+        ("load.shaft.angle", 1.36, False),
+    ],
+)
+def test_a_scale_that_is_found_is_what_a_position_and_its_speed_say(
+    signal: str, scale: float, met: bool, tmp_path: Path
+) -> None:
+    found = [r for r in remarks(tmp_path, column(3, 1.36)) if "scaled wrongly" in r.text]
+    assert found
+    assert all(r.is_met_by(signal, scale) == met for r in found)
+
+
+@pytest.mark.parametrize(("factor", "status"), [(1.36, "tie"), (57.3, "unknown")])
+def test_a_sensor_whose_scale_is_wrong_is_told_but_for_a_wrong_unit(factor: float, status: str, tmp_path: Path) -> None:
+    """The recordings say so by themselves, position against speed; which of the two is wrong, the motor's tolerances
+    leave open. Degrees are to be mapped, not to be modelled.
+    """
+    remarks(tmp_path, column(3, factor))
+    (found,) = diagnose(tmp_path / "motor.yaml", workers=1).findings
+    assert (found["status"], found["place"]) == (status, "motor.shaft.angle")
+    assert found["indistinguishable_from"] == (["sensor_scale at motor.shaft.speed"] if status == "tie" else [])
 
 
 def test_sound_recordings_of_a_model_that_is_a_little_off_give_no_remark(tmp_path: Path) -> None:
