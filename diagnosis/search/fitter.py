@@ -633,8 +633,9 @@ class CandidateFitter:
             x, cost, converged = descend(
                 made, x, made.training, pool, iterations=SEARCH.most_steps, least_gain=SEARCH.slow, reach=reach
             )
-        again = replace(whole, point=replace(whole.point, x=x, cost=cost), converged=converged)
-        return self._likelier([whole, again]) if math.isfinite(cost) else whole
+        if not cost < whole.point.cost:
+            return whole  # the fit was left on its way: how likely it is there says nothing
+        return self._likelier([whole, replace(whole, point=replace(whole.point, x=x, cost=cost), converged=converged)])
 
     def _likelier(self, ends: Sequence[PartialFit]) -> PartialFit:
         """The first of several ends of a fit, or a later one that leaves less of all recordings and is likelier."""
