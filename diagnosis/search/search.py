@@ -287,14 +287,19 @@ class _Search:
         Where a machine sticks, its answer jumps with every parameter, and the fit of a simple law may end at a jump
         that a richer law has passed by.
         """
+        if len(model.effects) > 1:
+            self._without_each(model)
         for effect in model.effects:
-            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
-            if kept:
-                self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
             for made in self._simpler(model, effect):
                 known = self.known[made.keys]
                 if self.known.worth(known) < self.known.worth(model) and self._does_most(known, model, effect):
                     self.known.keep(self.fitter.retried(made, self.known.told_below(model)))
+
+    def _without_each(self, model: ScoredModel) -> None:
+        """Take each effect of a model away, from where it ended."""
+        for effect in model.effects:
+            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
 
     def _doubted(self, model: ScoredModel) -> None:
         """Put other effects beside a simpler law that explains nearly as much as the law of a model.
@@ -422,8 +427,10 @@ class _Search:
                 return False
             if count == 2:
                 self._pairs(SEARCH.few, before)
+                before = self._best_alone(before)
                 if misses(before.left):
                     self._pairs_of_beginnings(before)
+                    before = self._best_alone(before)
             # What leads is extended before the search gives up, however long pairs have taken that are no better.
             if count > 2 or self.known.best.keys == before.keys or not self._enough(3):
                 self._extend(before, self.listed)
@@ -442,6 +449,18 @@ class _Search:
                 self._finish_waiting()
                 return self._enough(count + 1)
         return False
+
+    def _best_alone(self, before: ScoredModel) -> ScoredModel:
+        """What leads, or one of two effects that lead together instead, where that is worth more alone.
+
+        Beside parameters that are bent for want of it, it had promised too little to be fitted.
+        """
+        leader = self.known.best
+        if len(leader.effects) < 2:
+            return before
+        self._without_each(leader)
+        parts = [m for m in self.known.models if len(m.effects) == 1 and m.keys < leader.keys]
+        return max([before, *parts], key=self.known.worth)
 
     def _paired_otherwise(self, model: ScoredModel) -> None:
         """Look for a pair beside each effect of three that explain all: two of them may imitate one."""

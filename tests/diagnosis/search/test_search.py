@@ -261,6 +261,26 @@ def test_what_leads_is_extended_however_long_pairs_have_taken_that_are_no_better
     assert found.known.best.keys == {FRICTION.key, LAG.key}
 
 
+@pytest.mark.parametrize(("alone", "begun"), [(3.1e4, "lag"), (9.9e5, "coulomb_friction")])
+def test_of_two_that_lead_together_what_does_as_well_alone_is_extended(
+    monkeypatch: pytest.MonkeyPatch, alone: float, begun: str
+) -> None:
+    """A lag promised too little to be fitted alone. Beside a drag it leads, and most of what both explain is its own.
+
+    The friction, which promised most and led alone, is extended only if the lag alone is worth less.
+    """
+    drag, zone = effect("drag", "load"), effect("dead_zone", "v")
+    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [(drag, LAG)])
+    rows = {FRICTION.key: 9e5, LAG.key: alone, f"{drag.key} + {LAG.key}": 3e4, f"{LAG.key} + {zone.key}": 0.0}
+    monkeypatch.setattr(World, "early", World(by({}), {FRICTION.key: 3000.0}))
+    world = World(by(rows), {FRICTION.key: 3000.0, zone.key: 100.0, LAG.key: 1.0})
+    found = run(world, [FRICTION, zone, drag, *OTHERS, LAG])
+    assert found.known.best.keys == {LAG.key, zone.key}
+    pairs = [keys for keys in world.fitted if len(keys) == 2 and keys != {drag.key, LAG.key}]
+    (first,) = [c for c in (FRICTION, LAG) if c.effect == begun]
+    assert first.key in pairs[0]
+
+
 def test_a_pair_with_what_leads_or_a_law_of_its_kind_is_left_to_its_extension(monkeypatch: pytest.MonkeyPatch) -> None:
     """A joint leads: a joint or a spring that hardens at its place, beside a lag, is tried once the joint is in."""
     joint, hard = effect("joint_flexibility", "joint"), effect("hardening_spring", "joint", sizes=3)
