@@ -595,7 +595,7 @@ class Search:
     lost: float = number(
         2.0,
         "1",
-        "A recording is lost by a fit that leaves so many times what it left of half as much of it, or of a coarse one.",
+        "A recording is lost by a fit that leaves so many times what it left of half as much, or of a coarse one.",
         "as a sensor's noise; of a coarse one cogging beside friction leaves 60 times as much, a recorded damper 1.002",
     )
     stride: float = number(

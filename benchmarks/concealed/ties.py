@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from benchmarks.concealed.bench import Bench
 from benchmarks.concealed.case import Case, draw
 from benchmarks.concealed.drawing import Options, conceal
-from benchmarks.concealed.effects import TURNED, Concealed
+from benchmarks.concealed.effects import CATALOGUE, TURNED, Concealed
 from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.refit import WIDEST, GaussNewton, Small, least_squares, refit
+from benchmarks.concealed.rigs.rig import Rig
+from benchmarks.concealed.rigs.ways import ways
 from benchmarks.concealed.simulator import Diverged
 from benchmarks.concealed.sites import Site, find, scales, sites
 from benchmarks.concealed.truth import JOINT_LAWS, Nuisance, Truth
@@ -71,6 +73,9 @@ nothing."""
 
 ENOUGH = 0.01
 """Squared distance, in floors, that is as good as none: the search ends."""
+
+CUTS = JOINT_LAWS - {"belt_slack", "structural_damping"}
+"""Laws of a joint that need no spring that is there: they may cut a rigid connection."""
 
 WRONG = "wrong_parameter"
 """Name of a nominal parameter that an explanation lets leave its tolerance."""
@@ -132,7 +137,8 @@ def tie_class(case: Case, rivals: Iterable[Sequence[str]] | None = None) -> list
     Args:
         case: the truth.
         rivals: each a sequence of ``effect`` or ``effect@place``, or ``wrong_parameter@name``; by default none, and
-            every single effect the plant can hide from the sensors it has.
+            every single effect the plant can hide from the sensors it has. A joint ``X -> Y`` may be one of any two
+            flanges of a node of a rig, and is then cut in every way that the name allows: see `cuts_a_node`.
 
     Raises:
         ValueError: the plant has no such effect or parameter.
@@ -152,7 +158,8 @@ def tie_class(case: Case, rivals: Iterable[Sequence[str]] | None = None) -> list
     nearest = GaussNewton(bench, base).refit(target) if quick else refit(bench, base, target)
     own_count = sum(len(_free(c, base)) for c in case.truth.concealed)
     pairs = zip(chosen, loose, strict=True)
-    found = [fit_rival(bench, nearest, target, rival, case.truth, names) for rival, names in pairs]
+    fit = _fit_each_way if rivals is not None else fit_rival
+    found = [fit(bench, nearest, target, rival, case.truth, names) for rival, names in pairs]
     return sorted((replace(r, more=r.more - own_count) for r in found), key=lambda rival: rival.distance)
 
 
@@ -172,7 +179,23 @@ def _parted(plant: Plant, rival: Sequence[str]) -> tuple[tuple[Site, ...], tuple
     for name in wrong:
         if name not in able:
             raise ValueError(f"{plant.name} has no parameter '{name}'; it has {', '.join(able)}")
-    return tuple(find(plant, part) for part in rival if part != "none" and part.partition("@")[0] != WRONG), wrong
+    return tuple(_site(plant, part) for part in rival if part != "none" and part.partition("@")[0] != WRONG), wrong
+
+
+def _site(plant: Plant, part: str) -> Site:
+    """The site of ``effect`` or ``effect@place``, which may be a cut of a rig that is not a site of its own."""
+    effect, _, place = part.partition("@")
+    if cuts_a_node(plant, effect, place):
+        return Site(CATALOGUE[effect], place)
+    return find(plant, part)
+
+
+def cuts_a_node(plant: Plant, effect: str, place: str) -> bool:
+    """Whether an effect at a place is a joint ``X -> Y`` of two flanges of one node of a rig.
+
+    The name says less than a cut: which other flanges are on Y's side, and on which side a sensor sits, is open.
+    """
+    return isinstance(plant, Rig) and effect in CUTS and plant.topology.joined(place) is not None
 
 
 def _recorded(bench: Bench, site: Site) -> bool:
@@ -182,7 +205,7 @@ def _recorded(bench: Bench, site: Site) -> bool:
 def _in_other_words(truth: Truth, site: Site) -> Concealed | None:
     """What a truth conceals, as the law at a site that is the same, or has the same as a special case; behind a gear in
     the sizes that it has there. None if no such law is known."""
-    for c in sorted(truth.concealed, key=lambda c: c.place != site.place):
+    for c in sorted(truth.concealed, key=lambda c: (c.place != site.place, c.effect != site.effect.name)):
         law = _as_law(c, site)
         if law and law.place in site.same:
             law = replace(law, place=site.place)
@@ -211,6 +234,32 @@ def _across(truth: Truth, c: Concealed, site: Site) -> Concealed | None:
     return replace(c, place=site.place, parameters=changed)
 
 
+def _fit_each_way(
+    bench: Bench, nearest: Truth, target: Sequence[Array], rival: Sequence[Site], truth: Truth, wrong: Sequence[str]
+) -> Rival:
+    """A rival whose joints are cut in each way that their names allow: as near as the nearest, or the first that ties.
+
+    What the truth conceals too is where the truth has it.
+    """
+    plant, own = truth.plant, {(c.effect, c.place) for c in truth.concealed}
+    joints = [(site.effect.name, site.place) for site in rival if site.effect.name in JOINT_LAWS]
+    free = [place for effect, place in joints if (effect, place) not in own and cuts_a_node(plant, effect, place)]
+    places = [place for _, place in joints]
+    if not isinstance(plant, Rig) or not free or len({*places}) < len(places):
+        return fit_rival(bench, nearest, target, rival, truth, wrong)
+    found = []
+    for cut in ways(plant, free, [place for place in places if place not in free]):
+        there = replace(nearest, plant=cut), replace(truth, plant=cut)
+        found.append(fit_rival(bench, there[0], target, rival, there[1], wrong))
+        if found[-1].tied:
+            break
+    return min(found, key=lambda one: one.distance, default=Rival(_names(rival, wrong), math.inf, ()))
+
+
+def _names(rival: Sequence[Site], wrong: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    return (*((site.effect.name, site.place) for site in rival), *((WRONG, name) for name in wrong))
+
+
 def fit_rival(
     bench: Bench,
     nearest: Truth,
@@ -229,7 +278,7 @@ def fit_rival(
         truth: if known, the search begins at its parameters too, and what both conceal, at its size there.
         wrong: nominal parameters that may leave their tolerances.
     """
-    names = (*((site.effect.name, site.place) for site in rival), *((WRONG, name) for name in wrong))
+    names = _names(rival, wrong)
     joints = [site.place for site in rival if site.effect.name in JOINT_LAWS]
     if len({*joints}) < len(joints):
         return Rival(names, math.inf, ())  # a joint has one law here: whether two are as good cannot be told

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 from benchmarks.concealed.named import plant as plant_of
 from benchmarks.concealed.plants.base import Plant
 from benchmarks.concealed.sites import drive_sites, sites
-from benchmarks.concealed.ties import ENOUGH, FLOOR, WRONG, from_answers, tie_class
+from benchmarks.concealed.ties import ENOUGH, FLOOR, WRONG, cuts_a_node, from_answers, tie_class
 from benchmarks.proof.intervals import covered
 from benchmarks.proof.run import UNDRAWN, plan
 from diagnosis.search.study import LEAST_ODDS
@@ -151,10 +152,11 @@ def _score(folder: Path, result: Path) -> Score:
     if run["failure"]:
         return base
     found = json.loads((result / "diagnosis.json").read_text(encoding="utf-8"))
-    targets = [(_name(c), {c["place"], *c["same_place"]}) for c in concealed]
-    targets += [(WRONG, {name}) for name in wrong]
+    targets = list(_targets(answer).values())
     outcome, placed = _outcome(found, targets, folder, result, answer)
-    hits = _hits(found, targets)
+    hits, held = _hits(found, targets), _held(found, targets)
+    if outcome == "wrong tie" and any(held) and _true_tie(_reported(found), folder, result, answer):
+        hits = held  # what is in the tie is found, though another effect is missing in all of it
     part = outcome == "half" and sum(hits) == len([f for f in found["findings"] if f["status"] != "none"])
     if spec["withheld"] and outcome in ("wrong", "wrong tie", "half"):
         outcome = "equal" if _stands_in(found, folder, result, answer, FLOOR) else outcome
@@ -162,7 +164,7 @@ def _score(folder: Path, result: Path) -> Score:
         outcome = "equal"
     reported = tuple((f["status"], f["effect"], f["place"]) for f in found["findings"] if f["status"] != "none")
     floor = spec["options"]["sigma_error"] ** 2  # the tool's errors are over the floor that the scenario states
-    held = found["fit"]["hold_out"]
+    fit = found["fit"]["hold_out"]
     return replace(
         base,
         reported=reported,
@@ -172,7 +174,7 @@ def _score(folder: Path, result: Path) -> Score:
         found=len(targets) if outcome in ("named", "tie") or (outcome == "equal" and part) else sum(hits),
         claimed=outcome != "equal"
         and any(_is_claim(*row) and not any(_meets(row, t) for t in targets) for row in reported),
-        errors=(_pooled(held["nominal"]) * floor, _pooled(held["refit"]) * floor, _pooled(held["amended"]) * floor),
+        errors=(_pooled(fit["nominal"]) * floor, _pooled(fit["refit"]) * floor, _pooled(fit["amended"]) * floor),
         covered=tuple(covered(found, answer)),
         proposal=(found["next_experiment"] or {}).get("kind", ""),
         settled=_settled(folder, result, targets),
@@ -186,6 +188,12 @@ def _score(folder: Path, result: Path) -> Score:
         recognised=outcome == "unknown" and _recognised(found, targets),
         early=bool(found.get("ended_early")),
     )
+
+
+def _targets(answer: dict[str, Any]) -> dict[str, tuple[str, set[str]]]:
+    """Each part of the truth, ``effect@place``: what it is called, and the names of its place."""
+    found = {f"{c['effect']}@{c['place']}": (_name(c), {c["place"], *c["same_place"]}) for c in answer["concealed"]}
+    return found | {f"{WRONG}@{name}": (WRONG, {name}) for name, _ in answer["options"]["wrong"]}
 
 
 def _name(concealed: dict[str, Any]) -> str:
@@ -257,11 +265,7 @@ def _at(place: str, allowed: set[str]) -> bool:
 def _outcome(
     found: dict[str, Any], targets: list[tuple[str, set[str]]], folder: Path, result: Path, answer: dict[str, Any]
 ) -> tuple[str, bool | None]:
-    reported = [
-        (f["status"], f["effect"], f["place"], f["indistinguishable_from"])
-        for f in found["findings"]
-        if f["status"] != "none"
-    ]
+    reported = _reported(found)
     if not targets:
         return ("none" if not reported else "false alarm"), None
     if not reported:
@@ -271,13 +275,31 @@ def _outcome(
     if all(named) and len(reported) == len(targets):
         return "named", placed
     if any(status == "tie" for status, *_ in reported):
-        held = [_in_tie(reported, name, allowed) or hit for (name, allowed), hit in zip(targets, named, strict=True)]
-        if all(held) and _true_tie(reported, targets, folder, result, answer):
+        held = _held(found, targets)
+        if all(held) and _true_tie(reported, folder, result, answer):
             return "tie", True
         return ("loose tie" if all(held) else "wrong tie"), placed or all(held)
     if any(status == "unknown" for status, *_ in reported):
         return "unknown", placed
     return ("half" if any(named) else "wrong"), placed
+
+
+def _reported(found: dict[str, Any]) -> list[tuple[str, str, str, list[str]]]:
+    """Status, effect and place of each finding, and what it cannot be told from."""
+    return [
+        (f["status"], f["effect"], f["place"], f["indistinguishable_from"])
+        for f in found["findings"]
+        if f["status"] != "none"
+    ]
+
+
+def _held(found: dict[str, Any], targets: list[tuple[str, set[str]]]) -> list[bool]:
+    """Which targets are named, or are in a tie."""
+    reported = _reported(found)
+    return [
+        _in_tie(reported, name, allowed) or hit
+        for (name, allowed), hit in zip(targets, _hits(found, targets), strict=True)
+    ]
 
 
 def _in_tie(reported: Sequence[tuple[str, str, str, list[str]]], name: str, allowed: set[str]) -> bool:
@@ -291,26 +313,22 @@ def _in_tie(reported: Sequence[tuple[str, str, str, list[str]]], name: str, allo
 
 
 def _true_tie(
-    reported: Sequence[tuple[str, str, str, list[str]]],
-    targets: list[tuple[str, set[str]]],
-    folder: Path,
-    result: Path,
-    answer: dict[str, Any],
+    reported: Sequence[tuple[str, str, str, list[str]]], folder: Path, result: Path, answer: dict[str, Any]
 ) -> bool:
     """Whether every rival that was reported ties by the truth generator's own computation.
 
     A rival that the generator has no counterpart of cannot be checked, and does not count against the report.
     """
-    plant = plant_of(answer["plant"])
+    plant, truth = plant_of(answer["plant"]), _targets(answer)
     rivals = set()
     # What is found belongs together; what it cannot be told from is a whole model each time.
     models = [" + ".join(f"{effect} at {place}" for _, effect, place, _ in reported)]
     for one in [*models, *(other for *_, others in reported for other in others)]:
         if one == NOTHING:
             return False
-        parts = [_part(plant, *part.split(" at ")) for part in one.split(" + ")]
+        parts = _parts(plant, one, truth)
         told = [part for part in parts if part is not None]
-        if len(told) == len(parts) and not all(_is(part, targets) for part in told):
+        if len(told) == len(parts) and not Counter(told) <= Counter(truth.keys()):
             rivals.add(tuple(sorted(told)))
     return _tied(rivals, folder, result, answer)
 
@@ -323,14 +341,14 @@ def _stands_in(found: dict[str, Any], folder: Path, result: Path, answer: dict[s
         folder, result, answer: of the case.
         within: distance from the truth on held-out recordings, in floors.
     """
-    plant = plant_of(answer["plant"])
+    plant, truth = plant_of(answer["plant"]), _targets(answer)
     claims = [" + ".join(f"{f['effect']} at {f['place']}" for f in found["findings"])]
     claims += [one for f in found["findings"] for one in f["indistinguishable_from"]]
     rivals = set()
     for one in claims:
         if one == NOTHING:
             return False
-        parts = [_part(plant, *part.split(" at ")) for part in one.split(" + ")]
+        parts = _parts(plant, one, truth)
         told = [part for part in parts if part is not None]
         if len(told) < len(parts):
             return False
@@ -353,16 +371,30 @@ def _tied(
     return all(known["+".join(r)] < within for r in rivals)
 
 
+def _parts(plant: Plant, explanation: str, truth: dict[str, tuple[str, set[str]]]) -> list[str | None]:
+    """The parts of an explanation, as the truth generator has them; None for one that it has no counterpart of.
+
+    A part that meets one of the truth is that, at its true place. Only one part is: the same effect once more in the
+    same node is another cut. Where several could be, it is one that ends at the true flange.
+    """
+    parts = [part.split(" at ") for part in explanation.split(" + ")]
+    own: dict[int, str] = {}
+    for text, (name, allowed) in truth.items():
+        meeting = [k for k, (effect, place) in enumerate(parts) if effect == name and _at(place, allowed)]
+        end = text.rpartition("@")[2].split(" -> ")[-1]
+        meeting = sorted((k for k in meeting if k not in own), key=lambda k: parts[k][1].split(" -> ")[-1] != end)
+        own |= dict.fromkeys(meeting[:1], text)
+    return [own.get(k) or _part(plant, effect, place) for k, (effect, place) in enumerate(parts)]
+
+
 def _part(plant: Plant, effect: str, place: str) -> str | None:
-    """A part of an explanation, as the truth generator has it; None if it has no counterpart."""
+    """A part of an explanation that is not the truth, as the truth generator has it; None if it has no counterpart.
+
+    A joint of two flanges of a rig's node keeps its name: which cuts that may be, `benchmarks.concealed.ties` knows.
+    """
     if effect == WRONG:
         return f"{WRONG}@{place}" if any(q.name == place for q in plant.parameters) else None
-    able = (
-        s for s in [*sites(plant), *drive_sites(plant)] if s.effect.name == effect and _at(place, {s.place, *s.same})
-    )
-    return next((str(site) for site in able), None)
-
-
-def _is(part: str, targets: list[tuple[str, set[str]]]) -> bool:
-    effect, _, place = part.partition("@")
-    return any(effect == name and place in allowed for name, allowed in targets)
+    able = [s for s in [*sites(plant), *drive_sites(plant)] if s.effect.name == effect]
+    if any(place == site.place for site in able) or cuts_a_node(plant, effect, place):
+        return f"{effect}@{place}"
+    return next((str(site) for site in able if _at(place, {site.place, *site.same})), None)

@@ -58,8 +58,8 @@ def _slides(place: Any, t: Any) -> bool:
 def _cut(source: Any, edit: Any, place: Any, rig: Any) -> Any:
     """A node parted in two, whatever hangs on either side, and the joint between."""
     t = rig.topology
-    index = next(i for i in range(len(t.nodes)) if t.cuts[i] and t.cut(i) == place)
-    node, after = t.nodes[index], t.cuts[index]
+    index, far = rig.cuts[place]
+    node = t.nodes[index]
     kind, parameters = edit.type, edit.parameters
     if _slides(place, t):
         kind, parameters, _ = slid(kind, parameters, "a")
@@ -68,7 +68,11 @@ def _cut(source: Any, edit: Any, place: Any, rig: Any) -> Any:
         document["blocks"]["x"] = {"type": kind, **parameters}
         kept = [c for c in document["connect"] if list(c) != node]
         assert len(kept) == len(document["connect"]) - 1
-        document["connect"] = [*kept, [*node[:after], "x.a"], ["x.b", *node[after:]]]
+        document["connect"] = [
+            *kept,
+            [*(f for f in node if f not in far), "x.a"],
+            ["x.b", *(f for f in node if f in far)],
+        ]
 
     return _yaml(change, source)
 

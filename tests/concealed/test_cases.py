@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import csv
 import json
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 import benchmarks.concealed
+from benchmarks.concealed import ties
 from benchmarks.concealed.__main__ import main
 from benchmarks.concealed.case import draw
 from benchmarks.concealed.drawing import Options
@@ -22,6 +24,8 @@ from benchmarks.concealed.effects import CATALOGUE, NAMES
 from benchmarks.concealed.nuisance import SHARES, sensor_noise, smaller
 from benchmarks.concealed.plants import PLANTS
 from benchmarks.concealed.refit import Small, excess, refit
+from benchmarks.concealed.rigs.drawn import made
+from benchmarks.concealed.rigs.ways import ways
 from benchmarks.concealed.scenario import text, write
 from benchmarks.concealed.sites import find, sites
 from benchmarks.concealed.suites import CORE, PAIRS, TIES
@@ -300,6 +304,43 @@ def test_a_spring_on_either_side_of_a_gear_ties() -> None:
     """Behind a ratio of 116 the same spring is 13 400 times as stiff: the fit of the rival has to begin near it."""
     case = draw("rig-213257", ["hardening_spring@motor.shaft -> gear1.input"], [25.89], 213257)
     assert tie_class(case, [("hardening_spring@gear1.output -> hub.shaft",)])[0].distance < 0.02 * FLOOR
+
+
+def test_a_spring_on_either_side_of_a_gear_ties_beside_another_in_its_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Behind a gear without losses and inertia the spring is the same; another one parts the node where it then is.
+
+    That other one is the truth's, and stays where it is.
+    """
+    given = []
+
+    def told(plant: Any, places: Any, others: Any) -> Any:
+        given.append((places, others))
+        return ways(plant, places, others)
+
+    monkeypatch.setattr(ties, "ways", told)
+    soft = "joint_flexibility@hub.shaft -> gear2.input"
+    options = replace(made(52864)[1], nuisance=0.0, seconds=3.0)
+    case = draw("rig-52864", [soft, "hardening_spring@motor.shaft -> gear1.input"], [10.0, 25.0], 52864, options)
+    (rival,) = tie_class(case, [(soft, "hardening_spring@gear1.output -> hub.shaft")])
+    assert rival.distance < 0.02 * FLOOR
+    assert given == [(["gear1.output -> hub.shaft"], ["hub.shaft -> gear2.input"])]
+    ratio = case.plant.ratio("motor.shaft") / case.plant.ratio("hub.shaft")
+    spring, law = case.truth.concealed[1].parameters, rival.parameters[1]
+    assert law["stiffness"] == pytest.approx(spring["stiffness"] * ratio**2, rel=0.05)
+    assert law["cubic_stiffness"] == pytest.approx(spring["cubic_stiffness"] * ratio**4, rel=0.05)
+
+
+def test_a_joint_is_cut_in_every_way_that_its_name_allows() -> None:
+    """The tool names a cut by the drive's flange. That the guide stays on that side is not the first way tried."""
+    plant, options = made(557229)
+    plant = plant.also_cut({"carriage.flange -> table.flange": (0, frozenset({"table.flange", "stage.flange"}))})
+    options = replace(options, nuisance=0.0, seconds=2.0)
+    case = draw(plant, ["joint_flexibility@carriage.flange -> table.flange"], [20.0], 557229, options)
+    ends = [f"joint_flexibility@drive.flange -> {name}" for name in ("table.flange", "stage.flange", "guide1.slide")]
+    same, another, nothing = (tie_class(case, [(one,)])[0] for one in ends)
+    assert same.distance < 0.02 * FLOOR
+    assert 5 * FLOOR < another.distance < math.inf
+    assert nothing.distance == math.inf  # there is no inertia at the guide
 
 
 def test_the_background_is_small_on_recordings_of_its_own() -> None:

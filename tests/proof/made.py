@@ -41,11 +41,13 @@ def put(
     seed: int = 1,
     ties: Any = None,
     answered: bool = True,
+    plant: str = "geared-two-mass",
+    truth: Any = None,
     **more: Any,
 ) -> Any:
-    """Write a finished case into a folder; returns its name."""
-    options = Options(**more)
-    spec = Spec(suite, "geared-two-mass", tuple(effects), (3.0,) * len(effects), seed, options)
+    """Write a finished case into a folder; returns its name. ``truth`` is that of another plant, as `TRUTH` is."""
+    options, known = Options(**more), truth or TRUTH
+    spec = Spec(suite, plant, tuple(effects), (3.0,) * len(effects), seed, options)
     result = folder / "results" / spec.name
     result.mkdir(parents=True)
     (folder / "answers").mkdir(exist_ok=True)
@@ -54,16 +56,16 @@ def put(
     concealed = [
         {
             "effect": effect,
-            "place": TRUTH[effect][0],
-            "same_place": TRUTH[effect][1],
-            "parameters": TRUTH[effect][2],
+            "place": known[effect][0],
+            "same_place": known[effect][1],
+            "parameters": known[effect][2],
             "excess_in_floors": 3.0,
             "size_asked": 3.0,
         }
         for effect in effects
     ]
     answer = {
-        "plant": "geared-two-mass",
+        "plant": plant,
         "seed": seed,
         "options": asdict(options),
         "concealed": concealed,

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from benchmarks.concealed.ties import Rival
+from benchmarks.proof import score
 from benchmarks.proof.score import scores, wilson
 from benchmarks.proof.summary import confusion, goals, label
 from tests.proof.made import INPUT, finding, put
@@ -83,6 +85,70 @@ def test_a_tie_is_right_only_if_the_truth_generator_has_it_too(
     assert row.outcome == outcome
     assert row.right == (outcome == "tie")
     assert not row.claimed
+
+
+@pytest.mark.parametrize(("distance", "found"), [(0.4, 1), (2.5, 0)])
+def test_what_is_in_a_true_tie_is_found_though_another_effect_is_missing(
+    tmp_path: Path, distance: float, found: int
+) -> None:
+    tie = finding("dead_zone", INPUT, "tie", [LAG])
+    put(tmp_path, ["dead_zone", "coulomb_friction"], [tie], ties={LAG_KEY: distance})
+    row = only(tmp_path)
+    assert (row.outcome, row.right, row.found) == ("wrong tie", False, found)
+
+
+RIGS: dict[str, dict[str, Any]] = {
+    "rig-644334": {
+        "backlash": ("table.flange -> stage.flange", ["mount1.b", "table.flange", "stage.flange"], {}),
+        "delay": ("source.out -> drive.force", ["source.out", "drive.force"], {}),
+    },
+    "rig-52864": {
+        "joint_flexibility": ("hub.shaft -> gear2.input", ["gear1.output", "hub.shaft", "gear2.input"], {}),
+        "hardening_spring": ("motor.shaft -> gear1.input", ["motor.shaft", "gear1.input"], {}),
+    },
+}
+STAGE, SOFT = "backlash at mount1.b -> stage.flange", "joint_flexibility at gear1.output -> gear2.input"
+
+
+@pytest.mark.parametrize(
+    ("plant", "told", "rival"),
+    [
+        ("rig-644334", STAGE, []),
+        (
+            "rig-644334",
+            f"{STAGE} + lag at source.out -> drive.force",
+            ["backlash@table.flange -> stage.flange", "lag@source.out -> drive.force"],
+        ),
+        (
+            "rig-52864",
+            f"{SOFT} + hardening_spring at gear1.output -> hub.shaft",
+            ["hardening_spring@gear1.output -> hub.shaft", "joint_flexibility@hub.shaft -> gear2.input"],
+        ),
+        (
+            "rig-52864",
+            f"joint_flexibility at gear1.output -> hub.shaft + {SOFT}",
+            ["joint_flexibility@gear1.output -> hub.shaft", "joint_flexibility@hub.shaft -> gear2.input"],
+        ),
+    ],
+    ids=["the truth alone", "the truth at another flange", "two cuts of one node", "one law twice"],
+)
+def test_what_meets_the_truth_is_at_its_place_and_other_joints_are_what_they_are_called(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plant: str, told: str, rival: list[str]
+) -> None:
+    """The truth itself is asked of the truth generator at its true place, and not at all if nothing else is told."""
+    (first, (place, _, _)), (other, (there, _, _)) = RIGS[plant].items()
+    asked: list[tuple[str, ...]] = []
+
+    def computed(case: Any, rivals: Any) -> Any:
+        asked.extend(rivals)
+        return [Rival(tuple((e, p) for e, _, p in (part.partition("@") for part in r)), 0.4, ()) for r in rivals]
+
+    monkeypatch.setattr(score, "from_answers", lambda answer: None)
+    monkeypatch.setattr(score, "tie_class", computed)
+    findings = [finding(first, place), finding(other, there, "tie", [told])]
+    put(tmp_path, list(RIGS[plant]), findings, plant=plant, truth=RIGS[plant])
+    assert only(tmp_path).outcome == "tie"
+    assert asked == ([tuple(rival)] if rival else [])
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import copy
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from benchmarks.concealed import beam
 from benchmarks.concealed.mechanism import Mechanism, Port, Readout
@@ -20,7 +24,7 @@ from benchmarks.concealed.plants.base import (
     plain_spring,
 )
 from benchmarks.concealed.plants.srv02 import combined, flexible_link
-from benchmarks.concealed.rigs.topology import DRIVES, Probe, Topology
+from benchmarks.concealed.rigs.topology import DRIVES, Piece, Probe, Topology
 
 ORDERS = {"angle": 0, "speed": 1, "tacho": 1, "acceleration": 2, "tip": 0, "tip_acceleration": 2, "strain": 0}
 
@@ -109,6 +113,7 @@ class Rig(Plant):
     ) -> None:
         """Everything but sensors, excitation, control and habits, which follow from what the rig does."""
         self.topology, self.name, self.fixed = topology, name, dict(fixed)
+        self.cuts = {topology.cut(i): (i, topology.far(i)) for i, after in enumerate(topology.cuts) if after}
         self.orders = (1, 2, 3, 4, 6, 12)
         self.units = dict(units)
         self.title = f"{'A slide' if topology.slides else 'A drive'} of {_count(topology)}"
@@ -144,11 +149,8 @@ class Rig(Plant):
         here, turned, loose = m.coordinate("end"), 1.0, True
         m.released = {0: 1.0} if self.habits.preload else None
         for index in reversed(range(len(t.nodes))):
-            node, after = t.nodes[index], t.cuts[index]
-            ports |= dict.fromkeys(node[after:], here)
-            if after and (place := t.cut(index)) in laws:
-                here = self._parted(m, here, laws[place], turned if loose else 0.0)
-            ports |= dict.fromkeys(node[:after], here)
+            ports |= self._node(m, index, here, laws, turned if loose else 0.0)
+            here = ports[t.nodes[index][0]]
             if not index:
                 break
             part = t.between[index - 1]
@@ -180,6 +182,25 @@ class Rig(Plant):
             return "rotor_inertia"
         return "mass" if body in ("carriage", "table", "stage", "head") else "inertia"
 
+    def pieces(self, index: int, places: Iterable[str]) -> list[Piece]:
+        """What is left of a node where all of these places that are its cuts give.
+
+        Raises:
+            ValueError: the cuts cross, or two of them are the same.
+        """
+        mine = {place: self.cuts[place] for place in places if place in self.cuts}
+        return self.topology.pieces(index, {place: far for place, (i, far) in mine.items() if i == index})
+
+    def _node(
+        self, m: Mechanism, index: int, here: Port, laws: Mapping[str, JointLaw], turned: float
+    ) -> dict[str, Port]:
+        """The flanges of a node, whose last one is ``here``: a coordinate for each piece that its cuts set free."""
+        pieces = self.pieces(index, laws)
+        at = [here]
+        for piece in pieces[1:]:
+            at.append(self._parted(m, at[piece.beside], laws[piece.place], turned, away=piece.far))
+        return {f: port for piece, port in zip(pieces, at, strict=True) for f in piece.flanges}
+
     def _parted(
         self,
         m: Mechanism,
@@ -189,12 +210,15 @@ class Rig(Plant):
         stiffness: float = 0.0,
         damping: float = 0.0,
         ratio: float = 1.0,
+        away: bool = False,
     ) -> Port:
-        """A new coordinate towards the drive, joined to what lies behind it, ``ratio`` times as fast."""
+        """A new coordinate towards the drive, joined to what lies behind it, ``ratio`` times as fast; or ``away`` from
+        the drive, joined to what lies before it."""
         new = m.coordinate(f"part{len(m.names)}")
         if m.released is not None:
             m.released[len(m.names) - 1] = turned
-        law(m, new.geared(1 / ratio).against(behind), stiffness, damping)
+        twist = behind.against(new) if away else new.geared(1 / ratio).against(behind)
+        law(m, twist, stiffness, damping)
         return new
 
     def _drive(self, m: Mechanism, port: Port, p: Mapping[str, float], inductance: float) -> None:
@@ -262,6 +286,41 @@ class Rig(Plant):
     def lossy(self, one: str, other: str) -> bool:
         """Whether a gear between two flanges loses power."""
         return self.topology.losses(one, other)
+
+    # -- other cuts ----------------------------------------------------------------------------------------------------
+
+    def also_cut(self, cuts: Mapping[str, tuple[int, frozenset[str]]]) -> Rig:
+        """A copy that may be cut at further places, or otherwise at its own; rigid where no law says how it gives.
+
+        Args:
+            cuts: place -> node, and the flanges on the far side. The chain may go on from the near side.
+        """
+        made = copy.copy(self)
+        made.cuts = self.cuts | dict(cuts)
+        joints = tuple(dict.fromkeys((*self.sites.joints, *cuts)))
+        names = {place: tuple(self.topology.nodes[index]) for place, (index, _) in cuts.items()}
+        made.sites = replace(
+            self.sites,
+            joints=joints,
+            extra=dict(self.sites.extra) | {"joint_flexibility": joints},
+            same=dict(self.sites.same) | names,
+        )
+        return made
+
+    def seated(self, seats: Mapping[str, str]) -> Rig:
+        """A copy whose sensors sit elsewhere: signal -> flange. What they are called, and read, stays."""
+        made = copy.copy(self)
+        probes = [replace(q, at=seats.get(self.signal(q), q.at)) for q in self.topology.probes]
+        made.topology = replace(self.topology, probes=probes)
+        return made
+
+    def can_give(self, places: Sequence[str]) -> bool:
+        """Whether all of these joints can give at once: cuts that do not cross, and inertia on each piece."""
+        try:
+            body = self.assemble(self.nominal(), dict.fromkeys(places, plain_spring), LinkOptions(), 0.0)
+        except ValueError:
+            return False
+        return bool(np.all(np.diag(body.mechanism.mass_matrix()) > 0))
 
     # -- the places ---------------------------------------------------------------------------------------------------
 

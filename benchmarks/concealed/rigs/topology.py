@@ -7,6 +7,8 @@ one rigid body; a spring, a toothed belt or an elastic gear parts them.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -70,6 +72,23 @@ class Probe:
     kind: str
     at: str
     read: str
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What a cut leaves of a node.
+
+    Attributes:
+        flanges: in their order.
+        beside: number of the piece that it was cut from; its own for the one to begin with.
+        place: of the cut between them; empty for the one to begin with.
+        far: whether this piece is on the cut's far side.
+    """
+
+    flanges: tuple[str, ...]
+    beside: int = 0
+    place: str = ""
+    far: bool = False
 
 
 @dataclass
@@ -148,6 +167,53 @@ class Topology:
         """The name of the connection of a node where it may be cut."""
         node, after = self.nodes[index], self.cuts[index]
         return f"{node[after - 1]} -> {node[after]}"
+
+    def far(self, index: int) -> frozenset[str]:
+        """The flanges behind that cut."""
+        return frozenset(self.nodes[index][self.cuts[index] :])
+
+    def joined(self, place: str) -> int | None:
+        """The node that a joint ``X -> Y`` would cut; None if its flanges are not in one."""
+        ends = place.split(" -> ")
+        return next((i for i, node in enumerate(self.nodes) if len(ends) == 2 and {*ends} <= {*node}), None)
+
+    def far_sides(self, index: int, place: str) -> list[frozenset[str]]:
+        """Every far side that a joint ``X -> Y`` of a node may have: Y is its first, and X stays on the near side."""
+        inner, outer = place.split(" -> ")
+        node = self.nodes[index]
+        more = [f for f in node[node.index(outer) + 1 :] if f != inner]
+        return [frozenset((outer, *chosen)) for n in range(len(more) + 1) for chosen in itertools.combinations(more, n)]
+
+    def pieces(self, index: int, cuts: Mapping[str, frozenset[str]]) -> list[Piece]:
+        """What several cuts leave of a node: first the piece of its last flange, each other one beside an earlier one.
+
+        Pieces differ in the cuts on whose far side they are, and neighbours in one cut.
+
+        Args:
+            index: which node.
+            cuts: place -> flanges on the far side.
+
+        Raises:
+            ValueError: the cuts cross, or two of them are the same.
+        """
+        node = self.nodes[index]
+        side = {f: frozenset(place for place, far in cuts.items() if f in far) for f in node}
+        sides = list(dict.fromkeys(side[f] for f in reversed(node)))
+        found = {sides[0]: Piece(_alike(side, sides[0]))}
+        waiting = [sides[0]]
+        for k, here in enumerate(waiting):  # grows as neighbours are found
+            for there in sides:
+                if there not in found and len(between := here ^ there) == 1:
+                    (place,) = between
+                    found[there] = Piece(_alike(side, there), k, place, place in there)
+                    waiting.append(there)
+        if len(found) < len(sides) or sorted(piece.place for piece in found.values() if piece.place) != sorted(cuts):
+            raise ValueError(f"{' and '.join(cuts)} do not part {', '.join(node)}")
+        return list(found.values())
+
+
+def _alike(side: Mapping[str, frozenset[str]], mine: frozenset[str]) -> tuple[str, ...]:
+    return tuple(f for f, far in side.items() if far == mine)
 
 
 def draw(rng: Generator, part: str = "") -> Topology:
