@@ -33,10 +33,9 @@ def grown(
     """The search vector fitted to the beginning of each recording, and to ever more of each while it is followed.
 
     A recording is lost where it leaves `SEARCH.lost` times the noise, or what half as much of it left, if that is more.
-    What is lost goes on in the least stride, `SEARCH.stride`, and in twice as long a one after each that is followed,
-    but in none as long as one in which it was lost. What is lost in the least waits until the others have come as far
-    as they can: they make the parameters more exact. So what lacks physics is soon seen to be lost in any stride. None
-    where the beginnings are followed from no start: such a model has more than its way to find.
+    What is lost goes on in half the stride, down to `SEARCH.stride`, and then waits until the others have come as far
+    as they can: they make the parameters more exact. No stride becomes longer again: what lacks physics would go on for
+    long in the least. None where the beginnings are followed from no start: such a model has more than its way to find.
 
     Args:
         made: what is fitted.
@@ -45,7 +44,7 @@ def grown(
         only: numbers of the search variables that may move; all if None.
     """
     given = made.training if experiments is None else experiments
-    shares, strides, longest = [SEARCH.beginning] * len(given), [1.0] * len(given), [1.0] * len(given)
+    shares, strides = [SEARCH.beginning] * len(given), [1.0] * len(given)
     before: list[dict[float, float]] = [{} for _ in given]
     for start in starts:
         x, left = _followed(made, start, given, shares, only, SEARCH.most_steps)
@@ -58,20 +57,18 @@ def grown(
         for known, share, leaves in zip(before, shares, left, strict=True):
             known[share] = leaves
         behind = {k for k, share in enumerate(shares) if share < 1}
-        wanted = {k for k in behind if longest[k] >= SEARCH.stride}
+        wanted = {k for k in behind if strides[k] >= SEARCH.stride}
         if not wanted and not (gained and behind):
             return x
         if not wanted:
             wanted, gained = behind, False
-            longest = [SEARCH.stride if k in behind else stride for k, stride in enumerate(longest)]
+            strides = [SEARCH.stride if k in behind else stride for k, stride in enumerate(strides)]
         more = [min(share * 2 ** strides[k], 1.0) if k in wanted else share for k, share in enumerate(shares)]
         there, leaving = _followed(made, x, given, more, only, SEARCH.first_steps)
         if lost := _lost(more, leaving, before):
-            for k in lost & wanted or wanted:
-                longest[k], strides[k] = 0.5 * strides[k], SEARCH.stride
+            strides = [0.5 * stride if k in (lost & wanted or wanted) else stride for k, stride in enumerate(strides)]
         else:
             x, shares, left, gained = there, more, leaving, True
-            strides = [min(2 * stride, longest[k]) if k in wanted else stride for k, stride in enumerate(strides)]
 
 
 def doubled(
