@@ -415,8 +415,7 @@ def test_every_effect_means_the_same_on_both_sides(name: Any, slides: Any, rigid
     """At its true place, the sensors where they sit, with the true numbers: a twentieth of a floor, or 1e-3 of it.
 
     A payload is kept out: the truth bends in the mode of the loaded arm, the scenario in that of the bare one. Joints
-    are simulated in small steps on both sides: what an accelerometer reads as a joint gives way, or where a play ends,
-    differs by a tenth of a floor in the steps that either side chooses.
+    are simulated in small steps on both sides: in those that either side chooses they differ by a tenth of a floor.
     """
     for seed, site in _where(name, slides, rigid):
         rig, options = made(seed)
