@@ -220,7 +220,8 @@ def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int)
     That some effect is there is as probable as the evidence says. Which one it is, is tempered: those that explain the
     same mismatch differ by little of it, and what no model has, such as nuisances, may decide that. Where a hair's
     breadth of parameters moves the model that leads at random, its evidence is a normal deviate about what was found.
-    Luck has not left behind what does not follow the beginnings of the recordings, if what leads follows them.
+    Luck has not left behind what does not follow the beginnings of the recordings, if what leads follows them. What
+    leads by a further size that may have taken up nuisances is no likelier than a rival without that size.
 
     Args:
         models: as `told_as` gives them.
@@ -241,7 +242,33 @@ def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int)
         drawn[behind] += lot  # as far behind it, whatever the lot
         for (as_, _), share in zip(models, _shares(drawn, some), strict=True):
             found[as_.keys] = found.get(as_.keys, 0.0) + float(share) / count
-    return found
+    return _raised(found, models, models[best][0])
+
+
+def _raised(
+    odds: dict[frozenset[str], float], models: Sequence[tuple[ScoredModel, ScoredModel]], leader: ScoredModel
+) -> dict[frozenset[str], float]:
+    """Probabilities with rivals as probable as the leader that differ from it by what its further sizes take up."""
+    refit = next((as_ for as_, _ in models if not as_.effects), None)
+    if refit is None or not leader.effects:
+        return odds
+    most = energy(refit) - min(energy(m) for _, m in models)
+    equal = {as_.keys for as_, _ in models if _differs_by_nuisances(leader, as_, most)}
+    some = {keys for keys in odds if keys}
+    raised = {keys: max(odds[keys], odds[leader.keys]) if keys in equal else odds[keys] for keys in some}
+    share = sum(odds[keys] for keys in some) / sum(raised.values())
+    return odds | {keys: share * value for keys, value in raised.items()}
+
+
+def _differs_by_nuisances(model: ScoredModel, rival: ScoredModel, explained: float) -> bool:
+    """Whether what a model explains beyond a rival of fewer sizes may be nuisances, which a further size takes up.
+
+    A simpler law is no rival in this sense: what the richer one explains beyond it speaks for the richer one, unless
+    others meet that as well. What leaves more than a sensor's noise may be has left more than nuisances.
+    """
+    fewer = len(rival.keys) == len(model.keys) and rival.size < model.size and not is_simpler(rival, model)
+    little = energy(rival) - energy(model) < EVIDENCE.share * explained
+    return fewer and little and not misses(rival.left) and not _unbends(model, rival)
 
 
 def _shares(values: NDArray[np.float64], some: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -564,7 +564,7 @@ class _Search:
             nominal,
             self.known.refit,
             tuple(trials),
-            max((m for m in self.known.models if m.keys in odds), key=lambda m: odds[m.keys]),
+            max((m for m in (self.known.refit, *trials) if m.keys in odds), key=lambda m: odds[m.keys]),
             odds,
             self.known.tried,
             scales,

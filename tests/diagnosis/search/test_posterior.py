@@ -177,6 +177,42 @@ def test_a_rival_is_as_probable_as_luck_is_to_have_left_it_behind(ahead: float, 
     assert odds[rival.keys] == pytest.approx(norm.cdf(-ahead), abs=0.02)
 
 
+OFFSET, GRAVITY = effect("offset", "u"), effect("gravity", parameters=2)
+
+
+@pytest.mark.parametrize("nuisances", [(0.0, 400.0), (-90.0, 130.0)])
+@pytest.mark.parametrize("lead", [13.0, 106.0])
+def test_what_leads_by_a_further_size_that_takes_up_nuisances_ties_with_its_rival(
+    lead: float, nuisances: tuple[float, float]
+) -> None:
+    """An offset is concealed, and the axis moves little: gravity is one there, with an angle to take up drifts."""
+    with_more, with_less = nuisances
+    gravity, offset = model(GRAVITY, excess=with_more, log_evidence=lead), model(OFFSET, excess=with_less)
+    other = model(FRICTION, excess=5 * COUNT, log_evidence=-100.0)
+    odds = probabilities(told_as([REFIT, gravity, offset, other], REFIT), 20)
+    assert odds[gravity.keys] == odds[offset.keys] == pytest.approx(0.5, abs=1e-3)
+    assert sum(odds.values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("leader", "rival"),
+    [
+        (model(LAG, excess=0.0), model(OFFSET, excess=100.0)),
+        (model(effect("torque_ripple", parameters=3), excess=0.0), model(OFFSET, LAG, excess=100.0)),
+        (model(STRIBECK, excess=0.0), model(FRICTION, excess=100.0)),
+        (model(GRAVITY, excess=0.0), model(OFFSET, excess=1.5 * EVIDENCE.share * 1e4)),
+        (model(GRAVITY, excess=COUNT), model(OFFSET, excess=COUNT + 100.0)),
+        (model(GRAVITY, excess=0.0, strain=5.0), model(OFFSET, excess=100.0, strain=40.0)),
+    ],
+    ids=["as many sizes", "more effects", "a simpler law", "more than nuisances", "more than noise", "bent parameters"],
+)
+def test_other_rivals_are_as_probable_as_their_evidence_says(leader: Any, rival: Any) -> None:
+    leader.log_evidence = value(rival, 20) - value(leader, 20) + 10 * EVIDENCE.temperature
+    refit = model(excess=1e4, log_evidence=-1e4)
+    odds = probabilities([(refit, refit), (leader, leader), (rival, rival)], 20)
+    assert odds[leader.keys] / odds[rival.keys] == pytest.approx(math.exp(10.0))
+
+
 def test_luck_has_not_left_behind_what_does_not_follow_the_beginnings_of_the_recordings() -> None:
     lead = 10.0 * EVIDENCE.temperature
     best = model(FRICTION, excess=1e3, log_evidence=lead, luck=100 * lead, in_step=True)
