@@ -45,12 +45,14 @@ class Remark:
         grave: whether no effect of the catalogue should be named with confidence while it stands.
         refutable: whether a model that leaves only noise refutes it: a shift in time, an end of a sensor's range.
         scales: signals of which it says that one is scaled wrongly, and how many times too large that is.
+        turned: signal of which it says that its sign is wrong, if it says that.
     """
 
     text: str
     grave: bool
     refutable: bool = False
     scales: tuple[tuple[str, float], ...] = ()
+    turned: str | None = None
 
     def is_met_by(self, signal: str, scale: float) -> bool:
         """Whether it says no more than that a signal is so many times too large."""
@@ -325,7 +327,7 @@ def _upside_down(beside: Sequence[Compared]) -> list[Remark]:
         if clear and max(clear) < 0:
             often = f"in {len(clear)} of {len(correlations)} recordings" if len(correlations) > 1 else ""
             text = f"'{name}' runs against the model {often} (correlation {min(clear):.2f})".replace("  ", " ")
-            found.append(Remark(f"{text}: is its sign right?", True))
+            found.append(Remark(f"{text}: is its sign right?", True, turned=name))
     return found
 
 

@@ -198,7 +198,7 @@ def _remarks(study: Study) -> list[Remark]:
     """What is odd about the recordings beside the amended model; what that does not show, it refutes.
 
     A wrong unit or sign is no more refuted by a model that has found a gain for it, or has bent its parameters. What
-    says no more than that a sensor's scale is wrong which was found is no objection to it.
+    says no more than what was found of a sensor is no objection to it.
     """
     chosen = study.chosen
     again = screen(chosen.fit.problem, chosen.fit.x)
@@ -209,10 +209,15 @@ def _remarks(study: Study) -> list[Remark]:
 
 
 def _unless_found(remark: Remark, chosen: ScoredModel) -> Remark:
-    """A remark, but not a grave one if it says no more than that a sensor's scale is wrong which a model has found."""
+    """A remark, but not a grave one if it says no more than what a model has found.
+
+    That is a sensor's wrong scale, or a sensor that shows sizes without signs.
+    """
     fitted = chosen.fit.parameters()
-    found = [(c.place, fitted[f"{c.name}.gain"]) for c in chosen.effects if c.effect == "sensor_scale"]
-    return replace(remark, grave=False) if any(remark.is_met_by(*one) for one in found) else remark
+    scales = [(c.place, fitted[f"{c.name}.gain"]) for c in chosen.effects if c.effect == "sensor_scale"]
+    rectified = [c.place for c in chosen.effects if c.effect == "rectified_sensor"]
+    met = remark.turned in rectified or any(remark.is_met_by(*one) for one in scales)
+    return replace(remark, grave=False) if met else remark
 
 
 def _finding(

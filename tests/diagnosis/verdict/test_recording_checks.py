@@ -44,12 +44,12 @@ RECORDING = """\
 Rows = np.ndarray
 
 
-def recorded(number: int) -> Rows:
+def recorded(number: int, least: float = -3, most: float = 3) -> Rows:
     """Time, a voltage of random steps, speed and angle of an exact motor, with noise."""
     random = np.random.default_rng(number)
     count = 1500
     t = STEP * np.arange(count)
-    u = np.repeat(random.uniform(-3, 3, count // 50), 50)
+    u = np.repeat(random.uniform(least, most, count // 50), 50)
     matrix = np.array([[-(KT**2 / R + B) / J, 0.0], [1.0, 0.0]])
     system = cont2discrete((matrix, np.array([[KT / R / J], [0.0]]), np.eye(2), np.zeros((2, 1))), STEP)
     w, a = dlsim(system, u)[1].T
@@ -139,6 +139,24 @@ def test_a_sensor_whose_scale_is_wrong_is_told_but_for_a_wrong_unit(factor: floa
     (found,) = diagnose(tmp_path / "motor.yaml", workers=1).findings
     assert (found["status"], found["place"]) == (status, "motor.shaft.angle")
     assert found["indistinguishable_from"] == (["sensor_scale at motor.shaft.speed"] if status == "tie" else [])
+
+
+def test_a_sensor_that_shows_no_signs_is_named_though_a_recording_runs_against_the_model(tmp_path: Path) -> None:
+    """Where the motor turns backward alone, the column looks turned. An inertia that is far off makes parameters bend,
+    which may hide a wrong sign, but not what was found: that says the same of the signal.
+    """
+    text = MOTOR.replace("inertia: 1.9e-5", "inertia: 4.4e-5")
+    for name, rows in (("one", recorded(0, -3, -0.5)), ("two", recorded(1))):
+        rows[:, 2] = np.abs(rows[:, 2])
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="t,u,w,a", comments="")
+        text += RECORDING.replace("NAME", name)
+    (tmp_path / "motor.yaml").write_text(text)
+    made = diagnose(tmp_path / "motor.yaml", workers=1)
+    assert [(f["status"], f["effect"], f["place"]) for f in made.findings] == [
+        ("named", "rectified_sensor", "motor.shaft.speed")
+    ]
+    assert any("runs against the model in 1 of 2 recordings" in warning for warning in made.warnings)
+    assert made.study.chosen.far_off
 
 
 def test_sound_recordings_of_a_model_that_is_a_little_off_give_no_remark(tmp_path: Path) -> None:
