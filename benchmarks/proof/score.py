@@ -24,6 +24,9 @@ RIGHT = frozenset({"named", "tie", "none", "equal"})
 NOTHING = "nothing"
 """The rival without any effect. What is concealed can be seen, so it never does what the truth does."""
 
+LOADED = frozenset({"load_dependent_friction", "quadratic_load_friction"})
+"""Friction that grows with the load, which is another one at each block."""
+
 
 @dataclass(frozen=True)
 class Score:
@@ -391,10 +394,14 @@ def _part(plant: Plant, effect: str, place: str) -> str | None:
     """A part of an explanation that is not the truth, as the truth generator has it; None if it has no counterpart.
 
     A joint of two flanges of a rig's node keeps its name: which cuts that may be, `benchmarks.concealed.ties` knows.
+    Friction that grows with a load grows with what that block bears at whose flange it is told; the generator's own
+    grows with the drive's torque alone.
     """
     if effect == WRONG:
         return f"{WRONG}@{place}" if any(q.name == place for q in plant.parameters) else None
     able = [s for s in [*sites(plant), *drive_sites(plant)] if s.effect.name == effect]
     if any(place == site.place for site in able) or cuts_a_node(plant, effect, place):
         return f"{effect}@{place}"
+    if effect in LOADED:
+        return None
     return next((str(site) for site in able if _at(place, {site.place, *site.same})), None)

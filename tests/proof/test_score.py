@@ -87,6 +87,17 @@ def test_a_tie_is_right_only_if_the_truth_generator_has_it_too(
     assert not row.claimed
 
 
+@pytest.mark.parametrize(("place", "outcome"), [("motor.shaft", "loose tie"), ("gear.output", "tie")])
+def test_friction_that_grows_with_another_load_is_not_computed_with_that_of_the_drive(
+    tmp_path: Path, place: str, outcome: str
+) -> None:
+    """A gear's output moves with the motor, and bears another torque: the generator has no such friction there."""
+    loaded = f"load_dependent_friction at {place}"
+    tie = finding("coulomb_friction", "motor.shaft", "tie", [loaded])
+    put(tmp_path, ["coulomb_friction"], [tie], ties={"load_dependent_friction@motor.shaft": 2.5})
+    assert only(tmp_path).outcome == outcome
+
+
 @pytest.mark.parametrize(("distance", "found"), [(0.4, 1), (2.5, 0)])
 def test_what_is_in_a_true_tie_is_found_though_another_effect_is_missing(
     tmp_path: Path, distance: float, found: int
