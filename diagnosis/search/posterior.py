@@ -263,12 +263,15 @@ def _raised(
 def _differs_by_nuisances(model: ScoredModel, rival: ScoredModel, explained: float) -> bool:
     """Whether what a model explains beyond a rival of fewer sizes may be nuisances, which a further size takes up.
 
-    A simpler law is no rival in this sense: what the richer one explains beyond it speaks for the richer one, unless
-    others meet that as well. What leaves more than a sensor's noise may be has left more than nuisances.
+    A simpler law, there or elsewhere, is no rival in this sense: what the richer one explains beyond it speaks for the
+    richer one, unless others meet that as well. More than a sensor's noise may be is more than nuisances leave.
     """
-    fewer = len(rival.keys) == len(model.keys) and rival.size < model.size and not is_simpler(rival, model)
+    fewer = len(rival.keys) == len(model.keys) and rival.size < model.size
     little = energy(rival) - energy(model) < EVIDENCE.share * explained
-    return fewer and little and not misses(rival.left) and not _unbends(model, rival)
+    lost = [c for c in rival.effects if c.key not in model.keys]
+    more = [c for c in model.effects if c.key not in rival.keys]
+    simpler = any(is_in(a, b) or b.effect in NESTED.get(a.effect, ()) for a in lost for b in more)
+    return fewer and little and not simpler and not misses(rival.left) and not _unbends(model, rival)
 
 
 def _shares(values: NDArray[np.float64], some: NDArray[np.bool_]) -> NDArray[np.float64]:
