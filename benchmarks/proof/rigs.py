@@ -12,7 +12,7 @@ from benchmarks.proof import frozen
 from benchmarks.proof.data import Proof
 from benchmarks.proof.figures import binned, reliability
 from benchmarks.proof.page import cause, table
-from benchmarks.proof.score import Score
+from benchmarks.proof.score import Score, wilson
 from benchmarks.proof.summary import Goal, of, rate
 from engine.files import writing
 
@@ -117,7 +117,10 @@ def _intervals(rows: Sequence[Score]) -> Goal:
     counts = covered(rows)
     off = [name for name, hits in counts.items() if not COVER[0] <= sum(hits) / len(hits) <= COVER[1]]
     every = [hit for hits in counts.values() for hit in hits]
-    told = f"{len(counts) - len(off)} of {len(counts)} parameters; all intervals: {rate(sum(every), len(every))}"
+    bounds = {name: wilson(sum(counts[name]), len(counts[name])) for name in off}
+    beyond = [name for name, (low, high) in bounds.items() if high < COVER[0] or low > COVER[1]]
+    told = f"{len(counts) - len(off)} of {len(counts)} parameters, and {len(beyond)} outside by their bounds; "
+    told += f"all intervals: {rate(sum(every), len(every))}"
     goal = f"each parameter's cover {100 * COVER[0]:.0f} to {100 * COVER[1]:.0f} %"
     return Goal("95 % intervals", goal, told if counts else "not run", not off if counts else None)
 
@@ -180,6 +183,9 @@ def _ran(proof: Proof, every: Sequence[Score], rows: Sequence[Score]) -> str:
     told += (
         f"{proof.about['machine']}, shared with other work. State of the program (hash over its sources): {states}.\n"
     )
+    if since := proof.about.get("frozen", {}).get("changed_since"):
+        listing = ", ".join(f"`{name}`" for name in since)
+        told += f"\nThe rules have changed since; what they would tell now was not measured: {listing}.\n"
     return told
 
 

@@ -153,8 +153,19 @@ def test_a_rig_that_cannot_be_drawn_is_told_and_counts_for_nothing(tmp_path: Pat
 def test_each_parameter_has_its_own_intervals() -> None:
     right = (*[("lag.x", True)] * 9, ("lag.x", False), ("delay.y", False))
     found = goal([score(["lag@a"], sizes=[5], covered=right)], "95 %", "each parameter")
-    assert found.measured.startswith("1 of 2 parameters; all intervals: 9 of 11")
+    assert found.measured.startswith("1 of 2 parameters, and 1 outside by their bounds; all intervals: 9 of 11")
     assert found.met is False
+    wrong = goal([score(["lag@a"], sizes=[5], covered=[("delay.y", False)] * 5)], "95 %", "each parameter")
+    assert wrong.measured.startswith("0 of 1 parameters, and 1 outside by their bounds")
+
+
+@pytest.mark.parametrize("since", [[], ["diagnosis/search/posterior.py"]])
+def test_a_page_of_rules_that_have_changed_says_so(tmp_path: Path, since: list[str]) -> None:
+    about = {"machine": "two cores", "frozen": {"changed_since": since}}
+    rigs.write(data.Proof(about, [score((), "none", code="a")], {}), tmp_path / "page.md", {}, {})
+    page = (tmp_path / "page.md").read_text(encoding="utf-8")
+    told = "The rules have changed since; what they would tell now was not measured: `diagnosis/"
+    assert (told in page) == bool(since)
 
 
 def test_processor_time_is_judged_by_its_middle_and_its_end() -> None:
