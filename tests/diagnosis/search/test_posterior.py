@@ -201,11 +201,21 @@ def test_what_leads_by_a_further_size_that_takes_up_nuisances_ties_with_its_riva
         (model(effect("torque_ripple", parameters=3), excess=0.0), model(OFFSET, LAG, excess=100.0)),
         (model(STRIBECK, excess=0.0), model(FRICTION, excess=100.0)),
         (model(STRIBECK, excess=0.0), model(effect("coulomb_friction", "load"), excess=100.0)),
+        (model(effect("stray_spring", parameters=2), excess=0.0), model(OFFSET, excess=100.0)),
         (model(GRAVITY, excess=0.0), model(OFFSET, excess=1.5 * EVIDENCE.share * 1e4)),
         (model(GRAVITY, excess=COUNT), model(OFFSET, excess=COUNT + 100.0)),
         (model(GRAVITY, excess=0.0, strain=5.0), model(OFFSET, excess=100.0, strain=40.0)),
     ],
-    ids=["as many sizes", "more effects", "simpler", "simpler elsewhere", "much", "more than noise", "bent parameters"],
+    ids=[
+        "as many sizes",
+        "more effects",
+        "a simpler law",
+        "a simpler law elsewhere",
+        "a soft spring",
+        "more than nuisances",
+        "more than noise",
+        "bent parameters",
+    ],
 )
 def test_other_rivals_are_as_probable_as_their_evidence_says(leader: Any, rival: Any) -> None:
     leader.log_evidence = value(rival, 20) - value(leader, 20) + 10 * EVIDENCE.temperature
