@@ -60,6 +60,11 @@ def energy(model: ScoredModel) -> float:
     return float(model.left.energy.sum()) + model.strain
 
 
+def explicable(refit: ScoredModel, models: Iterable[ScoredModel]) -> float:
+    """What any of some models explains of all that the user's own leaves, in variances of the noise."""
+    return energy(refit) - min(energy(m) for m in models)
+
+
 def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[ScoredModel, ScoredModel]]:
     """Each model that is believed in, and the simplest one that it is told as: itself, or one without nuisances.
 
@@ -67,7 +72,7 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
         models: all that were fitted, the refit among them.
         refit: the model without effects. For it no other speaks.
     """
-    explained = energy(refit) - min(energy(m) for m in models)
+    explained = explicable(refit, models)
     if not misses(refit.left):
         # Less than the noise is left over: slow drifts of the machine and the sensors are as large.
         models = [m for m in models if not m.effects or relieved(refit, m) >= EVIDENCE.most]
@@ -252,7 +257,7 @@ def _raised(
     refit = next((as_ for as_, _ in models if not as_.effects), None)
     if refit is None or not leader.effects:
         return odds
-    most = energy(refit) - min(energy(m) for _, m in models)
+    most = explicable(refit, (m for _, m in models))
     equal = {as_.keys for as_, _ in models if _differs_by_nuisances(leader, as_, most)}
     some = {keys for keys in odds if keys}
     raised = {keys: max(odds[keys], odds[leader.keys]) if keys in equal else odds[keys] for keys in some}

@@ -10,7 +10,7 @@ from diagnosis.search.allowance import OutOfTime
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import PartialFit, drawn_back, ended
 from diagnosis.search.patience import Patience
-from diagnosis.search.posterior import complete, energy, is_in, misses, price, prices, told_as, value
+from diagnosis.search.posterior import complete, explicable, is_in, misses, price, prices, told_as, value
 from diagnosis.search.ranking import by_turns
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import LEAST_ODDS
@@ -71,7 +71,7 @@ class TriedModels:
     @property
     def explained(self) -> float:
         """What any model explains of all that the user's own leaves, in variances of the noise."""
-        return energy(self.refit) - min(energy(m) for m in self.models)
+        return explicable(self.refit, self.models)
 
     @property
     def told(self) -> list[tuple[ScoredModel, ScoredModel]]:
