@@ -154,7 +154,8 @@ class CandidateFitter:
         """A model at its least squared error, unless all recordings together are then followed less closely.
 
         An amended model that leaves no more than noise stays as its likelihood has it where only the least squared
-        error bends its parameters: they would follow nuisances there.
+        error bends its parameters: they would follow nuisances there. So it stays where that fit has converged and the
+        one to the least squared error has not: of an end that is none no interval could be told.
 
         The user's own is begun from several starts too, as `flexarm fit` begins it, on coarse recordings. Its error may
         be millions of times the noise, and is fitted to the digits that are told.
@@ -185,7 +186,8 @@ class CandidateFitter:
         kept = self._kept(f"closest {model.label} {marks}", model.effects, compute)
         found = self._trial(kept, "stated")
         bends = bool(model.effects) and found.bent and not model.bent and not misses(model.left)
-        closer = not bends and found.squares <= model.squares
+        ends = found.fit.converged or not (model.effects and model.fit.converged)
+        closer = ends and not bends and found.squares <= model.squares
         return replace(found, log_evidence=model.log_evidence) if closer else model
 
     def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:

@@ -124,6 +124,18 @@ class ScoredModel:
         """The effects in words."""
         return " + ".join(c.key for c in self.effects) or "nothing"
 
+    def judged_as(self, other: ScoredModel) -> ScoredModel:
+        """The model where its fit ended, judged on all recordings where another end of its fit was."""
+        return replace(
+            self,
+            left=other.left,
+            unseen=other.unseen,
+            log_evidence=other.log_evidence,
+            foretold=other.foretold,
+            owed=other.owed,
+            likeliest=other.likeliest,
+        )
+
     def added(self) -> dict[str, float]:
         """Sizes of the effects (SI): ``effect.parameter`` -> fitted value, or the one it stays at."""
         fitted, sizes = self.fit.parameters(), self.sizes or ({},) * len(self.effects)

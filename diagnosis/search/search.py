@@ -234,6 +234,8 @@ class _Search:
                     kept = tuple(ended(rival, c) for c in rival.effects if c is not effect)
                     self._beside(kept, rival, SEARCH.exchanged, alike)
         self._evened()
+        for model in self.near():  # those moves may have left a closer fit of it on its way
+            self.known.settled(model)
 
     def reduce(self) -> None:
         """Put simpler laws in the places of those of what leads, although the time is over: it is about to be told.

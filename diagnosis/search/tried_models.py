@@ -52,7 +52,8 @@ class TriedModels:
         self.bounded, self.until = False, 1.0
         self._models: dict[frozenset[str], ScoredModel] = {refit.keys: refit}
         self._done: set[tuple[str, ...]] = set()
-        self._ended: set[frozenset[str]] = set()
+        self._settled: list[ScoredModel] = []
+        """Models whose fits have come to their end."""
         self._repeated: set[frozenset[str]] = set()
         self._straightened: set[frozenset[str]] = set()
         self._ends: dict[frozenset[Hashable], list[float]] = {}
@@ -288,10 +289,10 @@ class TriedModels:
 
     def settled(self, model: ScoredModel) -> ScoredModel:
         """A model whose fit was left early, fitted to the end."""
-        if not model.fit.converged and model.keys not in self._ended:
+        if not model.fit.converged and not any(m is model for m in self._settled):
             self._go_on()
-            self._ended.add(model.keys)
-            self._models[model.keys] = self._judged(self.fitter.settled(model))
+            self._models[model.keys] = self._likelier(self.fitter.settled(model), model)
+            self._settled.append(self._models[model.keys])
             if not model.effects:
                 self._keep_refit(self._models[model.keys])
         return self._models[model.keys]
@@ -312,10 +313,18 @@ class TriedModels:
         if model.effects and doubtful and model.keys not in self._repeated:
             self._go_on()
             self._repeated.add(model.keys)
-            made = self._judged(self.fitter.retried(model))
+            made = self._likelier(self.fitter.retried(model), model)
             if self.worth(made) > self.worth(model) or not model.fit.converged:
                 self._models[model.keys] = made
         return self._models[model.keys]
+
+    def _likelier(self, made: ScoredModel, model: ScoredModel) -> ScoredModel:
+        """A later end of a model's fit, judged from there, or from the end before where that leads to what is likelier.
+
+        Two ends that leave the same of the fitted recordings may be far apart for those that were not fitted.
+        """
+        made = self._judged(made)
+        return made if self.worth(made) >= self.worth(model) else made.judged_as(model)
 
     def begin_at_the_best(self) -> None:
         """Begin each model that takes part in the choice from the parameters of the best one, too.

@@ -400,6 +400,46 @@ def test_an_amended_model_is_not_told_with_parameters_that_follow_a_nuisance(
     assert fitter.closest(far).left is left  # so does one that leaves much: the closest is asked for
 
 
+def test_an_end_that_is_none_takes_no_place_of_one(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where friction sticks, the squared error has kinks at which every step stops, and no interval could be told."""
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    model = fitter.finish(fitter.partial_fit((zone,), [standing(fitter.refit.fit)]))
+    ended, left_early = (replace(model, fit=replace(model.fit, converged=ends)) for ends in (True, False))
+    for known, end, told in (
+        (ended, ended, "closer"),
+        (ended, left_early, "known"),
+        (left_early, left_early, "closer"),
+        (left_early, ended, "closer"),
+    ):
+        closer = replace(end, hold_out=0.9 * end.hold_out)
+        monkeypatch.setattr(fitter, "_trial", lambda *_, closer=closer: closer)
+        found = fitter.closest(known)
+        assert found.hold_out == (closer if told == "closer" else known).hold_out
+        assert found.fit.converged == (known.fit.converged or end.fit.converged)
+    refit = replace(fitter.refit, fit=replace(fitter.refit.fit, converged=True))
+    closer = replace(refit, hold_out=0.9 * refit.hold_out, fit=replace(refit.fit, converged=False))
+    monkeypatch.setattr(fitter, "_trial", lambda *_: closer)
+    assert fitter.closest(refit).hold_out == closer.hold_out  # of the user's own the error is told, however it ended
+
+
+def test_a_model_may_be_judged_where_another_end_of_its_fit_was(fitter: CandidateFitter, listed: Any) -> None:
+    zone = next(c for c in listed if c.effect == "dead_zone")
+    model = fitter.finish(fitter.partial_fit((zone,), [standing(fitter.refit.fit)]))
+    made = model.judged_as(fitter.refit)
+    assert (made.effects, made.fit, made.sizes, made.hold_out) == (
+        model.effects,
+        model.fit,
+        model.sizes,
+        model.hold_out,
+    )
+    there = fitter.refit
+    assert (made.left, made.unseen, made.log_evidence) == (there.left, there.unseen, there.log_evidence)
+    assert (made.foretold, made.owed) == (there.foretold, there.owed)
+    assert made.likeliest is there.likeliest
+
+
 def test_a_bent_parent_does_not_take_the_turn_of_the_given_values(
     fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -776,6 +776,79 @@ def test_only_models_near_the_best_are_fitted_to_the_end() -> None:
     assert world.settlings == [frozenset({FRICTION.key})]
 
 
+def settled(likelier: float, *, begun: float = 4e3) -> tuple[Any, Any, World]:
+    """A model whose fit was left early, what it is once it has ended, so much likelier, and the world."""
+
+    class Ended(World):
+        def settled(self, model: Any) -> Any:
+            super().settled(model)
+            made = self.made(model.effects)
+            made.log_evidence = model.log_evidence + likelier
+            made.judged_as = lambda other: SimpleNamespace(**{**vars(made), "log_evidence": other.log_evidence})
+            return made
+
+    world = Ended(by({FRICTION.key: begun}))
+    known = searching._Search(world, world.refit, [FRICTION], None).known  # type: ignore[arg-type]
+    model = world.made((FRICTION,))
+    model.fit.converged = False
+    known.keep(model)
+    return known, known.settled(model), world
+
+
+@pytest.mark.parametrize(("likelier", "judged"), [(3.0, 3.0), (0.0, 0.0), (-100.0, 0.0)])
+def test_a_fit_that_is_led_to_its_end_does_not_lose_where_all_recordings_are_likelier(
+    likelier: float, judged: float
+) -> None:
+    """Ends that leave as much of the fitted recordings may foretell the others differently by a hundred units."""
+    known, made, world = settled(likelier)
+    assert made.fit.converged
+    assert made.log_evidence - world.made((FRICTION,)).log_evidence == pytest.approx(judged)
+    assert known[made.keys] is made
+
+
+def test_a_second_try_does_not_lose_where_all_recordings_are_likelier() -> None:
+    world = World(by({FRICTION.key: 4e3}))
+    known = searching._Search(world, world.refit, [FRICTION], None).known  # type: ignore[arg-type]
+    model = world.made((FRICTION,))
+    model.fit.converged = False
+    known.keep(model)
+
+    def retried(model: Any, reach: float = math.inf) -> Any:
+        made = world.made(model.effects)
+        made.log_evidence -= 100.0
+        made.judged_as = lambda other: SimpleNamespace(**{**vars(made), "log_evidence": other.log_evidence})
+        return made
+
+    world.retried = retried  # type: ignore[method-assign]
+    made = known.confirmed(model)
+    assert made.fit.converged
+    assert made.log_evidence == model.log_evidence
+
+
+def test_a_fit_that_takes_the_place_of_one_that_has_ended_is_led_to_its_end_too() -> None:
+    known, made, world = settled(3.0)
+    assert known.settled(made) is made
+    later = world.made((FRICTION,))
+    later.fit.converged, later.log_evidence = False, made.log_evidence + 1.0
+    known.keep(later)
+    assert known.settled(later).fit.converged
+    assert len(world.settlings) == 2
+
+
+def test_what_the_last_moves_leave_on_its_way_is_led_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A closer fit of the best model may come last, from another model's parameters."""
+    world = World(by({FRICTION.key: 4e3}))
+
+    def evened(search: Any) -> None:
+        later = world.made((FRICTION,), after=by({FRICTION.key: 3e3}))
+        later.fit.converged = False
+        search.known.keep(later)
+
+    monkeypatch.setattr(searching._Search, "_evened", evened)
+    run(world, [FRICTION, *OTHERS])
+    assert world.settlings == [frozenset({FRICTION.key})]
+
+
 def test_what_is_not_akin_to_the_best_has_a_cost_to_reach_once_that_is_known() -> None:
     """And what the best may be told as has none: a simpler law at its place is compared with it however far it is."""
     pair = f"{STRIBECK.key} + {LAG.key}"
