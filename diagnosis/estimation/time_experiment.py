@@ -169,6 +169,7 @@ class TimeExperiment(Experiment):
             drive=drive,
             step=self.interval * count,
             every=1,
+            merged=self.merged * self.every,
             thinned=self.thinned * count,
             coarse=True,
         )

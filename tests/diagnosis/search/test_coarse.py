@@ -82,6 +82,16 @@ def test_a_slow_machine_is_run_in_longer_steps_with_the_same_answer(tmp_path: Pa
     assert rough.internal_step == pytest.approx(2e-3)
 
 
+def test_coarse_samples_are_followed_in_steps_as_fine_as_the_recordings(tmp_path: Path) -> None:
+    """However many rows are simulated for each sample: what is too fast for coarse samples would be tried nowhere."""
+    for e in _run_finely(tmp_path).experiments:
+        assert isinstance(e, TimeExperiment)
+        assert e.every == 2
+        for count in (2, 3):
+            assert e.averaged(count).finest_step == pytest.approx(e.finest_step)
+            assert e.averaged(count).stepped(2).finest_step == pytest.approx(e.finest_step)
+
+
 def test_the_steps_of_a_fast_machine_still_resolve_its_fastest_mode(tmp_path: Path) -> None:
     made = _run_finely(tmp_path, "motor.rotor_inertia=1e-8 kg.m2")
     x = np.zeros(len(made.free))
