@@ -155,7 +155,8 @@ class CandidateFitter:
 
         An amended model that leaves no more than noise stays as its likelihood has it where only the least squared
         error bends its parameters: they would follow nuisances there. So it stays where that fit has converged and the
-        one to the least squared error has not: of an end that is none no interval could be told.
+        one to the least squared error has not, unless this leaves less than half: of an end that is none no interval
+        could be told.
 
         The user's own is begun from several starts too, as `flexarm fit` begins it, on coarse recordings. Its error may
         be millions of times the noise, and is fitted to the digits that are told.
@@ -186,8 +187,9 @@ class CandidateFitter:
         kept = self._kept(f"closest {model.label} {marks}", model.effects, compute)
         found = self._trial(kept, "stated")
         bends = bool(model.effects) and found.bent and not model.bent and not misses(model.left)
-        ends = found.fit.converged or not (model.effects and model.fit.converged)
-        closer = ends and not bends and found.squares <= model.squares
+        stays = model.effects and model.fit.converged and not found.fit.converged
+        most = (1 - EVIDENCE.most) * model.squares if stays else model.squares
+        closer = not bends and found.squares <= most
         return replace(found, log_evidence=model.log_evidence) if closer else model
 
     def _kept(self, key: str, effects: tuple[Candidate, ...], compute: Callable[[], PartialFit]) -> PartialFit:
