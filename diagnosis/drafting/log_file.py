@@ -32,6 +32,8 @@ _SUFFIX = {
 }  # fmt: skip
 """Last word of a column's name -> unit; letters that are names as often as units, such as N and m, are left out."""
 COUNT_STEP = 1.0
+LEVELS = 10
+"""A column that changes between fewer levels is a command: a machine that moves is read at more."""
 
 
 @dataclass(frozen=True)
@@ -286,7 +288,9 @@ def _rest(log: LogFile) -> None:
         found = noise(log.time.seconds, values)
         span = float(np.nanmax(values) - np.nanmin(values))
         begin = float(np.nanmedian(values[: max(4, min(16, len(values) // 50))]))
-        moved = np.flatnonzero(np.abs(values - begin) > max(8 * found.sigma, 0.01 * span, 2.5 * found.quantum))
+        commands = 0 < span < LEVELS * found.quantum
+        least = 0.5 * found.quantum if commands else max(8 * found.sigma, 0.01 * span, 2.5 * found.quantum)
+        moved = np.flatnonzero(np.abs(values - begin) > least)
         first = min(first, int(moved[0]) if len(moved) else first)
     log.still = max(first - 1, 0)
     if log.still < 20:

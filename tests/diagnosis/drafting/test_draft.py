@@ -71,6 +71,18 @@ def test_a_log_says_its_time_rest_wraps_and_noise(logs: list[Path]) -> None:
     assert tacho.noise == pytest.approx(1.0, rel=0.1)
 
 
+def test_a_machine_no_longer_rests_once_its_command_has_changed(tmp_path: Path) -> None:
+    """Though it is read to move some rows later: the mean of the command until then was taken for an offset."""
+    t = np.arange(600) * 0.005
+    u = np.where(t % 1 < 0.4, 4.0, -2.0)
+    u[:40] = 0.0
+    moved = np.floor(2e4 * np.maximum(t - t[41], 0) ** 2)
+    np.savetxt(tmp_path / "log.csv", np.column_stack([t, u, moved]), "%.8g", ",", header="t,u,enc", comments="")
+    log = look(tmp_path / "log.csv")
+    assert log.still == 39
+    assert log.signal("u").rest == 0.0
+
+
 def test_columns_are_told_apart_by_the_model(found: Matches) -> None:
     (drive,) = found.drive
     assert (drive.column, drive.end, drive.unit, drive.sign) == ("ch1", "zone.in", "V", 1)
