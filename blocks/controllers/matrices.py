@@ -28,7 +28,7 @@ def read(file: str) -> dict[str, Matrix]:
     Raises:
         ParameterError: no such file, another kind of file, or not what its name says.
     """
-    return {name: made for name, value in content(file).items() if (made := _numeric(value)) is not None}
+    return _matrices(content(file))
 
 
 def content(file: str) -> dict[str, Any]:
@@ -41,6 +41,10 @@ def content(file: str) -> dict[str, Any]:
         return (read_json if kind == ".json" else read_mat)(path, LARGEST_FILE)
     except FileProblem as error:
         raise ParameterError(f"'{file}': {error.message}", remedy=error.remedy) from None
+
+
+def _matrices(held: Mapping[str, Any]) -> dict[str, Matrix]:
+    return {name: made for name, value in held.items() if (made := _numeric(value)) is not None}
 
 
 def _numeric(value: Any) -> Matrix | None:
@@ -56,11 +60,17 @@ def collect(given: Mapping[str, Rows], file: str, wanted: Iterable[str]) -> dict
     """The wanted matrices: those given, and the rest from the file, if one is named.
 
     Raises:
-        ParameterError: one is given in both places, is missing, or holds a number that is not finite.
+        ParameterError: one is given in both places, is no matrix, or holds a number that is not finite; or the file
+            holds none.
     """
-    read_in = read(file) if file else {}
+    held = content(file) if file else {}
+    read_in = _matrices(held)
     made: dict[str, Matrix] = {}
     for name in wanted:
+        if name in held and held[name] is not None and name not in read_in:
+            raise ParameterError(
+                f"'{name}' in '{file}' is no matrix of numbers", remedy="give rows of numbers, such as [[1, 2], [3, 4]]"
+            )
         here, there = bool(given.get(name)), name in read_in
         if here and there:
             raise ParameterError(f"'{name}' is given, and in '{file}' too", remedy="keep one of them")
@@ -90,6 +100,35 @@ def shaped(name: str, matrix: Matrix | None, rows: int, columns: int, why: str) 
         got = f"{matrix.shape[0]} by {matrix.shape[1]}"
         raise ParameterError(f"{name} is {got}, not {rows} by {columns}", remedy=why)
     return matrix
+
+
+def system(found: Mapping[str, Matrix]) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """A (n by n), B (n by m), C (p by n) and D (p by m, zero if left out) of a linear system that fit each other.
+
+    Args:
+        found: as `collect` gives them; D alone is a gain without states.
+
+    Raises:
+        ParameterError: one is missing or does not fit the others.
+    """
+    n = len(found["A"]) if "A" in found and found["A"].size else 0
+    if n and not ("B" in found and "C" in found):
+        missing = "C" if "B" in found else "B"
+        raise ParameterError(f"'{missing}' is missing", remedy="a system with A needs B and C")
+    if not n and "D" not in found:
+        raise ParameterError("no matrix is given", remedy="give A, B and C, or D, or a file")
+    if "D" in found and found["D"].size:
+        p, m = found["D"].shape
+    else:
+        b, c = found["B"], found["C"]
+        p, m = c.shape[0] if c.shape[1] == n else 1, b.shape[1] if b.shape[0] == n else 1
+    why = f"there are {n} states, {m} inputs and {p} outputs"
+    return (
+        shaped("A", found.get("A"), n, n, "A has as many columns as rows"),
+        shaped("B", found.get("B") if n else None, n, m, why),
+        shaped("C", found.get("C") if n else None, p, n, why),
+        shaped("D", found.get("D"), p, m, why),
+    )
 
 
 def times(matrix: Matrix, vector: Sequence[Expression]) -> list[Expression]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from blocks.controllers.base import OUTPUT_UNIT, SignalBlock, clock, sample_offset
-from blocks.controllers.matrices import collect, numbered, shaped, times
+from blocks.controllers.matrices import collect, numbered, shaped, system, times
 from blocks.controllers.periods import period_of, stated_period
 from engine.block import option, parameter
 from engine.errors import ParameterError
@@ -39,22 +39,8 @@ class _StateSpace(SignalBlock):
         super().check()
         given = {name: self.values[name] for name in ("A", "B", "C", "D", "start")}
         found = collect(given, self.values["file"], ("A", "B", "C", "D", "start", "dt"))
-        n = len(found["A"]) if "A" in found and found["A"].size else 0
-        if n and not ("B" in found and "C" in found):
-            missing = "C" if "B" in found else "B"
-            raise ParameterError(f"'{missing}' is missing", remedy="a system with A needs B and C")
-        if not n and "D" not in found:
-            raise ParameterError("no matrix is given", remedy="give A, B and C, or D, or a file")
-        if "D" in found and found["D"].size:
-            p, m = found["D"].shape
-        else:
-            b, c = found["B"], found["C"]
-            p, m = c.shape[0] if c.shape[1] == n else 1, b.shape[1] if b.shape[0] == n else 1
-        why = f"there are {n} states, {m} inputs and {p} outputs"
-        self._a = shaped("A", found.get("A"), n, n, "A has as many columns as rows")
-        self._b = shaped("B", found.get("B") if n else None, n, m, why)
-        self._c = shaped("C", found.get("C") if n else None, p, n, why)
-        self._d = shaped("D", found.get("D"), p, m, why)
+        self._a, self._b, self._c, self._d = system(found)
+        n = len(self._a)
         self._x0 = shaped("start", found.get("start"), n, 1, f"give {n} numbers").ravel()
         self._found = found
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import FlexarmError, ParameterError, nearest
+from engine.errors import FlexarmError, ParameterError, Where, nearest
 from flexarm.cut import Source, as_scenario
 from scenarios.amend import Edit, Feed, Wire, amended, relocated
 from scenarios.load import Scenario, load
@@ -27,17 +27,16 @@ def matrices(controller: Any) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
         FlexarmError: a file that holds no such matrices.
     """
     if isinstance(controller, str | Path):
-        from blocks.controllers.matrices import collect
+        from blocks.controllers.matrices import collect, system
 
         found = collect({}, str(controller), ("A", "B", "C", "D", "dt"))
         if "D" not in found and not {"A", "B", "C"} <= found.keys():
             raise ParameterError(f"'{controller}' holds no controller", remedy="write A, B, C and D, or D alone")
-        A = found.get("A", np.zeros((0, 0)))
-        n = len(A) if A.size else 0
-        B, C = found.get("B", np.zeros((0, 0))), found.get("C", np.zeros((0, 0)))
-        D = found.get("D", np.zeros((C.shape[0], B.shape[1])))
-        dt = float(found["dt"].ravel()[0]) if "dt" in found else 0.0
-        return A.reshape(n, n), B.reshape(n, D.shape[1]), C.reshape(D.shape[0], n), D, dt
+        try:
+            A, B, C, D = system(found)
+        except ParameterError as error:
+            raise error.at(Where(str(controller))) from None
+        return A, B, C, D, float(found["dt"].ravel()[0]) if "dt" in found else 0.0
     import control
 
     plain = controller if hasattr(controller, "A") else control.ss(controller)

@@ -74,6 +74,32 @@ def test_a_file_of_matrices(axis: Path) -> None:
         closed(axis, file, **CARRIAGE)
 
 
+@pytest.mark.parametrize(
+    ("held", "said"),
+    [
+        ({"A": [[0]], "B": [[1]], "C": [[1]], "D": [["a"]]}, "'D' in '.*k.json' is no matrix of numbers"),
+        ({"A": [[0]], "B": [[1]], "C": [[1], [2, 3]], "D": [[0]]}, "'C' in '.*k.json' is no matrix of numbers"),
+        ({"A": [[0]], "B": [[1, 2]], "C": [[1]], "D": [[0]]}, "k.json: B is 1 by 2, not 1 by 1"),
+        ({"A": [[0, 1]], "B": [[1]], "C": [[1]], "D": [[0]]}, "k.json: A is 1 by 2, not 1 by 1"),
+        ({"A": [[0]], "B": [[1]], "D": [[0]]}, "k.json: 'C' is missing"),
+        ({"D": [[1]], "dt": "1 ms"}, "'dt' in '.*k.json' is no matrix of numbers"),
+    ],
+)
+def test_matrices_that_do_not_fit(axis: Path, held: dict[str, Any], said: str) -> None:
+    """None is left out in silence: a D that is no number was taken for zero."""
+    file, new = axis.parent / "k.json", axis.parent / "new.yaml"
+    file.write_text(json.dumps(held))
+    with pytest.raises(FlexarmError, match=said):
+        close(axis, file, new, **CARRIAGE)
+    assert not new.exists()
+
+
+def test_a_file_without_period_is_continuous(axis: Path) -> None:
+    file = axis.parent / "k.json"
+    file.write_text(json.dumps({"D": [[1000.0]], "dt": None}))
+    assert "DiscreteStateSpace" not in closed(axis, file, **CARRIAGE)
+
+
 def test_bad_input(axis: Path) -> None:
     with pytest.raises(FlexarmError, match=r"'motor.forse' is not an input"):
         closed(axis, LEAD, **{**CARRIAGE, "feed": "motor.forse"})
