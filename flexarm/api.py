@@ -14,6 +14,7 @@ from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
 from flexarm.cut import Cut, Source, as_scenario, cut
 from flexarm.design.point import point
+from flexarm.times import check_rows
 from scenarios.load import si
 from scenarios.validate import ScenarioError
 
@@ -70,7 +71,9 @@ def simulate(
             )
     if stop is None:
         raise ParameterError("no stop time is given", remedy="give one in seconds")
-    return run_model(model, stop, 1e-3 if step is None else step, chosen)
+    step = 1e-3 if step is None else step
+    check_rows(stop, step)
+    return run_model(model, stop, step, chosen)
 
 
 def trim(

@@ -13,6 +13,7 @@ from engine.errors import FlexarmError, SimulationError, Where
 from engine.quantity import convert
 from engine.simulate import Drive, simulate
 from flexarm.cut import cut
+from flexarm.times import check_rows
 from fmu.variables import flat, structured
 from fmu.verify import Trace, cosim, find
 
@@ -68,6 +69,7 @@ def run(
     described = _describe(path)
     stop = stop if stop is not None else described.stop
     step = step if step is not None else described.step
+    check_rows(stop, step)
     values = _inputs(described, inputs or {})
     drive = Drive([0.0], [list(values.values())]) if values else None
     if path.suffix.lower() == ".ssp":

@@ -56,6 +56,16 @@ def test_poles_of_a_sampled_loop_are_those_of_the_loop(loop: Path) -> None:
     assert not open_loop.stable()  # the shaft's angle integrates
 
 
+def test_rows_farther_apart_than_the_run_is_long_are_refused(tmp_path: Path) -> None:
+    """As in the file: a single row of zeros looks like a machine at rest."""
+    for stop, step in ((None, 500.0), (5e-4, None), (1.0, 2.0)):
+        with pytest.raises(flexarm.FlexarmError, match="is longer than the simulation"):
+            flexarm.simulate("quanser-single-link", stop, step)
+    assert len(flexarm.simulate("quanser-single-link", 1e-3, 1e-3).time) == 2
+    with pytest.raises(flexarm.FlexarmError, match="is longer than the simulation"):
+        flexarm.sweep("quanser-single-link", ["gear.ratio=60:70:2"], tmp_path / "out", step=500.0)
+
+
 def test_results_become_frames_sets_and_files(loop: Path, tmp_path: Path) -> None:
     xarray = pytest.importorskip("xarray")
     result = driven(loop)

@@ -17,6 +17,7 @@ import numpy as np
 from engine.errors import FlexarmError
 from flexarm._version import version
 from flexarm.sweeps.plan import Run, SweepPlan
+from flexarm.times import check_rows
 from scenarios.files import block_files, unpacked
 
 if TYPE_CHECKING:
@@ -181,6 +182,7 @@ def build(plan: SweepPlan, structure: tuple[str, ...]) -> Built:
             remedy="add 'simulate: {stop: 4 s}', or give --stop",
         )
     step = plan.step if plan.step is not None else planned.step if planned else 1e-3
+    check_rows(stop, step)
     every = 1
     if plan.keep is not None:
         every = max(1, round(plan.keep / step))
