@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from scenarios.load import Scenario
     from scenarios.schema import Drive, FrequencyRecording, Measurement, TimeRecording
 
+MADE_UP = 1.5
+"""A recording is not compared at instants so many times as close as its samples: a clock may be a little off."""
 POSITIONS = frozenset(kind[0][0] for kind in MOTION.values())
 """Signals that a counter or an angle of whole turns may show."""
 
@@ -83,9 +85,14 @@ def _recording(reader: Reader, name: str, described: TimeRecording, scenario: Sc
             reader.where("measurements"),
             "leave 'use: evidence' out of one",
         )
-    resample = reader.convert(described.resample, "s", "resample") if described.resample is not None else None
-    if resample is not None and not resample > 0:
-        raise RecordingError(f"resample is {resample:g} s", reader.where("resample"), "give a time above zero")
+    resample = reader.positive(described.resample, "s", "resample") if described.resample is not None else None
+    apart = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if resample is not None and apart > MADE_UP * resample:
+        raise RecordingError(
+            f"resample is {resample:g} s, where samples are {apart:g} s apart: what lies between was not measured",
+            reader.where("resample"),
+            "give a longer time, or leave it out",
+        )
     recording = Recording(
         name,
         reader.columns.file,
@@ -141,7 +148,7 @@ def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario
     column, keys = described.measurements[signal], ("measurements", signal)
     values = reader.column(column.column, *keys)
     if column.counts_per_rev is not None:
-        scale, unit = 2 * math.pi / reader.convert(column.counts_per_rev, "1", *keys, "counts_per_rev"), "rad"
+        scale, unit = 2 * math.pi / reader.positive(column.counts_per_rev, "1", *keys, "counts_per_rev"), "rad"
     elif column.unit == "count" and not isinstance(column.scale, str):
         raise RecordingError(
             f"column '{column.column}' is in counts, and the counts per revolution are not given",
@@ -157,7 +164,7 @@ def _measurement(reader: Reader, signal: str, described: TimeRecording, scenario
         values = clock.measured(values, reader.axis)
     noise = None
     if column.noise != "auto":
-        noise = abs(scale) * reader.convert(column.noise, column.unit, *keys, "noise")
+        noise = abs(scale) * reader.positive(column.noise, column.unit, *keys, "noise")
     return Channel(
         scenario.resolve(signal),
         unit,
@@ -237,7 +244,7 @@ def _table(reader: Reader, name: str, described: FrequencyRecording, scenario: S
         scale, unit = reader.factor(column.unit, column.scale, *keys)
         noise = None
         if column.noise != "auto":
-            noise = abs(scale) * reader.convert(column.noise, column.unit, *keys, "noise")
+            noise = abs(scale) * reader.positive(column.noise, column.unit, *keys, "noise")
         responses.append(Channel(scenario.resolve(signal), unit, values * scale, column.column, noise=noise))
     for name_of_column, values in required.items():
         wrong = ~((np.nan_to_num(values) > 1 / LARGEST) & (values < LARGEST))

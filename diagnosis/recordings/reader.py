@@ -102,6 +102,18 @@ class Reader:
         except ParameterError as error:
             raise error.at(self._place(*keys)) from None
 
+    def positive(self, value: object, unit: str, *keys: str) -> float:
+        """As `convert`, of what must be above zero.
+
+        Raises:
+            ParameterError: the value does not convert to ``unit``.
+            RecordingError: it is zero or below.
+        """
+        number = self.convert(value, unit, *keys)
+        if not number > 0:
+            raise RecordingError(f"{value} is not above zero", self._place(*keys), "give a value above zero")
+        return number
+
     def rows(self, marked: NDArray[np.bool_]) -> str:
         """The numbers of the marked rows as text, the first eight at most."""
         numbers = self.columns.rows[marked]

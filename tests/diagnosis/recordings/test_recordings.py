@@ -192,10 +192,38 @@ def test_windows_and_resampling(tmp_path: Path) -> None:
     (f,) = problem(scenario, [replace(recording, resample=0.025)]).experiments
     np.testing.assert_allclose(f.time, 0.025 * np.arange(61), atol=1e-12)
     assert f.measured[1, 0] == pytest.approx((recording.measurements[0].values[2:4]).mean(), rel=1e-12)
-    for key, piece in (("window: [1 s, 2 s]", "the recording holds 5 s to 8 s"), ("window: [2 s]", "more entries")):
+    for key, piece in (
+        ("window: [1 s, 2 s]", "the recording holds 5 s to 8 s"),
+        ("window: [2 s]", "more entries"),
+        ("resample: 0 s", "one.resample: 0 s is not above zero"),
+        ("resample: 5 ms", "one.resample: resample is 0.005 s, where samples are 0.01 s apart"),
+    ):
         with pytest.raises(FlexarmError) as caught:
             find_recording(load(tmp_path / "s.yaml", text=text.replace("    time:", f"    {key}\n    time:")), "one")
-        assert piece in f"{caught.value.message} {caught.value.remedy}"
+        assert piece in f"{caught.value.where}: {caught.value.message} {caught.value.remedy}"
+    scenario = load(tmp_path / "s.yaml", text=text.replace("    time:", "    resample: 9 ms\n    time:"))
+    recording = find_recording(scenario, "one")
+    assert isinstance(recording, Recording)
+    assert recording.resample == pytest.approx(9e-3)
+
+
+@pytest.mark.parametrize(
+    ("column", "said"),
+    [
+        ("{column: y, unit: count, counts_per_rev: 0}", "counts_per_rev: 0 is not above zero"),
+        ("{column: y, unit: count, counts_per_rev: -4096}", "counts_per_rev: -4096 is not above zero"),
+        ("{column: y, unit: rad, noise: 0}", "noise: 0 is not above zero"),
+        ("{column: y, unit: rad, noise: -1 deg}", "noise: -1 deg is not above zero"),
+    ],
+)
+def test_what_must_be_above_zero(tmp_path: Path, column: str, said: str) -> None:
+    t = 0.01 * np.arange(301)
+    store(tmp_path / "one.csv", t=t, y=decay(t, 0.4, 0.0))
+    text = PENDULUM.format(damping=0.3).replace("{column: y, unit: rad, noise: 1e-4}", column)
+    (tmp_path / "s.yaml").write_text(text)
+    with pytest.raises(FlexarmError) as caught:
+        find_recording(load(tmp_path / "s.yaml"), "one")
+    assert f"s.yaml:15: recordings.one.measurements.arm.shaft.angle.{said}" in str(caught.value)
 
 
 def test_a_jitter_of_the_clock_is_told_and_ignored(tmp_path: Path) -> None:
