@@ -237,9 +237,9 @@ def diagnose(
     scenario = source if isinstance(source, Scenario) else load(source, how.overrides)
     workers = how.workers or cores()
     spent = Spent() if how.longest is None else Spent(how.longest * SEARCH.second)
-    store = JsonStore(how.keep) if how.keep is not None else None
     with threadpool_limits(BLAS_THREADS), contextlib.ExitStack() as stack:
         as_given = _to_fit(scenario, recordings, how.hold_out)
+        store = JsonStore(how.keep) if how.keep is not None else None  # what is refused leaves no folder
         recorded = as_they_were_taken(scenario, as_given, workers)
         if how.scheduler:
             spread = stack.enter_context(Spread(how.workers, how.scheduler))

@@ -136,7 +136,7 @@ class Scenario:
             model = build(system or self.system, inputs=free, outputs=wanted, energy=energy, variant=variant)
         except FlexarmError as error:
             self._check_ends()
-            raise error.at(self._named(error.signal) or Where(self.document.file)) from None
+            raise error.at(self._named(error.signal, free, wanted or []) or Where(self.document.file)) from None
         self._starting_values(model)
         return model
 
@@ -152,17 +152,26 @@ class Scenario:
                     if close.startswith("did you mean") or "." not in port:
                         raise ScenarioError(f"'{end}' names no connector of '{block}'", connection.where, close)
 
-    def _named(self, signal: str) -> Where | None:
-        """Where the file names a signal to record, to drive or to give out; None if it does not, or none is meant."""
+    def _named(self, signal: str, inputs: list[str], outputs: list[str]) -> Where | None:
+        """Where the file names a signal to record, to drive or to give out; None if it does not, or none is meant.
+
+        Args:
+            signal: which.
+            inputs: of the model that was asked for; a list with just these comes before others.
+            outputs: the same.
+        """
         lists: list[tuple[list[str], tuple[str, ...]]] = []
+        for key, analysis in self.file.analyses.items():
+            lists.append((analysis.inputs, ("analyses", key, "inputs")))
         if self.file.simulate:
             lists.append((self.file.simulate.record or [], ("simulate", "record")))
         for key, analysis in self.file.analyses.items():
-            lists += [(analysis.inputs, ("analyses", key, "inputs")), (analysis.outputs, ("analyses", key, "outputs"))]
-        for names, path in lists:
-            for i, name in enumerate(names):
-                if self.resolve(name) == signal:
-                    return self.where(*path, i)
+            lists.append((analysis.outputs, ("analyses", key, "outputs")))
+        resolved = [([self.resolve(name) for name in names], path) for names, path in lists]
+        resolved.sort(key=lambda pair: pair[0] not in (inputs, outputs))
+        for names, path in resolved:
+            if signal in names:
+                return self.where(*path, names.index(signal))
         return None
 
     def _starting_values(self, model: Model) -> None:

@@ -134,6 +134,8 @@ def _allowed(location: Sequence[Key]) -> list[str]:
 def _literals(location: Sequence[Key]) -> tuple[Any, ...]:
     _, field = _follow(location)
     annotation = field.annotation if field else None
+    if get_origin(annotation) in (Union, types.UnionType):  # one that may be left out
+        annotation = next((a for a in get_args(annotation) if get_origin(a) is Literal), None)
     return get_args(annotation) if get_origin(annotation) is Literal else ()
 
 

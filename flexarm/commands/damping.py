@@ -48,8 +48,6 @@ def damping(
     modes = [_quantity(text, "Hz", "--frequency") for text in frequency or []]
     span, step = _seconds(window, "--window"), _seconds(hop, "--hop")
     begin = _seconds(start, "--start", zero=True) or 0.0
-    if output is not None:
-        _folder(output)
     record = read_decay(recording, column, time)
     try:
         report = analyse_decay(
@@ -57,6 +55,8 @@ def damping(
         )
     except FlexarmError as error:
         raise error.at(Where(str(recording))) from None
+    if output is not None:
+        _folder(output)
     numbers = {"recording": str(recording), **report.numbers()}
     if not as_json:
         typer.echo(_page(report, recording))

@@ -126,8 +126,8 @@ def sweep(
     """
     scenario = source if isinstance(source, Scenario) else load(source)
     o = replace(options or SweepOptions(), **given)
-    table = _table(Path(output), o.keep)
     plan = make_plan(scenario, vary, o)
+    table = _table(Path(output), o.keep)  # what is refused leaves no folder
     warn = o.warn
     store = SweepStore(table, plan, provenance(scenario), o.restart)
     if store.done():

@@ -61,6 +61,17 @@ BAD = {
         "inputs: [motor.volt]",
         ["base.yaml:17", "'motor.volt'", "did you mean"],
     ),
+    "an output as an input": (
+        "inputs: [motor.voltage]",
+        "inputs: [load.shaft.angle]",
+        ["base.yaml:17", "analyses.plant.inputs[0]", "'load.shaft.angle' is not an input"],
+    ),
+    "not a hold": (
+        "simulate:",
+        "recordings:\n  log:\n    file: log.csv\n    time: {column: t}\n"
+        "    drive: {motor.voltage: {column: u, unit: V, hold: zoh}}\n    measurements: {}\nsimulate:",
+        ["base.yaml:19", "drive.motor.voltage.hold", "'zoh' is not allowed", "zero_order, linear, band_limited"],
+    ),
 }
 
 
@@ -80,9 +91,23 @@ def test_bad_scenario(name: str, base: Path, command: Callable[..., Any]) -> Non
     assert old in text
     base.write_text(text.replace(old, new))
     before = {path.name for path in base.parent.iterdir()}
-    verb = "linearise" if name in ("wrong kind of analysis", "not an input") else "run"
+    verb = "linearise" if name in ("wrong kind of analysis", "not an input", "an output as an input") else "run"
     output = "out.json" if verb == "linearise" else "out.csv"
     refused(command(verb, base.name, "-o", output), pieces, base.parent, before)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["diagnose", "base.yaml"], "no recording to fit to"),
+        (["damping", "log.csv", "-c", "ripe"], "did you mean 'rope'?"),
+        (["sweep", "base.yaml", "--vary", "gear.ratoi=10:20:3"], "did you mean 'ratio'?"),
+    ],
+)
+def test_what_is_refused_leaves_no_folder(words: list[str], said: str, base: Path, command: Callable[..., Any]) -> None:
+    (base.parent / "log.csv").write_text("t,rope\n" + "".join(f"{0.01 * k},{0.9**k}\n" for k in range(40)))
+    before = {path.name for path in base.parent.iterdir()}
+    refused(command(*words, "-o", "found"), [said], base.parent, before)
 
 
 def test_algebraic_loop(base: Path, command: Callable[..., Any]) -> None:
