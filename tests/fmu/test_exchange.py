@@ -19,6 +19,7 @@ from engine.model import Model
 from engine.simulate import Drive, simulate
 from fmu.variables import flat
 from fmu.verify import reference
+from scenarios.load import load
 
 SETTINGS: dict[str, Any] = {"stop_time": 0.8, "output_interval": 1e-2, "solver": "CVode"}
 
@@ -143,3 +144,38 @@ def test_indicators_rest_above_zero_and_calls_out_of_order_are_refused(
         assert instance.getReal([gear]) == [50.0]
     finally:
         instance.freeInstance()
+
+
+RUBBING = """\
+schema: 1
+name: rubbing
+blocks:
+  source: {type: Constant, value: 0 V}
+  motor: {type: DCMotor, resistance: 1.3 ohm, inductance: 0.9 mH, torque_constant: 0.042, rotor_inertia: 1.1e-5}
+  bearing: {type: BearingFriction, coulomb_friction: 30 mN.m}
+connect:
+  - [source.out, motor.voltage]
+  - [motor.shaft, bearing.shaft]
+"""
+
+
+def test_a_recorded_input_given_as_steps_runs_at_fmpys_default_tolerance(both: Any, tmp_path: Path) -> None:
+    """As the guide says; held against the runner's own integrator, with the drive held between its rows."""
+    (tmp_path / "rubbing.yaml").write_text(RUBBING)
+    model = load(tmp_path / "rubbing.yaml").build(["motor.voltage"], ["motor.current", "motor.shaft.speed"])
+    t = np.linspace(0, 1, 1001)
+    u = 12 * np.sin(12 * t)
+    rows = zip(np.repeat(t, 2)[1:], np.repeat(u, 2)[:-1], strict=True)
+    steps = np.array(list(rows), dtype=[("time", float), ("motor_voltage", float)])
+    made = simulate_fmu(
+        str(both(model)),
+        fmi_type="ModelExchange",
+        input=steps,
+        stop_time=1.0,
+        output_interval=1e-2,
+        record_events=False,
+    )
+    own = simulate(model, 1.0, 1e-3, drive=Drive(t, u[:, None], ("zero_order",)))
+    for name in ("motor.current", "motor.shaft.speed"):
+        expected = own[name][::10]
+        np.testing.assert_allclose(made[flat(name)], expected, atol=1e-3 * np.abs(expected).max())
