@@ -419,10 +419,10 @@ def test_an_end_that_is_none_takes_no_place_of_one(
         assert found.hold_out == (closer if told == "closer" else known).hold_out
         assert found.fit.converged == (known.fit.converged or end.fit.converged)
     far = replace(ended, fit=replace(ended.fit, chi2=1e6), hold_out=1e6)
-    for share, told in ((0.4, left_early), (0.6, ended)):  # where it leaves far less, it is told without intervals
+    for share, stays in ((0.4, False), (0.6, True)):  # where it leaves far less, it is told without intervals
         less = replace(left_early, fit=replace(left_early.fit, chi2=share * 1e6), hold_out=share * 1e6)
         monkeypatch.setattr(fitter, "_trial", lambda *_, less=less: less)
-        assert fitter.closest(far).fit.converged == told.fit.converged
+        assert fitter.closest(far).fit.converged == stays
     refit = replace(fitter.refit, fit=replace(fitter.refit.fit, converged=True))
     closer = replace(refit, hold_out=0.9 * refit.hold_out, fit=replace(refit.fit, converged=False))
     monkeypatch.setattr(fitter, "_trial", lambda *_: closer)
