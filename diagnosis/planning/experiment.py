@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.effects.effect import Candidate
 from diagnosis.effects.places import node, slides
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
@@ -27,7 +28,7 @@ from engine.simulate import Result, simulate
 from engine.system import System
 from scenarios.amend import Set
 from scenarios.load import Scenario
-from scenarios.variant import edited
+from scenarios.variant import edited, renamed
 
 COUNTS = 4096
 """Counts per revolution of an encoder that nothing is known of."""
@@ -321,8 +322,36 @@ def _planned(base: Problem, sensors: Sequence[Sensor], assumed: Sequence[str]) -
     given = over_time(base.experiments)
     own = tuple(_silent(e, base.simulate(x, e)) for e in given)
     base = replace(base, experiments=own)
-    names = [v.name for v in base.model.outputs]
-    extra = list(_could_be_added(base.scenario, base))
+    return _widened_by(base, list(_could_be_added(base.scenario, base)), sensors, assumed)
+
+
+def with_signals_left(planned: Planned, effects: Sequence[Candidate]) -> Planned:
+    """The experiment without further sensors that effects leave nothing to read, as the twist of a spring with play."""
+    scenario, names = planned.problem.scenario, [s.signal for s in planned.further]
+    lost: set[str] = set()
+    for effect in effects:
+        inside = [name for name in names if name.startswith(f"{effect.place}.")]
+        if inside:
+            edits = effect.edits(effect.starts[0])
+            try:
+                known = {v.name for v in build(edited(scenario, edits).system).outputs}
+            except FlexarmError:
+                continue  # an effect that cannot be put in is told as such
+            lost |= {name for name, there in zip(inside, renamed(inside, edits), strict=True) if there not in known}
+    if not lost:
+        return planned
+    kept = [name for name in names if name not in lost]
+    assumed = [
+        *planned.assumed,
+        *(f"no sensor of {name} is looked at: an effect takes its place" for name in sorted(lost)),
+    ]
+    return _widened_by(planned.problem, kept, planned.sensors, assumed)
+
+
+def _widened_by(base: Problem, extra: Sequence[str], sensors: Sequence[Sensor], assumed: Sequence[str]) -> Planned:
+    """The experiment with further signals."""
+    x = np.zeros(len(base.free))
+    own, names = over_time(base.experiments), [v.name for v in base.model.outputs]
     model = base.scenario.build([v.name for v in base.model.inputs], [*names, *extra])
     wide = replace(base, model=model)
     runs = [wide.simulate(x, e) for e in own]

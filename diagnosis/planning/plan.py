@@ -22,7 +22,7 @@ from diagnosis.planning.distinguish import (
     truths,
     unordered,
 )
-from diagnosis.planning.experiment import Planned
+from diagnosis.planning.experiment import Planned, with_signals_left
 from diagnosis.planning.improve import Further, Input, inputs, sensors
 from diagnosis.planning.reach import Bench
 from diagnosis.planning.sizes import NEAR_ONE, Family, families
@@ -227,6 +227,7 @@ def plan(
     listed = [c for c in first_options(candidates(scales, without)) if not only or c.effect in only]
     if not listed:
         raise FlexarmError(f"{', '.join(only) or 'no effect'} can act nowhere in '{scenario.name}'")
+    planned = with_signals_left(planned, listed)
     every = [(family, _unexcited(family, scales)) for candidate in listed for family in families(candidate)]
     shapes = [family for family, why in every if not why]
     bench = Bench(planned)

@@ -38,7 +38,7 @@ def size_in_words(row: Row) -> str:
     else:
         told = engineering(row.size, row.unit)
         if row.share is not None:
-            told += f", {100 * row.share:.2g} % of {row.share_of}"
+            told += f", {float(f'{100 * row.share:.2g}'):g} % of {row.share_of}"
     if row.effect in ("joint_flexibility", "hardening_spring", "hysteresis") and row.parameter == "stiffness":
         told += " or softer"
     if row.finest:

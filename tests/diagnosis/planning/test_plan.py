@@ -251,6 +251,34 @@ def test_a_second_encoder_tells_on_which_side_of_a_gear_play_is(tmp_path: Path) 
     assert not tied(both, before, behind)
 
 
+SPRUNG = f"""\
+schema: 1
+name: sprung
+blocks:
+  source: {{type: Step, height: 1 N.m}}
+  drive: {{type: Torque}}
+  rotor: {{type: Inertia, inertia: {INERTIA * 1e3}}}
+  flex: {{type: SpringDamper, stiffness: 1 N.m/rad, damping: 1 mN.m.s/rad}}
+  arm: {{type: Inertia, inertia: {INERTIA * 1e3}}}
+connect:
+  - [source.out, drive.torque]
+  - [drive.shaft, rotor.shaft, flex.a]
+  - [flex.b, arm.shaft]
+simulate: {{stop: 1 s, step: 2 ms}}
+"""
+
+
+def test_an_effect_in_the_place_of_a_spring_is_tried_though_its_twist_could_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "sprung.yaml"
+    path.write_text(SPRUNG, encoding="utf-8")
+    found = flexarm.plan(path, measure={"arm.shaft.angle": "1e-4 rad"}, only=("backlash",))
+    assert row(found, "backlash", "flex").shows
+    assert not [why for _, why in found.failures if "flex.twist" in why]
+    assert "no sensor of flex.twist is looked at: an effect takes its place" in found.planned.assumed
+    other = flexarm.plan(path, measure={"arm.shaft.angle": "1e-4 rad"}, only=("offset",))
+    assert not [text for text in other.planned.assumed if "flex.twist" in text]
+
+
 def test_a_plan_does_not_depend_on_threads_or_samples(tmp_path: Path) -> None:
     effects = ("coulomb_friction", "offset", "torque_ripple")
     path = motor(tmp_path, both_ways)
