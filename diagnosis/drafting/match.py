@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -322,7 +322,26 @@ def _measured(
     for _, row in rows:
         taken.setdefault(row.end, row)
     order = {s.name: k for k, s in enumerate(log.signals)}
-    return tuple(sorted(taken.values(), key=lambda m: order[m.column]))
+    return tuple(sorted(_counted_alike(log, list(taken.values())), key=lambda m: order[m.column]))
+
+
+def _counted_alike(log: LogFile, rows: Sequence[Match]) -> list[Match]:
+    """Encoders with the counts per revolution by which they move as far as sensors of a stated unit say.
+
+    The model as given may be a tenth off, and 4000 and 4096 counts are nearer to each other than that.
+    """
+    stated = [m for m in rows if log.signal(m.column).unit not in ("", "count") and not m.scale]
+    told = [m.gain for m in stated if abs(m.correlation) > 0.6 and 0.7 < m.gain < 1.45]
+    if not told:
+        return list(rows)
+    middle = float(np.median(told))
+
+    def counted(m: Match) -> Match:
+        in_turn = m.gain * m.counts_per_rev
+        counts = float(min(COUNTS, key=lambda n: abs(math.log(n * middle / in_turn))))
+        return replace(m, counts_per_rev=counts, gain=in_turn / counts)
+
+    return [counted(m) if m.counts_per_rev else m for m in rows]
 
 
 def _same(a: Vector, b: Vector, alike: float = 0.98) -> bool:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from diagnosis.compare import compare
 from diagnosis.drafting.draft import draft, inserted, text
 from diagnosis.drafting.log_file import look, stated_unit
-from diagnosis.drafting.match import Matches, match
+from diagnosis.drafting.match import Match, Matches, _counted_alike, match
 from diagnosis.recordings.paths import VARIABLE
 from engine.errors import FlexarmError
 from engine.simulate import Drive, simulate
@@ -81,6 +81,34 @@ def test_a_machine_no_longer_rests_once_its_command_has_changed(tmp_path: Path) 
     log = look(tmp_path / "log.csv")
     assert log.still == 39
     assert log.signal("u").rest == 0.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "gain", "counts"),
+    [
+        ("speed [rpm]", 0.891, 4096.0),
+        ("speed [rpm]", 0.914, 4000.0),
+        ("speed", 0.891, 4000.0),
+        ("speed [rpm]", 0.3, 4000.0),
+    ],
+)
+def test_an_encoder_moves_as_far_as_a_sensor_of_a_stated_unit_says(
+    tmp_path: Path, speed: str, gain: float, counts: float
+) -> None:
+    """The model as given may be a tenth off; one that is three times off has another unit, and says nothing."""
+    t = np.arange(300) * 0.005
+    moved = np.floor(2e3 * np.sin(3 * t))
+    rows = np.column_stack([t, np.cos(t), moved, 300 * np.cos(3 * t)])
+    header = f"t,u,enc [counts],{speed}"
+    np.savetxt(tmp_path / "log.csv", rows, "%.8g", ",", header=header, comments="")
+    given = (
+        Match("enc [counts]", "motor.shaft.angle", "count", 1, "", 4000.0, 1.0, 0.914, 0.0, 0, "likely"),
+        Match(speed, "motor.shaft.speed", "rpm", 1, "", 0.0, 1.0, gain, 0.0, 0, "likely"),
+    )
+    enc, other = _counted_alike(look(tmp_path / "log.csv"), given)
+    assert enc.counts_per_rev == counts
+    assert enc.gain * enc.counts_per_rev == pytest.approx(0.914 * 4000)
+    assert other is given[1]
 
 
 def test_columns_are_told_apart_by_the_model(found: Matches) -> None:
