@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.model import Model
+from engine.rows import check_rows
 from engine.simulate import Result, SimulationKeywords, SimulationOptions
 from engine.simulate import simulate as run_model
 from flexarm.cut import Cut, Source, as_scenario, cut
 from flexarm.design.point import point
-from flexarm.times import check_rows
 from scenarios.load import si
 from scenarios.validate import ScenarioError
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from engine.errors import FlexarmError, SimulationError, Where
 from engine.quantity import convert
+from engine.rows import check_rows
 from engine.simulate import Drive, simulate
 from flexarm.cut import cut
-from flexarm.times import check_rows
 from fmu.variables import flat, structured
 from fmu.verify import Trace, cosim, find
 

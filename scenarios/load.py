@@ -13,6 +13,7 @@ from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.files import is_file
 from engine.ports import MOTION
 from engine.quantity import convert
+from engine.rows import check_rows
 from engine.system import System
 from scenarios.common import root_scope, substitute
 from scenarios.document import Node, parse, read
@@ -299,8 +300,10 @@ def _simulation(document: Node, file: ScenarioFile, flat: Flat) -> Simulation | 
 
     stop, step = positive("stop"), positive("step") or 1e-3
     assert stop is not None
-    if step > stop:
-        raise ScenarioError(f"the step ({step:g} s) is longer than the simulation", document.where("simulate", "step"))
+    try:
+        check_rows(stop, step)
+    except ParameterError as error:
+        raise error.at(document.where("simulate", "step")) from None
     record = None if file.simulate.record is None else tuple(flat.resolve(name) for name in file.simulate.record)
     return Simulation(stop, step, positive("internal_step"), positive("step_tolerance", "1"), record)
 

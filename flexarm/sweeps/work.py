@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from engine.errors import FlexarmError
+from engine.rows import check_rows
 from flexarm._version import version
 from flexarm.sweeps.plan import Run, SweepPlan
-from flexarm.times import check_rows
 from scenarios.files import block_files, unpacked
 
 if TYPE_CHECKING:
