@@ -69,3 +69,19 @@ def test_what_the_command_line_says_points_elsewhere(command: Callable[..., Any]
         assert answer.code == 1
         assert "axis.yaml:" not in answer.err
         assert "did you mean" in answer.err
+
+
+def test_an_input_that_is_none_is_shown_in_the_analysis_that_was_asked_for(
+    command: Callable[..., Any], tmp_path: Path
+) -> None:
+    """Though another analysis names it as well."""
+    file = tmp_path / "axis.yaml"
+    text = SCENARIO.replace("inputs: [motor.force]", "inputs: [guide.slide.speed]") % ("linearise", "trim: ''")
+    text = text.replace("    trim: ''\n", "")
+    first = text[text.index("  first:") :]
+    further = first.replace("first:", "second:").replace("[guide.slide.speed]", "[motor.force, guide.slide.speed]")
+    file.write_text(text + further, encoding="utf-8")
+    for analysis, line, place in (("first", 14, "inputs[0]"), ("second", 18, "inputs[1]")):
+        answer = command("linearise", str(file), "-a", analysis)
+        assert answer.code == 1
+        assert f"axis.yaml:{line}: analyses.{analysis}.{place}: 'guide.slide.speed' is not an input" in answer.err

@@ -41,7 +41,7 @@ BAD = {
     "misspelled record": ("load.shaft.angle]}\nan", "load.shaft.angel]}\nan", ["base.yaml:15", "record[2]", "did you"]),
     "missing parameter": ("ratio: 70", "inertia: 0", ["base.yaml:8", "needs 'ratio'", "give ratio"]),
     "missing setting": ("stop: 0.1 s, ", "", ["base.yaml:15", "simulate.stop", "missing", "give stop"]),
-    "step beyond the end": ("stop: 0.1 s", "stop: 0.1 s, step: 3 s", ["base.yaml:15", "simulate.step", "(3 s) is longer"]),
+    "step beyond the end": ("stop: 0.1 s", "stop: 0.1 s, step: 3 s", ["base.yaml:15", "simulate.step", "is longer"]),
     "out of range": ("ratio: 70", "ratio: 0", ["base.yaml:8", "blocks.gear.ratio", "must be other than 0"]),
     "NaN": ("ratio: 70", "ratio: .nan", ["base.yaml:8", "blocks.gear.ratio", "not a finite number"]),
     "no number": ("ratio: 70", "ratio: yes", ["base.yaml:8", "'yes' is not a number", "write"]),
