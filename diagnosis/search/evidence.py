@@ -93,16 +93,19 @@ def evidence(
     """
     instants = problem.experiments if instants is None else instants
     still = tuple(np.zeros(e.measured.shape) for e in instants)
+    none = Evidence(-math.inf, -math.inf, x, still)
     try:
         near = _Near(problem, x, chosen, instants)
     except SimulationError:
-        return Evidence(-math.inf, -math.inf, x, still)
+        return none
     every = range(len(instants))
     fitted = [number for number, e in enumerate(instants) if e.role != "hold_out"]
     found = near.marginal(every)
     before = near.marginal(fitted).log if len(fitted) < len(instants) else 0.0
     if followed:
         near, found = _followed(near, found)
+    if not math.isfinite(found.log):
+        return none  # a run that leaves all bounds there speaks for nothing
     owed = 0.0 if followed or len(fitted) == len(instants) else found.owed
     there, changes = near.stepped(found.step)
     return Evidence(found.log, found.log - before, there, tuple(changes), owed)

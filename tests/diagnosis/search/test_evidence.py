@@ -426,3 +426,11 @@ def test_a_model_whose_simulation_fails_is_the_least_likely_of_all(monkeypatch: 
     for noise in get_args(Noise):
         standing, failed = (problem.misfit(x, problem.training, noise=noise) for x in (np.zeros(0), np.zeros(1)))
         assert failed > standing
+
+
+def test_an_evidence_that_is_no_number_speaks_for_nothing() -> None:
+    """Nothing tells a parameter, neither its prior nor the recordings: the volume that is left to it is none."""
+    table = np.column_stack([np.ones(500), np.zeros(500)])
+    problem: Any = Linear([recorded(np.zeros((500, 1)))], [table], np.array([1.0, np.inf]))
+    with np.errstate(divide="ignore"):
+        assert evidence(problem, np.zeros(2)).log == -np.inf
