@@ -334,10 +334,21 @@ def relieved(refit: ScoredModel, model: ScoredModel) -> float:
 
 
 def explained(refit: ScoredModel, model: ScoredModel) -> float:
-    """Share of the held-out excess that a model explains, or of `relieved` if that is more."""
-    beyond = refit.hold_out - floor(model)
-    of_excess = (refit.hold_out - model.hold_out) / beyond if beyond > 0 else 0.0
-    return min(max(of_excess, relieved(refit, model), 0.0), 1.0)
+    """Share of the held-out excess that a model explains, or of `relieved` if that is more.
+
+    What lets bent parameters return explains what these had made up for. Where more than noise is left, its share is
+    no more than that of what the user's model leaves with its parameters as given.
+    """
+    share, relief = _share_of(refit.hold_out, model), relieved(refit, model)
+    if relief > share and misses(model.unseen):
+        relief = min(relief, _share_of(refit.given, model))
+    return min(max(share, relief, 0.0), 1.0)
+
+
+def _share_of(left: float, model: ScoredModel) -> float:
+    """Share of what is left beyond the sensors' noise that a model explains; both mean squared residuals, held out."""
+    beyond = left - floor(model)
+    return (left - model.hold_out) / beyond if beyond > 0 else 0.0
 
 
 def may_imitate(refit: ScoredModel, model: ScoredModel) -> bool:

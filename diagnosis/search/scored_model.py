@@ -7,6 +7,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from diagnosis.effects.effect import Candidate
 from diagnosis.estimation.growing import beginning
 from diagnosis.estimation.held_out_starts import with_held_out_starts
@@ -80,6 +82,12 @@ class ScoredModel:
         """What the user's own parameters cost against their tolerances."""
         pairs = zip(self.fit.problem.free, self.fit.x, strict=True)
         return float(sum((x / f.spread) ** 2 for f, x in pairs if f.prior and not f.recording))
+
+    @functools.cached_property
+    def given(self) -> float:
+        """Mean squared residual on held-out data with all parameters as they are given, as of `hold_out`."""
+        problem = self.fit.problem
+        return problem.chi2(np.zeros(len(problem.free)), problem.judged)
 
     @functools.cached_property
     def in_step(self) -> bool:
