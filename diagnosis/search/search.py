@@ -189,10 +189,14 @@ class _Search:
         """Whether the time that is allowed was over before all was tried."""
 
     def begin(self) -> None:
-        """Add one effect, if even a perfect one would pay; once."""
+        """Add one effect, if even a perfect one would pay beside the user's own model; once.
+
+        Models of other recordings that are known here change nothing of that: what these recordings show more, others
+        may explain better.
+        """
         self.known.bounded = True
         if self._begun is None:
-            self._begun = not self._enough(1)
+            self._begun = self.known.refit.room >= self.known.price + SEARCH.effort
             if self._begun:
                 if self.looked is None:
                     self._first()
@@ -226,6 +230,8 @@ class _Search:
             self._enriched(left[0])
             if left[0] is self.known.best:
                 self._doubted(left[0])
+                if left[0] is not self.known.best:
+                    self._vary()
         for rival in self._rivals() if self._explains_most else []:
             self._chosen_anew(rival)
             for effect in rival.effects:
@@ -238,12 +244,13 @@ class _Search:
             self.known.settled(model)
 
     def reduce(self) -> None:
-        """Put simpler laws in the places of those of what leads, although the time is over: it is about to be told.
+        """Fit what leads to its end, and simpler laws in the places of its own, although the time is over: it is told.
 
-        The simpler law may do as well. Without a fit of its own it could not be told in the place of the richer one.
+        Of an end that is none no interval is told. The simpler law may do as well, and without a fit of its own it
+        could not be told in the place of the richer one.
         """
         self.known.bounded = False
-        leader = self.known.best
+        leader = self.known.settled(self.known.best)
         for effect in leader.effects:
             self._simpler(leader, effect)
 
@@ -306,10 +313,18 @@ class _Search:
     def _doubted(self, model: ScoredModel) -> None:
         """Put other effects beside a simpler law that explains nearly as much as the law of a model.
 
-        What the richer law explains beyond that may be a nuisance, for which another effect accounts as well.
+        What the richer law explains beyond that may be a nuisance, or a second effect, for which another one beside the
+        simpler law accounts as well, or better: where the richer law leaves more than a further effect costs, the
+        simpler one need only explain most of what it does.
         """
+        leaves = model.room >= self.known.price + SEARCH.effort
         same = [m for m in self.known.models if len(m.keys) == len(model.keys) and is_simpler(m, model)]
-        poorer = [m for m in same if owes_little(model, m, self.known.explained)]
+        poorer = [
+            m
+            for m in same
+            if owes_little(model, m, self.known.explained)
+            or (leaves and all(self._does_most(m, model, c) for c in model.effects if c.key not in m.keys))
+        ]
         if not poorer:
             return
         for simpler in poorer:
@@ -402,12 +417,12 @@ class _Search:
         if self._follow(most):
             return
         for count in range(2, most + 1):
-            if count == 2 and not self._enough(count):
+            if count == 2 and not self._enough():
                 self._look_back(most)
             # Of three effects two explain most: where they do not, what is missing is not among those that are listed.
-            if self._enough(count) or (count > 2 and not self._explains_most):
+            if self._enough() or (count > 2 and not self._explains_most):
                 return
-            if self._is_weak(self._leader(count)):
+            if self._is_weak(self._leader()):
                 self._extend_whole(most)
             else:
                 self._deepen(count)
@@ -424,8 +439,8 @@ class _Search:
         that promise most together come before a second beside the first: what promised most alone may be a mixture.
         """
         for count in range(2, most + 1):
-            before = self._leader(count)
-            if self._enough(count) or self._is_weak(before) or (count > 2 and not self._explains_most):
+            before = self._leader()
+            if self._enough() or self._is_weak(before) or (count > 2 and not self._explains_most):
                 return False
             if count == 2:
                 self._pairs(SEARCH.few, before)
@@ -434,7 +449,7 @@ class _Search:
                     self._pairs_of_beginnings(before)
                     before = self._best_alone(before)
             # What leads is extended before the search gives up, however long pairs have taken that are no better.
-            if count > 2 or self.known.best.keys == before.keys or not self._enough(3):
+            if count > 2 or self.known.best.keys == before.keys or not self._enough():
                 self._extend(before, self.listed)
             whole = self.known.leading[1]
             if len(self.known.best.keys) <= len(before.keys) and len(before.effects) < len(whole.effects) < most:
@@ -442,14 +457,14 @@ class _Search:
                 self._extend(whole, self.listed)
             if len(self.known.best.keys) <= len(before.keys):
                 return False
-            if not self._enough(count + 1):
+            if not self._enough():
                 self._enriched(self.known.best)  # a richer law costs less than a further effect
-            if self._enough(count + 1):
+            if self._enough():
                 if count > 2:
                     self._paired_otherwise(self.known.best)
                 self._vary()
                 self._finish_waiting()
-                return self._enough(count + 1)
+                return self._enough()
         return False
 
     def _best_alone(self, before: ScoredModel) -> ScoredModel:
@@ -475,8 +490,10 @@ class _Search:
         What is as strong whatever moves, and little, is a sensor's coloured noise, or one weak effect more; what is
         little beside the effects that are in is a nuisance, or one weak effect more.
         """
+        if not before.effects or strained(before, self.known.tried):
+            return False
         steady = before.left.varying < self.known.price + SEARCH.effort and not misses(before.left)
-        return bool(before.effects) and (complete(before, self.known.refit) or steady)
+        return complete(before, self.known.refit) or steady
 
     def _extend_whole(self, most: int) -> None:
         """Add an effect to what leads as it is: two weak effects may each owe too little while the other is missing."""
@@ -490,37 +507,37 @@ class _Search:
         What is better than the best may have looked worse after a few steps on coarse recordings. Beside a pair that
         leaves nothing it is soon seen that most do not come near.
         """
-        before = self._leader(2)
+        before = self._leader()
         if self._is_weak(before):
             self._extend_whole(most)
         else:
             for parent in self._parents(1)[:1]:
                 self._extend(parent, self.listed)
-        if self.known.best is not before and self._enough(2):
+        if self.known.best is not before and self._enough():
             self._vary()
         self._finish_waiting()
-        if not self._enough(2):
+        if not self._enough():
             self._other_laws()
 
-    def _leader(self, count: int) -> ScoredModel:
-        """The best model so far; one with effects is fitted until it is sure that it ends there."""
-        return self.known.best if count == 1 else self._cut_anew(self.known.confirmed(self.known.best))
+    def _leader(self) -> ScoredModel:
+        """The best model so far, fitted until it is sure that it ends there."""
+        return self._cut_anew(self.known.confirmed(self.known.best))
 
-    def _enough(self, count: int) -> bool:
-        """Whether nothing is left that a further effect, of so many, could explain, or the search gives up.
+    def _enough(self) -> bool:
+        """Whether nothing is left that a further effect could explain, or the search gives up.
 
         Where the user's model leaves no more than a sensor's noise may, one effect is the most, unless parameters are
         far off with it: nuisances are as large there as a second one.
         """
-        if count > 1 and self.known.given_up:
+        if self.known.given_up:
             return True
-        before = self._leader(count)
+        before = self._leader()
         done = complete(before, self.known.refit)
         if done and not misses(before.unseen) and not strained(before, self.known.tried):
             return True
         if before.room < self.known.price + SEARCH.effort:
             return True
-        if count == 1 or misses(self.known.refit.left):
+        if misses(self.known.refit.left):
             return False
         return not before.effects or not strained(before, self.known.tried)
 
@@ -597,15 +614,15 @@ class _Search:
         for best in parents[:1]:
             # What promised little beside the user's model may promise most beside the best one.
             self._extend(best, self.listed)
-            if not self._enough(count + 1):
+            if not self._enough():
                 self._finish_beside(best)
-        if count == 2 and not self._enough(count + 1):
+        if count == 2 and not self._enough():
             # Two that hide each other promise little one by one: more of these pairs, now that no other explains all.
             self._pairs(SEARCH.fitted)
         # Two effects are likelier than three: where no pair explains all, those that lead less are extended too; pairs
         # where they are near the best, for of three effects two explain most.
         for number, parent in enumerate(parents if count == 2 else parents[: SEARCH.beam]):
-            if number == 0 or self._enough(count + 1) or (count > 2 and self.known.worth(parent) < self.known.reach):
+            if number == 0 or self._enough() or (count > 2 and self.known.worth(parent) < self.known.reach):
                 continue
             before = [m.keys for m in parents[:number]]
             among = [c for c in self._order[: SEARCH.beside] if not any(k <= parent.keys | {c.key} for k in before)]
@@ -670,8 +687,9 @@ class _Search:
 
     def _varied(self, model: ScoredModel) -> None:
         """Take each effect of a model away; put it elsewhere, others in its place, a known pair in the place of one."""
-        self.known.finish_waiting(lambda p: related(p.effects[-1], model.effects))
-        self._finish_dropped(model)
+        alike = {c.key for effect in model.effects for c in self._mimics(effect)}
+        self.known.finish_waiting(lambda p: p.effects[-1].key in alike or related(p.effects[-1], model.effects))
+        self._finish_dropped(model, alike)
         singles = sorted((m for m in self.known.models if len(m.effects) == 1), key=self.known.worth, reverse=True)
         best = best_ways([*(m.effects[0] for m in singles), *self._order])
         pairs = [c for c in lookalikes(model, best) if prices(c) <= SEARCH.most]
@@ -760,12 +778,15 @@ class _Search:
                     tasks.append((both, [standing(m.fit), standing(model.fit)]))
             self.known.fit(tasks, len(tasks), near=model)
 
-    def _finish_dropped(self, model: ScoredModel) -> None:
+    def _finish_dropped(self, model: ScoredModel, alike: Collection[str]) -> None:
         """Fit to the end what had no turn although it is akin to a model: as many effects, each akin to one of its own.
 
         A few steps do not tell such models apart: those with effects at its places, the same ones, or their imitations.
+
+        Args:
+            model: which.
+            alike: its imitations, by key.
         """
-        alike = {c.key for effect in model.effects for c in self._mimics(effect)}
         akin = [
             p
             for p in self.known.dropped
@@ -1069,7 +1090,8 @@ class _Search:
         if origin is None or fitter.tables:
             return []
         found = [course for c in self._looked_at for course in courses(origin, c)[: SEARCH.sizes]]
-        alone = self.known.best.effects if len(self.known.best.effects) == 1 else ()
+        best = self.known.best
+        alone = best.effects if len(best.effects) == 1 and not strained(best, self.known.tried) else ()
         among = together(found, origin, most, fitter.likelier(than) if than is not None else -math.inf)
         return [pair for pair in among if not any(is_in(c, a) or is_in(a, c) for c in pair for a in alone)]
 

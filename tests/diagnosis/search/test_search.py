@@ -105,6 +105,7 @@ class World:
             left=left,
             unseen=left,
             hold_out=float(left.energy[0]) / COUNT,
+            given=math.inf,
             log_evidence=left.log_likelihood,
             foretold=left.log_likelihood,
             cost=float(left.energy[0]),
@@ -228,6 +229,16 @@ NONE = np.zeros(2)
 OTHERS = [effect(f"other_{k}", f"place {k}") for k in range(12)]
 
 
+def test_what_leads_beside_a_simpler_law_is_varied_in_its_turn() -> None:
+    """Drag beside Coulomb friction takes the place of Stribeck friction, and a lag that imitates it does better yet."""
+    drag, lag = effect("quadratic_drag"), effect("sensor_lag", "sensor")
+    pairs = {f"{FRICTION.key} + {drag.key}": 100.0, f"{FRICTION.key} + {lag.key}": 0.0}
+    promise = {FRICTION.key: 2000.0, STRIBECK.key: 3000.0, drag.key: 1000.0, lag.key: 1.0}
+    shapes = {drag.key: (0.0, 1.0), lag.key: (0.1, 1.0)}
+    world = World(by({FRICTION.key: 9e4, STRIBECK.key: 1e4} | pairs), promise, shapes=shapes)
+    assert run(world, [FRICTION, STRIBECK, drag, lag]).known.best.keys == {FRICTION.key, lag.key}
+
+
 def test_two_that_promise_most_together_are_fitted_before_a_second_beside_the_first(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -293,6 +304,31 @@ def test_a_pair_with_what_leads_or_a_law_of_its_kind_is_left_to_its_extension(mo
     world.fitted.clear()
     made._pairs(3)
     assert world.fitted == [frozenset({LAG.key, drag.key})]
+
+
+@pytest.mark.parametrize(("strain", "whole"), [(0.0, False), (850.0, True)])
+def test_beside_bent_parameters_a_second_effect_is_strong_and_begins_with_the_first(
+    monkeypatch: pytest.MonkeyPatch, strain: float, whole: bool
+) -> None:
+    """Stribeck friction leaves nothing with parameters 20 tolerances off, which make up for a lag.
+
+    From where it ended, the lag gains nothing; the pair begun together does, and is fitted only if they are bent.
+    """
+
+    class Bent(World):
+        def made(self, effects: tuple[Candidate, ...], *, after: Excess | None = None) -> Any:
+            ended = any(c.key == STRIBECK.key and c.starts[0] == {"p0": 0.2, "p1": 0.2, "p2": 0.2} for c in effects)
+            made = super().made(effects, after=by({STRIBECK.key: 10.0}) if ended else after)
+            made.strain = strain if STRIBECK.key in made.keys and (ended or len(effects) == 1) else 0.0
+            made.bent = made.strain > made.own
+            made.room += 0.5 * made.strain
+            made.log_evidence -= 0.5 * made.strain
+            return made
+
+    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [(STRIBECK, LAG)])
+    world = Bent(by({STRIBECK.key: 10.0, f"{STRIBECK.key} + {LAG.key}": 0.0}))
+    found = run(world, [STRIBECK, LAG, *OTHERS])
+    assert (found.known.best.keys == {STRIBECK.key, LAG.key}) == whole
 
 
 def test_a_pair_that_is_no_better_over_the_beginnings_than_what_leads_is_not_fitted_to_all(
@@ -374,6 +410,21 @@ def test_a_law_that_explains_little_more_is_held_against_other_effects_beside_th
     found = run(world, [FRICTION, STRIBECK, offset], most=2)
     odds = probabilities(found.known.told, found.known.tried)
     assert max(odds, key=lambda keys: odds[keys]) == {told.key}
+
+
+@pytest.mark.parametrize(("simple", "rich", "found"), [(9e4, 1e4, True), (6e5, 1e4, False), (9e4, 0.0, False)])
+def test_a_richer_law_is_held_against_a_second_effect_beside_the_simpler_one(
+    simple: float, rich: float, found: bool
+) -> None:
+    """Coulomb friction leaves nine times what Stribeck friction does, and nothing beside a drag.
+
+    Where it does not explain most of what the richer law does, or that leaves nothing, it is not extended.
+    """
+    drag = effect("quadratic_drag")
+    table = {FRICTION.key: simple, STRIBECK.key: rich, f"{FRICTION.key} + {drag.key}": 0.0}
+    world = World(by(table), {FRICTION.key: 2000.0, STRIBECK.key: 3000.0, drag.key: 1000.0})
+    run(world, [FRICTION, STRIBECK, drag])
+    assert (frozenset({FRICTION.key, drag.key}) in world.fitted) == found
 
 
 @pytest.mark.parametrize(("left", "ways"), [(5e3, {"upper", "both"}), (0.0, {"upper"})])
@@ -512,6 +563,22 @@ def test_what_leads_is_reduced_to_the_simpler_law_although_the_time_is_over(monk
     found = between_recordings(monkeypatch, lambda model: False, world, [FRICTION, STRIBECK, LAG])
     assert found.ended_early
     assert found.best == {FRICTION.key, LAG.key}
+
+
+def test_what_leads_is_fitted_to_its_end_although_the_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an end that is none no interval is told."""
+    world = World(by({LAG.key: 5e4, f"{FRICTION.key} + {LAG.key}": 0.0}))
+    pair = world.made((FRICTION, LAG))
+    pair.fit.converged = False
+
+    def grow(self: Any, most: int) -> None:
+        self.known.keep(pair)
+        world.allowed = 0.0
+
+    monkeypatch.setattr(searching._Search, "_grow", grow)
+    found = between_recordings(monkeypatch, lambda model: False, world, [FRICTION, LAG])
+    assert found.ended_early
+    assert world.settlings == [pair.keys]
 
 
 @pytest.mark.parametrize(("owed", "least", "followed"), [(5.0, 0.0, True), (0.1, 0.0, False), (5.0, 4e4, False)])
@@ -671,6 +738,22 @@ def test_what_imitates_the_best_is_fitted_to_the_end_though_a_few_steps_left_mor
     world = World(by({c.key: 100.0 for c in others} | {weight.key: 50.0, offset.key: 200.0}), shapes=shapes)
     world.excess_at_end = by({c.key: 500.0 for c in others} | {weight.key: 100.0, offset.key: 0.0})
     assert run(world, [*others, weight, offset]).known.best.keys == {offset.key}
+
+
+def test_what_imitates_the_best_does_not_wait_to_be_fitted_to_the_end() -> None:
+    """Three joints had their turn and came nowhere near a delay that explains all; a sensor's lag waited, which does.
+
+    It acts elsewhere, and by another law: that the recordings do not tell them apart is what says it is akin.
+    """
+    delay, lag = effect("delay", "u"), effect("sensor_lag", "sensor")
+    shapes = {delay.key: (0.0, 1.0), lag.key: (0.1, 1.0)}
+    left = {c.key: 50.0 + k for k, c in enumerate(OTHERS[:6])}
+    promise = {c.key: 2900.0 for c in (*OTHERS[:6], lag)} | {delay.key: 3000.0}
+    world = World(by({delay.key: 0.0, lag.key: 300.0} | left), promise, shapes=shapes)
+    world.excess_at_end = by({delay.key: 0.0, lag.key: 1.0} | dict.fromkeys(left, 900000.0))
+    found = run(world, [delay, *OTHERS[:6], lag])
+    assert frozenset({lag.key}) in world.fitted
+    assert len(probabilities(found.known.told, found.known.tried)) > 1
 
 
 def test_what_imitates_an_effect_has_a_turn_whatever_else_does_so_at_more_places() -> None:
@@ -1472,6 +1555,16 @@ def test_models_that_were_known_are_fitted_again_from_where_they_ended() -> None
     made.fit_known([world.made((FRICTION,))])
     assert world.fitted == [frozenset({FRICTION.key})]
     assert made.known.best.effects[0].starts == ({"p0": 0.2},)
+
+
+def test_beside_a_known_model_that_explains_all_other_first_effects_are_fitted_too() -> None:
+    """Hysteresis explained all of other recordings; in these a joint, of which nothing was known, does as well."""
+    joint = effect("joint_flexibility", "joint")
+    world = World(by({FRICTION.key: 10.0, joint.key: 0.0}))
+    made: Any = searching._Search(world, world.refit, [FRICTION, joint], None)  # type: ignore[arg-type]
+    made.fit_known([world.made((FRICTION,))])
+    made.begin()
+    assert made.known.best.keys == {joint.key}
 
 
 def test_a_known_model_that_cannot_begin_where_it_ended_begins_anew_effect_by_effect() -> None:
