@@ -36,6 +36,9 @@ LATE = ("delay", "lag", "inductance", "rate_limit")
 """Effects by which what drives comes later. However little that is, where a command jumps an acceleration is read
 before it, and without them after it: a nanosecond shows as much as a millisecond."""
 
+TIMES = ("delay", "lag")
+"""Those of them whose size is a time. By a thousandth of a sample nothing is seen to be late."""
+
 LOUDEST, SOFTEST = 4.0, 0.15
 """How far the commands are scaled for an effect that has no size of its own."""
 
@@ -252,7 +255,8 @@ def hide(
             raise Unseen(f"{site} cannot be made {multiple:g} times as large as can be seen")
         if quick and effect.name == "backlash" and alone(1e-3 * size) > ACCESSORY * found[-1][2]:
             raise Unseen(f"{site} shows by its faces, which give, and not by its gap")
-        if quick and effect.name in LATE and alone(1e-3 * size) > ACCESSORY * found[-1][2]:
+        hardly = 1e-3 * (bench.interval if effect.name in TIMES else size)
+        if quick and effect.name in LATE and alone(hardly) > ACCESSORY * found[-1][2]:
             raise Unseen(f"{site} shows by the side of a jump that is read, and not by how late it comes")
         if quick and effect.name == "end_stop" and not _in_training(bench, base, concealed[-1], quick) > 1:
             raise Unseen(f"{site} is met by no recording to train on")

@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 WIDEST = 3.0
 """How many tolerances a refitted parameter may leave its nominal value."""
 
-STEPS = 5
-"""Steps of `GaussNewton`, at most."""
+STEPS = 12
+"""Undamped steps, at most."""
 
 ENOUGH = 1e-3
 """Mean square, in floors, that is as good as none."""
@@ -36,7 +36,10 @@ def least_squares(
     spacing: float = 1e-3,
     longest: float = 1.0,
 ) -> tuple[Array, float]:
-    """Levenberg-Marquardt with differences, within bounds; a run that diverges counts as infinitely bad.
+    """Levenberg-Marquardt with differences, then undamped steps, within bounds.
+
+    A run that diverges counts as infinitely bad. Damped steps creep along a ridge, such as of a link that gives and a
+    joint that does; undamped ones go along it.
 
     Args:
         residual: to be made small.
@@ -51,11 +54,7 @@ def least_squares(
     """
 
     def evaluate(at: Array) -> Array | None:
-        try:
-            found = residual(at)
-        except (Diverged, ValueError, OverflowError, np.linalg.LinAlgError):
-            return None
-        return found if np.isfinite(found).all() else None
+        return _evaluated(residual, at)
 
     r, damping = evaluate(x), 1e-3
     if r is None:
@@ -85,7 +84,58 @@ def least_squares(
             damping *= 8
         if before - cost < 1e-4 * before + 1e-9:
             break
-    return x, cost
+    x, r = undamped(residual, x, r, low=np.broadcast_to(low, x.shape), high=np.broadcast_to(high, x.shape))
+    return x, float(r @ r)
+
+
+def undamped(
+    residual: Callable[[Array], Array], x: Array, r: Array, *, low: Array, high: Array, first: Array | None = None
+) -> tuple[Array, Array]:
+    """Gauss-Newton steps within bounds, each shortened until it gains; `STEPS` of them, or fewer if they gain little.
+
+    Args:
+        residual: to be made small.
+        x: start.
+        r: residual there.
+        low, high: bounds.
+        first: derivatives there, if they are known.
+
+    Returns:
+        Where they end, and the residual there.
+    """
+    for iteration in range(STEPS):
+        J = first if iteration == 0 and first is not None else _derivatives(residual, x, r)
+        cost = float(r @ r)
+        scale = np.linalg.norm(J, axis=0)
+        scale[scale == 0] = 1.0
+        Q, R = np.linalg.qr(J / scale)
+        bounds = ((low - x) * scale - 1e-12, (high - x) * scale + 1e-12)
+        move = lsq_linear(R, -Q.T @ r, bounds=bounds, method="bvls").x / scale
+        for _ in range(5):
+            at = np.clip(x + move, low, high)
+            tried = _evaluated(residual, at)
+            if tried is not None and float(tried @ tried) < cost:
+                x, r = at, tried
+                break
+            move /= 3
+        if cost - float(r @ r) < 0.02 * cost or float(r @ r) < ENOUGH * len(r):
+            break
+    return x, r
+
+
+def _evaluated(residual: Callable[[Array], Array], at: Array) -> Array | None:
+    """A residual, or none where a run diverges."""
+    try:
+        found = residual(at)
+    except (Diverged, ValueError, OverflowError, np.linalg.LinAlgError):
+        return None
+    return found if np.isfinite(found).all() else None
+
+
+def _derivatives(residual: Callable[[Array], Array], x: Array, here: Array, spacing: float = 1e-4) -> Array:
+    """By differences; none where a run diverges a hair away."""
+    moved = (_evaluated(residual, x + spacing * e) for e in np.eye(len(x)))
+    return np.stack([np.zeros(len(here)) if m is None else (m - here) / spacing for m in moved], axis=1)
 
 
 def refit(bench: Bench, start: Truth, target: Sequence[Array]) -> Truth:
@@ -165,7 +215,9 @@ class GaussNewton:
         given = np.array([start.parameters[name] for name in self.names])
         self.origin = np.clip(np.log(given / self.centre) / self.width, -WIDEST, WIDEST)
         self.outset = self._outputs(self.origin)
-        self.first = self._derivatives(self.origin, self.outset)
+        self.first = _derivatives(self._outputs, self.origin, self.outset)
+        self.end: Array | None = None
+        """Where the last refit ended."""
 
     def _at(self, x: Array) -> Truth:
         values = self.centre * np.exp(self.width * x)
@@ -175,38 +227,28 @@ class GaussNewton:
     def _outputs(self, x: Array) -> Array:
         return np.concatenate([np.ravel(y) for y in self.train.outputs(self._at(x))])
 
-    def _derivatives(self, x: Array, here: Array) -> Array:
-        spacing = 1e-4
-        moved = [(self._outputs(x + spacing * e) - here) / spacing for e in np.eye(len(x))]
-        return np.vstack([np.stack(moved, axis=1), np.eye(len(x))])
-
     def refit(self, target: Sequence[Array]) -> Truth:
-        """Nominal parameters, within `WIDEST` tolerances, that bring the start closest to noise-free outputs."""
+        """Nominal parameters, within `WIDEST` tolerances, that bring the start closest to noise-free outputs.
+
+        Begun from the start, and from where the refit before ended, if more than nothing is left: targets come by
+        their size, and a resonance that one of them has moved far is followed there by steps.
+        """
         parts = [np.ravel(y) for y, hold in zip(target, self.bench.held_out, strict=True) if not hold]
         wanted = np.concatenate(parts)
-        x, made, J = self.origin, self.outset, self.first
-        r = np.concatenate([made - wanted, x])
-        for iteration in range(STEPS):
-            if iteration:
-                J = self._derivatives(x, made)
-            cost = float(r @ r)
-            scale = np.linalg.norm(J, axis=0)
-            Q, R = np.linalg.qr(J / scale)
-            bounds = ((-WIDEST - x) * scale - 1e-12, (WIDEST - x) * scale + 1e-12)
-            move = lsq_linear(R, -Q.T @ r, bounds=bounds, method="bvls").x / scale
-            for _ in range(5):
-                at = np.clip(x + move, -WIDEST, WIDEST)
-                try:
-                    there = self._outputs(at)
-                except Diverged:
-                    there = np.full(len(made), math.inf)
-                tried = np.concatenate([there - wanted, at])
-                if float(tried @ tried) < cost:
-                    x, made, r = at, there, tried
-                    break
-                move /= 3
-            if cost - float(r @ r) < 0.02 * cost or float(r @ r) < ENOUGH * len(r):
-                break
+        edge = np.full(len(self.origin), WIDEST)
+
+        def residual(x: Array) -> Array:
+            return np.concatenate([self._outputs(x) - wanted, x])
+
+        first = np.vstack([self.first, np.eye(len(self.origin))])
+        begun = np.concatenate([self.outset - wanted, self.origin])
+        x, r = undamped(residual, self.origin, begun, low=-edge, high=edge, first=first)
+        if self.end is not None and float(r @ r) > ENOUGH * len(r):
+            again = _evaluated(residual, self.end)
+            if again is not None:
+                end, left = undamped(residual, self.end, again, low=-edge, high=edge)
+                x = end if float(left @ left) < float(r @ r) else x
+        self.end = x
         return self._at(x)
 
 
