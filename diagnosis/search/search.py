@@ -730,7 +730,7 @@ class _Search:
         self._beside(kept, model, SEARCH.exchanged, list(others.values()))
         keys = frozenset(c.key for c in kept)
         wanted = [c for c in self._mimics(effect) if not self._as_close(keys | {c.key}, model)]
-        tasks = [((*kept, c), _begun_from(model)) for c in _able_beside(kept, wanted)]
+        tasks = [((*kept, c), self._begun_from(model)) for c in _able_beside(kept, wanted)]
         self.known.fit(tasks, len(tasks), near=model)
 
     def _mimics(self, effect: Candidate) -> list[Candidate]:
@@ -856,7 +856,7 @@ class _Search:
                 kept = tuple(ended(model, c) for c in model.effects if c is not effect)
                 near = [c for c in self.listed if c.effect == effect.effect and _is_moved(across(c, effect), bent)]
                 anew = [replace(c, starts=ended(model, effect).starts) for c in near]
-                tasks = [((*kept, c), _begun_from(model)) for c in _able_beside(kept, anew)]
+                tasks = [((*kept, c), self._begun_from(model)) for c in _able_beside(kept, anew)]
                 found += self.known.fit(tasks, len(tasks), near=model)
             model = max(found, key=self.known.worth)
         return self.known.best
@@ -948,7 +948,7 @@ class _Search:
             most: number of models that are fitted.
             among: effects to put in.
         """
-        parents = _begun_from(than)
+        parents = self._begun_from(than)
         keys = frozenset(c.key for c in kept)
         others = [c for c in among if not self._as_close(keys | {c.key}, than)]
         ways = best_ways(self._screened_beside(kept, than, parents, others))
@@ -973,7 +973,7 @@ class _Search:
             than: the model that has all of them, whose parameters are begun from.
             effect: which.
         """
-        parents = _begun_from(than)
+        parents = self._begun_from(than)
         found = ended(than, effect).starts[0]
         same = [c for c in self.listed if c.effect == effect.effect]
         alike = [replace(c, starts=(*c.starts, found)) if c.starts[0].keys() == found.keys() else c for c in same]
@@ -997,9 +997,23 @@ class _Search:
         wanting = self.known.reach - self.known.worth(self.known[keys])
         return [c for c in ways if SEARCH.promised * max(self._gains(origins, c), default=math.inf) > wanting]
 
+    def _begun_from(self, than: ScoredModel) -> list[Values]:
+        """Parameters that a further effect begins from: those of a model, first drawn back where they are bent.
+
+        Where they are so far off that a further effect is likelier, those that are given, too: what the bent ones make
+        up for is seen from there, and from a part of the way something else may look like it.
+        """
+        drawn = [drawn_back(than.fit, SEARCH.drawn)] if than.bent else []
+        given: list[Values] = [{}] if strained(than, self.known.tried) else []
+        return [*drawn, *given, standing(than.fit)]
+
     def _origins(self, kept: tuple[Candidate, ...], than: ScoredModel, parents: Sequence[Values]) -> list[Origin]:
-        """Where effects are screened beside others: at the first of a model's parents, if there are tangents."""
-        return [o for o in [self.fitter.near(than).origin(kept, parents[0])] if o is not None]
+        """Where effects are screened beside others, if there are tangents: at a model's parents before the last.
+
+        That is where it ended. Effects are screened there only if it is the only one.
+        """
+        near = self.fitter.near(than)
+        return [o for o in (near.origin(kept, values) for values in parents[:-1] or parents) if o is not None]
 
     def _pays(self, origins: Sequence[Origin], effect: Candidate) -> bool:
         """Whether an effect promises to raise the likelihood by more than it costs, at any of the origins."""
@@ -1129,11 +1143,6 @@ def _is_moved(flanges: Collection[str], blocks: Collection[str]) -> bool:
 def _as_ended(model: ScoredModel) -> tuple[Candidate, ...]:
     """The effects of a model, to start only from where its fit ended."""
     return tuple(ended(model, c) for c in model.effects)
-
-
-def _begun_from(than: ScoredModel) -> list[Values]:
-    """Parameters that a further effect begins from: those of a model, first drawn back where they are bent."""
-    return [drawn_back(than.fit, SEARCH.drawn), standing(than.fit)] if than.bent else [standing(than.fit)]
 
 
 def _able_beside(kept: Sequence[Candidate], among: Sequence[Candidate]) -> list[Candidate]:

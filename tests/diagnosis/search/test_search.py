@@ -331,6 +331,29 @@ def test_beside_bent_parameters_a_second_effect_is_strong_and_begins_with_the_fi
     assert (found.known.best.keys == {STRIBECK.key, LAG.key}) == whole
 
 
+def test_beside_bent_parameters_a_second_effect_is_looked_at_from_those_that_are_given() -> None:
+    """Gravity leaves nothing with parameters six tolerances off. A part of the way back a drag looks like a delay."""
+
+    class Bent(World):
+        def made(self, effects: tuple[Candidate, ...], *, after: Excess | None = None) -> Any:
+            made = super().made(effects, after=after)
+            made.strain = 115.0 if made.keys == {gravity.key} else 0.0
+            made.fit.problem.free, made.fit.x = (FreeParameter("arm.inertia", 1.0, 0.1, True, 0.0),), (0.6,)
+            made.bent = made.strain > made.own
+            made.room += 0.5 * made.strain
+            made.log_evidence -= 0.5 * made.strain
+            return made
+
+        def origin(self, effects: tuple[Candidate, ...], values: Any) -> Any:
+            promise = {drag.key: 3000.0 if effects and not values else -math.inf}
+            world = SimpleNamespace(promise=promise, shapes={})
+            return SimpleNamespace(builder=world, likelihood=0.0, effects=effects, refused={})
+
+    gravity, drag = effect("gravity", "arm"), effect("viscous_friction", "motor")
+    world = Bent(by({gravity.key: 10.0, f"{gravity.key} + {drag.key}": 0.0}))
+    assert run(world, [gravity, *OTHERS, drag]).known.best.keys == {gravity.key, drag.key}
+
+
 def test_a_pair_that_is_no_better_over_the_beginnings_than_what_leads_is_not_fitted_to_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
