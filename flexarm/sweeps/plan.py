@@ -174,6 +174,8 @@ def make_axes(
                 for made in _samples(model, key, value, stated):
                     samples[made.name] = made
         except FlexarmError as error:
+            if error.where is not None and error.where.file.startswith(f"--set {key}="):
+                error.where = where  # as the user gave it; a model is built for each of the values
             raise error.at(where) from None
     taken = {name: axis.key for axis in axes for name in axis.names}
     for name in samples:

@@ -483,8 +483,9 @@ def _group(group: int) -> list[int]:
     ],
 )
 def test_what_is_refused(spin: Path, texts: list[str], message: str) -> None:
-    with pytest.raises(FlexarmError, match=message):
+    with pytest.raises(FlexarmError, match=message) as refused:
         flexarm.sweep(spin, texts, "out.parquet", runs=2 if any("~" in text for text in texts) else None)
+    assert "--set" not in str(refused.value)  # the place is where the user gave it
     assert not Path("out.parquet").exists()
     assert not Path("out.parquet.parts").exists()
 
