@@ -126,7 +126,7 @@ def lucky(model: ScoredModel, simpler: ScoredModel) -> bool:
     """
     luck = max(model.left.luck, simpler.left.luck)
     near = luck > 0 and model.log_evidence - simpler.log_evidence < luck
-    return bool(simpler.effects) and near and not _alone_in_step(model, simpler) and not _unbends(model, simpler)
+    return bool(simpler.effects) and near and not _alone_follows(model, simpler) and not _unbends(model, simpler)
 
 
 def _unbends(model: ScoredModel, simpler: ScoredModel) -> bool:
@@ -134,9 +134,12 @@ def _unbends(model: ScoredModel, simpler: ScoredModel) -> bool:
     return simpler.bent and model.strain < EVIDENCE.most * simpler.strain
 
 
-def _alone_in_step(model: ScoredModel, other: ScoredModel) -> bool:
-    """Whether only the first of two models follows the beginnings of the recordings: that is no luck."""
-    return model.in_step and not other.in_step
+def _alone_follows(model: ScoredModel, other: ScoredModel) -> bool:
+    """Whether only the first of two models follows the beginnings of the recordings, or all of each: that is no luck.
+
+    By a hair's breadth of its parameters no model comes to the noise in every recording.
+    """
+    return (model.in_step and not other.in_step) or (misses(other.left) and not misses(model.left))
 
 
 def owes_little(model: ScoredModel, simpler: ScoredModel, explained: float) -> bool:
@@ -225,7 +228,7 @@ def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int)
     That some effect is there is as probable as the evidence says. Which one it is, is tempered: those that explain the
     same mismatch differ by little of it, and what no model has, such as nuisances, may decide that. Where a hair's
     breadth of parameters moves the model that leads at random, its evidence is a normal deviate about what was found.
-    Luck has not left behind what does not follow the beginnings of the recordings, if what leads follows them. What
+    Luck has not left behind what does not follow the recordings, or their beginnings, if what leads follows them. What
     leads by a further size that may have taken up nuisances is no likelier than a rival without that size.
 
     Args:
@@ -239,7 +242,7 @@ def probabilities(models: Sequence[tuple[ScoredModel, ScoredModel]], tried: int)
     some = np.array([bool(as_.effects) for as_, _ in models])
     count = EVIDENCE.lots if luck else 1
     lots = [luck * NormalDist().inv_cdf((k + 0.5) / count) for k in range(count)]
-    behind = np.array([luck > 0 and _alone_in_step(leader, m) for _, m in models])
+    behind = np.array([luck > 0 and _alone_follows(leader, m) for _, m in models])
     found: dict[frozenset[str], float] = {}
     for lot in lots:
         drawn = values.copy()

@@ -154,6 +154,26 @@ def test_what_alone_follows_the_beginnings_of_the_recordings_is_not_likelier_by_
     assert (in_step_too, both) in told_as([REFIT, in_step_too, both], REFIT)
 
 
+@pytest.mark.parametrize(("excess", "told"), [(20.0, True), (5e3, False)])
+def test_what_alone_leaves_but_noise_is_not_likelier_by_luck(excess: float, told: bool) -> None:
+    """Backlash that bounces leaves ten times the noise, likelier by 282 or less by a hair's breadth of its parameters.
+
+    With a friction beside it that leaves the noise, that is no luck, however little likelier it is; with one that
+    leaves six times the noise it may be.
+    """
+    simple = model(FRICTION, excess=9 * COUNT, log_evidence=-93.0, luck=282.0)
+    both = model(FRICTION, LAG, excess=excess, log_evidence=0.0)
+    assert ((both, both) in told_as([REFIT, simple, both], REFIT)) == told
+
+
+def test_luck_has_not_left_behind_what_alone_leaves_more_than_noise() -> None:
+    lead = 10.0 * EVIDENCE.temperature
+    best = model(FRICTION, excess=20.0, log_evidence=lead, luck=100 * lead)
+    rival = model(LAG, excess=9 * COUNT)
+    odds = probabilities([(best, best), (rival, rival)], 20)
+    assert odds[best.keys] / odds[rival.keys] == pytest.approx(math.exp(10.0))
+
+
 @pytest.mark.parametrize(("strain", "told"), [(300.0, True), (8.0, False)])
 def test_luck_bends_no_parameters(strain: float, told: bool) -> None:
     """What needs them bent is not told in the place of what does not, however much a hair's breadth gives and takes."""
