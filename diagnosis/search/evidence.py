@@ -104,11 +104,12 @@ def evidence(
     before = near.marginal(fitted).log if len(fitted) < len(instants) else 0.0
     if followed:
         near, found = _followed(near, found)
-    if not math.isfinite(found.log):
+    foretold = found.log - before
+    if not math.isfinite(foretold):
         return none  # a run that leaves all bounds there speaks for nothing
     owed = 0.0 if followed or len(fitted) == len(instants) else found.owed
     there, changes = near.stepped(found.step)
-    return Evidence(found.log, found.log - before, there, tuple(changes), owed)
+    return Evidence(found.log, foretold, there, tuple(changes), owed)
 
 
 @dataclass(frozen=True)
