@@ -186,6 +186,10 @@ def _ran(proof: Proof, every: Sequence[Score], rows: Sequence[Score]) -> str:
     if since := proof.about.get("frozen", {}).get("changed_since"):
         listing = ", ".join(f"`{name}`" for name in since)
         told += f"\nThe rules have changed since; what they would tell now was not measured: {listing}.\n"
+    judges = proof.about.get("frozen", {}).get("judges_changed_since", [])
+    if generator := [name for name in judges if name.startswith("benchmarks/concealed/")]:
+        listing = ", ".join(f"`{name}`" for name in generator)
+        told += f"\nThe truth generator has changed since, and a seed may draw another rig now: {listing}.\n"
     return told
 
 

@@ -488,7 +488,8 @@ class _Search:
         """Whether what a model with effects leaves can be one weak effect more at most.
 
         What is as strong whatever moves, and little, is a sensor's coloured noise, or one weak effect more; what is
-        little beside the effects that are in is a nuisance, or one weak effect more.
+        little beside the effects that are in is a nuisance, or one weak effect more. What parameters that are far off
+        make up for is not weak, however little is left with them.
         """
         if not before.effects or strained(before, self.known.tried):
             return False
@@ -1098,7 +1099,7 @@ class _Search:
         """The pairs that promise most beside the user's model, with some parameters; other arguments as of `_pairs`.
 
         Those with an effect that leads alone, or with a law that is part of it or the other way round, are left to the
-        extension of that.
+        extension of that, unless its parameters are far off: then the two begin together, from where it has not ended.
         """
         origin = fitter.origin((), values)
         if origin is None or fitter.tables:

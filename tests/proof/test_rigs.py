@@ -168,6 +168,16 @@ def test_a_page_of_rules_that_have_changed_says_so(tmp_path: Path, since: list[s
     assert (told in page) == bool(since)
 
 
+def test_a_page_of_a_generator_that_has_changed_says_that_seeds_may_draw_other_rigs(tmp_path: Path) -> None:
+    """What scores has changed too: the page is written anew by it, and draws nothing."""
+    judges = ["benchmarks/concealed/refit.py", "benchmarks/proof/score.py"]
+    about = {"machine": "two cores", "frozen": {"judges_changed_since": judges}}
+    rigs.write(data.Proof(about, [score((), "none", code="a")], {}), tmp_path / "page.md", {}, {})
+    page = (tmp_path / "page.md").read_text(encoding="utf-8")
+    assert "truth generator has changed since, and a seed may draw another rig now: `benchmarks/concealed/ref" in page
+    assert "score.py" not in page
+
+
 def test_processor_time_is_judged_by_its_middle_and_its_end() -> None:
     rows = [replace(score((), "none"), cpu=float(s)) for s in [4] * 19 + [80]]
     assert goal(rows, "processor time", "median").met is True

@@ -432,5 +432,5 @@ def test_an_evidence_that_is_no_number_speaks_for_nothing() -> None:
     """Nothing tells a parameter, neither its prior nor the recordings: the volume that is left to it is none."""
     table = np.column_stack([np.ones(500), np.zeros(500)])
     problem: Any = Linear([recorded(np.zeros((500, 1)))], [table], np.array([1.0, np.inf]))
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         assert evidence(problem, np.zeros(2)).log == -np.inf
