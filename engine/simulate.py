@@ -36,6 +36,9 @@ MOST_VALUES = 500_000_000
 SHORTEST = 1e-9
 """Steps and sample periods (s): time is counted in whole fractions of at most a thousand million a second."""
 
+HOLDS = ("zero_order", "linear")
+"""What may happen between the rows of a drive."""
+
 NEVER = 2**62
 """Ticks beyond which no run goes."""
 
@@ -56,9 +59,48 @@ class Drive:
     values: ArrayLike
     hold: str | tuple[str, ...] = "zero_order"
 
+    def rows(self, count: int) -> tuple[Vector, NDArray[np.float64]]:
+        """The instants, shape (n,), and the values of so many inputs, shape (n, count).
+
+        Values of one input may be of shape (n,), and those of a single instant of shape (count,).
+
+        Raises:
+            ParameterError: the values have another shape, or are not finite; or the instants do not rise.
+        """
+        time = np.atleast_1d(np.asarray(self.time, dtype=float))
+        values = np.asarray(self.values, dtype=float)
+        if time.ndim != 1 or not len(time):
+            raise ParameterError(f"the drive's instants have shape {time.shape}", remedy="give a list of at least one")
+        if values.ndim < 2 and 1 in (count, len(time)) and values.size == len(time) * count:
+            values = values.reshape(len(time), count)
+        if values.shape != (len(time), count):
+            raise ParameterError(
+                f"the drive's values have shape {values.shape}; it has {counts(instants=len(time))} and the model "
+                f"{counts(inputs=count)}",
+                remedy=f"give shape ({len(time)}, {count}): a row for each instant, a column for each input",
+            )
+        if not (np.isfinite(time).all() and np.isfinite(values).all()):
+            raise ParameterError("the drive holds values that are not finite")
+        if (np.diff(time) <= 0).any():
+            raise ParameterError(f"the drive's time runs backwards at row {int(np.argmax(np.diff(time) <= 0)) + 1}")
+        return time, values
+
     def holds(self, count: int) -> tuple[str, ...]:
-        """How each of so many inputs is held."""
-        return (self.hold,) * count if isinstance(self.hold, str) else self.hold
+        """How each of so many inputs is held.
+
+        Raises:
+            ParameterError: there is no such hold, or there are not as many as inputs.
+        """
+        holds = (self.hold,) * count if isinstance(self.hold, str) else tuple(self.hold)
+        for hold in holds:
+            if hold not in HOLDS:
+                raise ParameterError(f"a drive has no hold '{hold}'", remedy=nearest(hold, HOLDS))
+        if len(holds) != count:
+            raise ParameterError(
+                f"the drive has {counts(holds=len(holds))} for {counts(inputs=count)}",
+                remedy="give one for each input, or one text for all",
+            )
+        return holds
 
     @functools.cached_property
     def timetables(self) -> dict[Hashable, tuple[Vector, Vector, Timetable]]:
@@ -518,14 +560,7 @@ def _driven(model: Model, drive: Drive | None) -> tuple[Vector, NDArray[np.float
     n = len(model.inputs)
     if drive is None:
         return np.zeros(1), np.zeros((1, n)), [0] * n
-    time = np.atleast_1d(np.asarray(drive.time, dtype=float))
-    values = np.asarray(drive.values, dtype=float).reshape(len(time), -1)
-    if values.shape[1] != n:
-        raise ParameterError(f"the drive has {values.shape[1]} columns but the model has {n} inputs")
-    if not (np.isfinite(time).all() and np.isfinite(values).all()):
-        raise ParameterError("the drive holds values that are not finite")
-    if (np.diff(time) <= 0).any():
-        raise ParameterError(f"the drive's time runs backwards at row {int(np.argmax(np.diff(time) <= 0)) + 1}")
+    time, values = drive.rows(n)
     if time[0] > 0:
         time, values = np.concatenate([[0.0], time]), np.vstack([values[:1], values])
     return time, values, [int(hold == "linear") for hold in drive.holds(n)]

@@ -165,8 +165,7 @@ def present(drive: Drive | None, count: int, time: float) -> tuple[Vector, Vecto
     """Values and slopes of a drive's signals from an instant on; shape (count,) each."""
     if drive is None:
         return np.zeros(count), np.zeros(count)
-    knots, values = np.asarray(drive.time, dtype=float), np.asarray(drive.values, dtype=float)
-    values = values.reshape(len(knots), -1)
+    knots, values = drive.rows(count)
     k = max(int(np.searchsorted(knots, time + 1e-9, side="right")) - 1, 0)
     now, slopes = values[k].copy(), np.zeros(count)
     if k + 1 < len(knots) and knots[0] <= time:

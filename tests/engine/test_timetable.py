@@ -42,6 +42,14 @@ def test_a_drive_travels_without_it() -> None:
     np.testing.assert_array_equal(after.values, before.values)
 
 
+@pytest.mark.parametrize(("time", "values"), [([0.0, 0.1], [1.0, 2.0]), ([0.0], [1.5]), (0.0, 1.5)])
+def test_values_of_one_input_or_of_one_instant_may_be_a_plain_list(time: Any, values: Any) -> None:
+    model = load("reference-a").build(inputs=["motor.voltage"])
+    column = np.atleast_1d(values)[:, None]
+    plain = simulate(model, 0.3, drive=Drive(time, values))
+    np.testing.assert_array_equal(plain.values, simulate(model, 0.3, drive=Drive(np.atleast_1d(time), column)).values)
+
+
 def test_parameters_that_were_set_before_are_checked_all_the_same() -> None:
     model = load("reference-a").build()
     name = model.parameters[0].name

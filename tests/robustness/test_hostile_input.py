@@ -203,6 +203,15 @@ def test_linear_models_without_finite_entries_are_refused() -> None:
         ({"drive": Drive([0, 1e300], np.zeros((2, 1)))}, r"times up to 1e\+300 s"),
         ({"drive": Drive([0, np.inf], np.zeros((2, 1)))}, "not finite"),
         ({"drive": Drive([0, 0], np.zeros((2, 1)))}, "runs backwards"),
+        ({"drive": Drive([], [])}, r"instants have shape \(0,\)"),
+        (
+            {"drive": Drive([0, 1], [1.0, 2.0, 3.0])},
+            r"values have shape \(3,\); it has 2 instants and the model 1 input",
+        ),
+        ({"drive": Drive([0, 1], [[1.0, 2.0]])}, r"shape \(1, 2\); .*\n  give shape \(2, 1\)"),
+        ({"drive": Drive([0, 1], np.zeros((2, 2)))}, r"shape \(2, 2\); it has 2 instants and the model 1 input"),
+        ({"drive": Drive([0, 1], np.zeros((2, 1)), "lienar")}, r"no hold 'lienar'\n  did you mean 'linear'\?"),
+        ({"drive": Drive([0, 1], np.zeros((2, 1)), ())}, "0 holds for 1 input"),
     ],
 )
 def test_times_out_of_proportion(arguments: dict[str, Any], message: str, two: Path) -> None:
