@@ -73,7 +73,9 @@ def folder_made(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise FlexarmError(f"cannot make the folder '{folder}': {error.strerror}") from error
+        raise FlexarmError(
+            f"cannot make the folder '{folder}': {error.strerror}", remedy="remove what is there, or write elsewhere"
+        ) from error
     return folder
 
 

@@ -24,7 +24,7 @@ from types import TracebackType
 from typing import Any, Protocol, TypeVar
 
 from engine.errors import FlexarmError
-from engine.files import writing
+from engine.files import folder_made, writing
 from engine.threads import Threads
 
 Task = TypeVar("Task")
@@ -208,14 +208,7 @@ class JsonStore:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FlexarmError(
-                f"cannot make the folder '{folder}': {error.strerror}",
-                remedy="remove what is there, or write elsewhere",
-            ) from error
+        self.folder = folder_made(folder)
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"

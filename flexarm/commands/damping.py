@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.errors import FlexarmError, ParameterError, Where
-from engine.files import json_text
+from engine.files import folder_made, json_text
 
 if TYPE_CHECKING:
     from diagnosis.decay.evolving_spectra import Waterfall
@@ -56,7 +56,7 @@ def damping(
     except FlexarmError as error:
         raise error.at(Where(str(recording))) from None
     if output is not None:
-        _folder(output)
+        folder_made(output)
     numbers = {"recording": str(recording), **report.numbers()}
     if not as_json:
         typer.echo(_page(report, recording))
@@ -84,15 +84,6 @@ def _seconds(text: str | None, option: str, *, zero: bool = False) -> float | No
     if value < 0 or (value == 0 and not zero):
         raise ParameterError(f"'{text}' is not a positive time", Where(option), f"write for example {option} '0.4 s'")
     return value
-
-
-def _folder(path: Path) -> None:
-    try:
-        path.mkdir(exist_ok=True)
-    except FileNotFoundError as error:
-        raise FlexarmError(f"there is no folder '{path.parent}'", remedy="make it first") from error
-    except OSError as error:
-        raise FlexarmError(f"cannot make the folder '{path}': {error.strerror}") from error
 
 
 def _write(output: Path, report: DampingReport, recording: Path, numbers: dict[str, object]) -> list[Path]:
