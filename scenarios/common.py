@@ -137,11 +137,11 @@ def term(value: object, scope: Scope, where: Where, above: tuple[str, ...] = ())
     text, leaves = str(value), dict[str, Term | Leaf]()
     for name in dict.fromkeys(NAME.findall(text)):
         found = term(f"${name}", scope, where, above)
-        leaves[name] = found if found is not None else _leaf(lookup(f"${name}", scope, where), where)
+        leaves[name] = found if found is not None else _leaf(lookup(f"${name}", scope, where))
     return Term(text, leaves)
 
 
-def _leaf(common: Common, where: Where) -> Leaf:
+def _leaf(common: Common) -> Leaf:
     given = common.node.value
     try:
         found = amount(given)

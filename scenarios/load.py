@@ -246,8 +246,8 @@ def load(path_or_name: str | Path, overrides: Iterable[str] = (), *, text: str |
     path, texts = find(path_or_name), tuple(overrides)
     document = read(path) if text is None else parse(text, str(path))
     if isinstance(document.value, dict):
-        for text in texts:
-            document = override(document, text)
+        for change in texts:
+            document = override(document, change)
     file = validate(document)
     flat = flatten(document, path, find_block)
     flat.system.description = file.description
@@ -258,7 +258,7 @@ def load(path_or_name: str | Path, overrides: Iterable[str] = (), *, text: str |
         simulation=_simulation(document, file, flat),
         analyses={name: _analysis(document, name, made, flat) for name, made in file.analyses.items()},
         recordings=dict(file.recordings),
-        digest=_digest(flat.files, texts),
+        digest=_digest(flat.files, texts, {} if text is None else {path: text}),
         document=document,
         overrides=texts,
         flat=flat,
@@ -275,10 +275,11 @@ def load(path_or_name: str | Path, overrides: Iterable[str] = (), *, text: str |
     return scenario
 
 
-def _digest(files: list[Path], overrides: tuple[str, ...]) -> str:
+def _digest(files: list[Path], overrides: tuple[str, ...], texts: dict[Path, str]) -> str:
+    """The hash of files, of texts that were read in their place, and of overrides."""
     digest = hashlib.sha256()
     for path in files:
-        digest.update(path.read_bytes())
+        digest.update(texts[path].encode() if path in texts else path.read_bytes())
     digest.update("\0".join(overrides).encode())
     return digest.hexdigest()[:16]
 

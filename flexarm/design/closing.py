@@ -154,8 +154,8 @@ def close(source: Source, controller: Any, path: str | Path, **settings: Any) ->
     from engine.files import writing
 
     scenario, path = as_scenario(source), Path(path)
-    text = relocated(closed(scenario, controller, **settings), scenario.path.parent, path.parent)
-    load(scenario.path, text=closed(scenario, controller, **settings)).build()
+    made = closed(scenario, controller, **settings)
+    load(scenario.path, text=made).build()
     with writing(path, (".yaml", ".yml")) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(relocated(made, scenario.path.parent, path.parent), encoding="utf-8")
     return load(path)

@@ -269,6 +269,12 @@ def test_digest_follows_content(whole: Path) -> None:
     assert load(whole).digest != first
 
 
+def test_digest_is_that_of_the_text_that_is_read_in_place_of_the_file(whole: Path) -> None:
+    first, text = load(whole).digest, whole.read_text(encoding="utf-8")
+    assert load(whole, text=text).digest == first
+    assert load(whole, text=f"{text}\n# changed\n").digest != first
+
+
 def test_shipped_names() -> None:
     assert {
         "quanser-single-link",
