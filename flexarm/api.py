@@ -271,7 +271,7 @@ def describe(
         made,
         [si(size, units, first) for size in sizes],
         frequencies_of(over) if isinstance(over, str) else over,
-        harmonics=harmonics or int(options.get("harmonics", 5)),
+        harmonics=int(options.get("harmonics", 5)) if harmonics is None else harmonics,
         progress=progress,
     )
 

@@ -129,7 +129,7 @@ def describe(
         progress: told the fraction done.
 
     Raises:
-        FlexarmError: not one input, amplitudes or frequencies that are not above zero, an unstable model.
+        FlexarmError: not one input, amplitudes or frequencies that are not above zero, no harmonic, an unstable model.
     """
     if len(made.settings.inputs) != 1:
         raise FlexarmError(
@@ -140,6 +140,8 @@ def describe(
     for name, values in (("amplitudes", a), ("frequencies", w)):
         if not (len(values) and np.isfinite(values).all() and (values > 0).all()):
             raise ParameterError(f"the {name} must be above zero", remedy="give at least one")
+    if harmonics < 1:
+        raise ParameterError(f"{harmonics} harmonics are none", remedy="give at least 1, which is the sine itself")
     if len(a) * len(w) > MOST:
         raise ParameterError(f"{len(a) * len(w)} sines are too many", remedy=f"at most {MOST}")
     (driven,) = made.settings.inputs

@@ -155,6 +155,8 @@ def test_bad_input(tmp_path: Path) -> None:
         describe("srv02-bare", amplitudes=[-1.0], frequencies=[1.0])
     with pytest.raises(FlexarmError, match="frequencies must be above zero"):
         describe("srv02-bare", amplitudes=[1.0], frequencies="0 Hz,1 Hz")
+    with pytest.raises(FlexarmError, match="0 harmonics are none"):
+        describe("srv02-bare", amplitudes=[1.0], frequencies=[1.0], harmonics=0)
     with pytest.raises(FlexarmError, match="a sine drives one input, and here are 2"):
         describe("two-link-flexible", amplitudes=[1.0], frequencies=[1.0])
     with pytest.raises(FlexarmError, match="'V'"):
