@@ -1,4 +1,4 @@
-"""Many runs of one model over all cores: in order, streamed, interruptible, resumable.
+"""Many runs of one model over all cores: in order, streamed, interruptible.
 
 Threads suffice, because the compiled runtime holds no interpreter lock. Each run is computed by itself, or beside
 others in lanes that give the same numbers (`engine.lanes`), so the results depend neither on how many threads there are
@@ -8,18 +8,13 @@ nor on which runs are neighbours. Only a bounded number of runs is in flight at 
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import itertools
-import json
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from engine import interpret, native
 from engine.errors import CompilerUnavailable, FlexarmError, SimulationError
@@ -153,65 +148,3 @@ def batch(
             cancel.value = 1
             for future in waiting:
                 future.cancel()
-
-
-def resumable(
-    folder: Path,
-    model: Model,
-    cases: Iterable[Case],
-    stop: float,
-    step: float = 1e-3,
-    *,
-    reduce: Callable[[Result], dict[str, float]],
-    **settings: Any,
-) -> Generator[dict[str, float], None, None]:
-    """A batch whose rows are kept in a folder; started again after an interruption, it computes only what is missing.
-
-    Args:
-        folder: made if it does not exist; one small file per case, renamed into place when whole.
-        model: the model.
-        cases: as for `batch`.
-        stop: end of every run (s).
-        step: time between rows (s).
-        reduce: turns a run into the numbers to keep, so that memory and disk stay bounded.
-        settings: further arguments of `batch`.
-
-    Yields:
-        The numbers of each case, in order; ``{}`` never: a failed run raises.
-
-    Raises:
-        SimulationError: a run failed; the others' rows are kept.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    listed = list(cases)
-    keys = [_key(model, case, stop, step, settings.get("internal_step")) for case in listed]
-    missing = [i for i, key in enumerate(keys) if not (folder / f"{key}.json").exists()]
-    fresh = batch(model, (listed[i] for i in missing), stop, step, **settings)
-    pending = iter(missing)
-    upcoming = next(pending, None)
-    for i, key in enumerate(keys):
-        target = folder / f"{key}.json"
-        if i == upcoming:
-            result = next(fresh)
-            if isinstance(result, Failure):
-                raise SimulationError(f"case {i}: {result.reason}")
-            _write(target, reduce(result))
-            upcoming = next(pending, None)
-        yield json.loads(target.read_text(encoding="utf-8"))
-
-
-def _write(target: Path, row: dict[str, float]) -> None:
-    scratch = target.with_suffix(f".{os.getpid()}.tmp")
-    scratch.write_text(json.dumps(row), encoding="utf-8")
-    scratch.replace(target)
-
-
-def _key(model: Model, case: Case, stop: float, step: float, internal_step: float | None) -> str:
-    digest = hashlib.sha256(f"{model.signature} {stop!r} {step!r} {internal_step!r}".encode())
-    digest.update(repr(sorted(case.parameters.items())).encode())
-    digest.update(repr(sorted(case.initial.items())).encode())
-    if case.drive is not None:
-        digest.update(np.asarray(case.drive.time, dtype=float).tobytes())
-        digest.update(np.asarray(case.drive.values, dtype=float).tobytes())
-        digest.update(repr(case.drive.hold).encode())
-    return digest.hexdigest()[:32]

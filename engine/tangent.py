@@ -1,7 +1,7 @@
 """Sensitivities of a run's outputs to parameters and starting values, carried through every located event.
 
 The derivative is that of the discrete algorithm, so it agrees with differences of runs as closely as rounding allows,
-as long as both runs switch in the same order. Where the order changes there is no gradient; `reordered` detects that.
+as long as both runs switch in the same order. Where the order changes there is no gradient.
 """
 
 from __future__ import annotations
@@ -202,20 +202,3 @@ def _differences(
             up_x, down_x = (start_values(model, p, {**initial, name: value + s}) for s in (0.5, -0.5))
             S0[:, j] = up_x - down_x
     return S0, D0
-
-
-def reordered(one: Result, other: Result) -> str:
-    """How the order of events differs between two runs; empty if it does not.
-
-    A shift in time is not a difference. Where the order differs, no gradient connects the two runs.
-    """
-    for i, (a, b) in enumerate(zip(one.events, other.events, strict=False)):
-        if a[1:] != b[1:]:
-            return f"event {i + 1}: '{a[1]}' to {a[2]:g} at {a[0]:.6g} s against '{b[1]}' to {b[2]:g} at {b[0]:.6g} s"
-    if len(one.events) != len(other.events):
-        longer = max(one.events, other.events, key=len)
-        time, name, value = longer[min(len(one.events), len(other.events))]
-        return (
-            f"{len(one.events)} events against {len(other.events)}: '{name}' to {value:g} at {time:.6g} s in one only"
-        )
-    return ""

@@ -18,7 +18,6 @@ NEVER = {
     "matplotlib",
     "pandas",
     "pint",
-    "plotly",
     "pyarrow",
     "rich",
     "scipy",

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from engine.assemble import build
-from engine.batch import Case, Failure, batch, resumable
+from engine.batch import Case, Failure, batch
 from engine.simulate import Drive, Result, simulate
 from tests.engine.parts import Body, Dry, Push, system
 
@@ -61,25 +59,6 @@ def test_a_failing_run_keeps_its_place(model: Any) -> None:
     reason = results[1].reason if isinstance(results[1], Failure) else ""
     assert "diverged" in reason
     assert "m.shaft" in reason or "t.shaft" in reason
-
-
-def test_an_interrupted_batch_resumes_where_it_stopped(model: Any, tmp_path: Path) -> None:
-    calls = []
-
-    def reduce(result: Any) -> dict[str, Any]:
-        calls.append(1)
-        return {"end": float(result["m.shaft.angle"][-1])}
-
-    first = resumable(tmp_path, model, cases(), 1.0, 1e-2, reduce=reduce, workers=2)
-    kept = [next(first) for _ in range(15)]
-    first.close()
-    assert len(calls) == 15
-    again = list(resumable(tmp_path, model, cases(), 1.0, 1e-2, reduce=reduce, workers=2))
-    assert len(calls) == 40
-    assert again[:15] == kept
-    assert not list(tmp_path.glob("*.tmp"))
-    alone = [simulate(model, 1.0, 1e-2, parameters=c.parameters, drive=c.drive, initial=c.initial) for c in cases()]
-    assert np.array([row["end"] for row in again]) == pytest.approx([r["m.shaft.angle"][-1] for r in alone], rel=0)
 
 
 def test_progress_counts_every_result(model: Any) -> None:
