@@ -185,6 +185,14 @@ def _dimension(text: str) -> tuple[tuple[str, float], ...]:
     return tuple(sorted((str(name), float(power)) for name, power in _unit(text).dimensionality.items()))
 
 
+def number_or_text(text: str) -> float | str:
+    """A value as YAML takes it: a number where it is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def split(text: str, unit: str = "N.m/A") -> tuple[float, str]:
     """Number and unit of a text such as ``7.68 mN.m/A``.
 

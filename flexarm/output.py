@@ -75,4 +75,4 @@ def write_linear(path: Path, linear: LinearModel, name: str, discrete: DiscreteM
     linear_files.write(path, linear, name, discrete)
 
 
-__all__ = ["LINEAR", "TABLES", "provenance", "write_linear", "write_result"]
+__all__ = ["LINEAR", "TABLES", "provenance", "write_family", "write_linear", "write_result"]

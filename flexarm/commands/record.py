@@ -85,10 +85,10 @@ def record(
         source = relocated(loaded.path.read_text(encoding="utf-8"), loaded.path.parent, folder)
         with writing(output, (".yaml", ".yml")) as temporary:
             temporary.write_text(inserted(source, section), encoding="utf-8")
-    _say(made, loaded, output, logs)
+    _say(made, output, logs)
 
 
-def _say(made: Draft, loaded: Scenario, output: Path | None, logs: list[LogFile]) -> None:
+def _say(made: Draft, output: Path | None, logs: list[LogFile]) -> None:
     """What was left out and what is not sure, on stderr: the section alone is on stdout."""
     from diagnosis.binding import verify
     from diagnosis.recordings.mapping import from_scenario

@@ -14,6 +14,7 @@ from engine.family import grid as over_grid
 from engine.linear_modes import deaf
 from engine.linearise import Point, operating_point
 from engine.model import TIME, Model
+from engine.quantity import number_or_text
 from flexarm.cut import Cut
 from flexarm.design.point import motion_units, point, start_of, trim_arguments, wanted
 from flexarm.sweeps.plan import parameters_of, texts_of
@@ -121,7 +122,7 @@ def _axis(made: Cut, key: str, values: str | Sequence[float]) -> Axis:
                 remedy=f"make a family for each value, by --set {key}=VALUE",
             )
         if isinstance(values, str):
-            numbers = [si(_number(text), units, name) for text in texts_of(values)] if name in units else []
+            numbers = [si(number_or_text(text), units, name) for text in texts_of(values)] if name in units else []
         else:
             numbers = [float(v) for v in values]
         return scheduling_axis(model, name, numbers)
@@ -143,13 +144,6 @@ def verify(made: Cut) -> None:
         trim_arguments(made, name)
     for key, values in options.get("grid", {}).items():
         _axis(made, key, values)
-
-
-def _number(text: str) -> Any:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _is_key(made: Cut, name: str) -> bool:

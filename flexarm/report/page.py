@@ -86,7 +86,7 @@ def significant(value: float, digits: int = 4) -> str:
 
 
 def interval(row: Mapping[str, Any]) -> str:
-    """An interval in words, as `diagnosis.estimation.least_squares.span` says it."""
+    """An interval in words, with true minus signs."""
     return _typeset(interval_in_words(row))
 
 

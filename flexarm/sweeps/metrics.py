@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import FlexarmError, ParameterError, nearest
-from engine.quantity import convert
+from engine.quantity import convert, number_or_text
 
 if TYPE_CHECKING:
     from engine.simulate import Result
@@ -179,16 +179,9 @@ def _from_call(text: str, outputs: Mapping[str, str]) -> Metric:
             raise ParameterError(
                 f"'{part}' is no setting of {function}", remedy=f"allowed: {', '.join(sorted(allowed))}"
             )
-        settings[key] = convert(_number(value), units[key])
+        settings[key] = convert(number_or_text(value), units[key])
     unit = _TARGETED[function][1] if function in _TARGETED else outputs[signal]
     return Metric(name or f"{function}({signal})", function, signal, unit, tuple(sorted(settings.items())))
-
-
-def _number(text: str) -> Any:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _function(place: str) -> Callable[[Any], Any]:

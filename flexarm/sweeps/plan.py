@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from engine.errors import FlexarmError, ParameterError, Where, nearest
-from engine.quantity import coherent, convert, factor, split
+from engine.quantity import coherent, convert, factor, number_or_text, split
 from flexarm.sweeps.metrics import Metric
 from flexarm.sweeps.samples import USAGE, Sample, correlated, read_law
 
@@ -193,15 +193,17 @@ def _axis(model: Model, key: str, value: str, rebuild: Any) -> Axis:
     if names:
         declared = [model.parameters[model.parameter_index(name)].declared for name in names]
         if declared[0].unit not in ("1", "*"):  # a signal keeps its unit only if the value is given with it
-            texts = tuple(text if isinstance(_plain(text), str) else f"{text} {declared[0].unit}" for text in texts)
-        numbers = tuple(declared[0].check(_plain(text)) for text in texts)
+            texts = tuple(
+                text if isinstance(number_or_text(text), str) else f"{text} {declared[0].unit}" for text in texts
+            )
+        numbers = tuple(declared[0].check(number_or_text(text)) for text in texts)
         if all(_is_same(model, names, text, rebuild(f"{key}={text}")) for text in _probes(texts, numbers)):
             return Axis(key, texts, numbers, declared[0].unit, names)
         return Axis(key, texts, numbers, declared[0].unit)
     for text in texts:
         rebuild(f"{key}={text}", load_only=True)
     try:
-        read = [split(text) if isinstance(_plain(text), str) else (float(text), "") for text in texts]
+        read = [split(text) if isinstance(number_or_text(text), str) else (float(text), "") for text in texts]
         units = {coherent(unit)[1] for _, unit in read if unit}
         if len(units) <= 1:
             numbers = tuple(number * (coherent(unit)[0] if unit else 1.0) for number, unit in read)
@@ -229,7 +231,7 @@ def _is_same(model: Model, names: tuple[str, ...], text: str, built: Model) -> b
     if shape(model) != shape(built):
         return False
     check = model.parameters[model.parameter_index(names[0])].declared.check
-    tuned = model.parameter_vector(dict.fromkeys(names, check(_plain(text))))
+    tuned = model.parameter_vector(dict.fromkeys(names, check(number_or_text(text))))
     return bool(np.array_equal(tuned, built.parameter_values))
 
 
@@ -243,14 +245,6 @@ def shape(model: Model) -> str:
     digest.update(repr((model.clocks, model.memory_clock, model.memories, sorted(model.initial.items()))).encode())
     digest.update(repr([(e.name, e.clock, e.identity) for e in model.externals]).encode())
     return digest.hexdigest()
-
-
-def _plain(text: str) -> Any:
-    """A value as YAML takes it: a number where it is one."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def texts_of(text: str) -> tuple[str, ...]:
@@ -345,7 +339,7 @@ def _samples(model: Model, key: str, text: str, stated: Mapping[str, float]) -> 
             low, colon, high = text.partition(":")
             if not colon:
                 raise ParameterError(f"'{text}' is no range to draw from", remedy=USAGE.replace("KEY", key))
-            ends = (declared.check(_plain(low.strip())), declared.check(_plain(high.strip())))
+            ends = (declared.check(number_or_text(low.strip())), declared.check(number_or_text(high.strip())))
             if not ends[0] < ends[1]:
                 raise ParameterError(f"'{text}' is empty: {low.strip()} is not below {high.strip()}")
             made.append(Sample(name, *ends, declared.unit, False, *bounds))

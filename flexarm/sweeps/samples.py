@@ -8,13 +8,12 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from engine.errors import FlexarmError, ParameterError, nearest
-from engine.quantity import Parameter, convert
+from engine.quantity import Parameter, convert, number_or_text
 
 LAWS = ("uniform", "normal", "lognormal", "triangular")
 USAGE = (
@@ -109,7 +108,7 @@ def read_law(name: str, text: str, declared: Parameter, own: float, bounds: tupl
     unit = declared.unit
 
     def number(part: str) -> float:
-        return convert(_plain(part), unit)
+        return convert(number_or_text(part), unit)
 
     def share(part: str) -> float:
         value = convert(part, "1") if part.endswith("%") else math.nan
@@ -191,10 +190,3 @@ def correlated(shares: Sequence[float], correlation: Sequence[Sequence[float]]) 
     root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
     mixed = ndtr(root @ ndtri(np.asarray(shares[:n])))
     return [*np.clip(mixed, 1e-15, 1 - 1e-15).tolist(), *shares[n:]]
-
-
-def _plain(text: str) -> Any:
-    try:
-        return float(text)
-    except ValueError:
-        return text
