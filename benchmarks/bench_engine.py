@@ -299,7 +299,7 @@ def growth() -> Iterator[Row]:
     actions, ready = [], []
     for links in _LINKS:
         started = time.perf_counter()
-        model = load("reference-c", text=_ARM.format(links=links)).build()
+        model = load("reference-c", text=ARM.format(links=links)).build()
         native.entry(model)
         ready.append(time.perf_counter() - started)
         actions.append(inner(model, 0.2))
@@ -311,7 +311,7 @@ def growth() -> Iterator[Row]:
 
 
 _LINKS = (1, 2, 4, 8, 16, 32)
-_ARM = """
+ARM = """
 schema: 1
 name: arm
 blocks:

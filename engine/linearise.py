@@ -342,7 +342,7 @@ def operating_point(
         knot = max(int(np.searchsorted(table.times, time, "right")) - 1, 0)
         linear = table.hold == "linear"
         u[len(model.inputs) + i] = np.interp(time, table.times, table.values) if linear else table.values[knot]
-    return Point(time, x, u, d, _modes_at(model, time, x, u, d, p, dict(modes or {})), p)
+    return Point(time, x, u, d, modes_at(model, time, x, u, d, p, dict(modes or {})), p)
 
 
 def moving_states(names: tuple[str, ...], rates: Vector, A: Matrix, x: Vector) -> dict[str, float]:
@@ -374,7 +374,7 @@ def _label(mode: Mode, value: float) -> str:
     return mode.labels[int(value) + 1]
 
 
-def _modes_at(model: Model, t: float, x: Vector, u: Vector, d: Vector, p: Vector, wanted: dict[str, str]) -> Vector:
+def modes_at(model: Model, t: float, x: Vector, u: Vector, d: Vector, p: Vector, wanted: dict[str, str]) -> Vector:
     """Modes that agree with the point, those asked for held fixed."""
     m = np.zeros(len(model.modes))
     fixed = set()

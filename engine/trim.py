@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 
 from engine.casadi_lock import one_at_a_time
 from engine.errors import FlexarmError, ParameterError, nearest
-from engine.linearise import Point, operating_point
+from engine.linearise import Point, modes_at, operating_point
 from engine.model import FRICTION, TIME, Equations, Model, Vector
 from engine.ports import MOTION
 
@@ -365,9 +365,7 @@ class _Search:
     def solve(self, begin: Vector, thorough: bool = True) -> tuple[Vector, Vector, Array]:
         """Unknowns, modes and Jacobian at the equilibrium that is reached from ``begin``."""
         x, d, _, u, _ = self.unpack(begin)
-        from engine.linearise import _modes_at
-
-        m = _modes_at(self.model, self.point.t, x, u, d, self.p, self.asked)
+        m = modes_at(self.model, self.point.t, x, u, d, self.p, self.asked)
         tried: list[tuple[float, ...]] = []
         worst = ""
         z = begin

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.bench_engine import _ARM, inner
+from benchmarks.bench_engine import ARM, inner
 from benchmarks.concealed.case import draw
 from benchmarks.concealed.scenario import write
 from diagnosis.api import fit
@@ -75,7 +75,7 @@ def modes() -> Growth:
 def links() -> Growth:
     """A step against the links of a serial arm."""
     sizes = (1, 2, 4, 8, 16, 32)
-    models = [load("reference-c", text=_ARM.format(links=n)).build() for n in sizes]
+    models = [load("reference-c", text=ARM.format(links=n)).build() for n in sizes]
     return _growth("links of a serial arm, two modes each: an RK4 step", "us", sizes, _step_costs(models), 2)
 
 

@@ -101,7 +101,7 @@ def margins_of(loop: control.StateSpace) -> Margins:
             remedy="open one loop at a time, the others closed",
         )
     loop = without_drift(control.ss(loop))
-    omega = _frequencies(loop)
+    omega = frequencies_of_a_loop(loop)
     response = np.asarray(loop(np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega)).ravel()
     keep = np.isfinite(response)
     omega, response = omega[keep], response[keep]
@@ -149,7 +149,7 @@ def _size(poles: Vector) -> float:
     return max(1.0, float(np.abs(poles).max(initial=0.0))) * 1e-3
 
 
-def _frequencies(loop: Any) -> Vector:
+def frequencies_of_a_loop(loop: Any) -> Vector:
     """Frequencies (rad/s), dense about every lightly damped pole of the open and the closed loop."""
     import control
 

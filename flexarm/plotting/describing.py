@@ -9,7 +9,7 @@ import numpy as np
 
 from engine.figures import save
 from engine.files import writing
-from flexarm.plotting.frequency import FLOOR, _clean, _degrees, _per
+from flexarm.plotting.axes import FLOOR, clean, degrees, per
 from flexarm.plotting.results import FIGURES
 
 if TYPE_CHECKING:
@@ -70,14 +70,14 @@ def plot_description(
         if measured and name in measured:
             gain.semilogx(*measured[name], "k.", ms=6, label="measured, half the range", zorder=5)
         gain.set_title(f"{name} / {found.input}", fontsize=9)
-        gain.set_ylabel(f"gain [dB re 1 {_per(found.units.get(name, ''), found.units.get(found.input, ''))}]")
+        gain.set_ylabel(f"gain [dB re 1 {per(found.units.get(name, ''), found.units.get(found.input, ''))}]")
         phase.set_ylabel("phase [deg]")
         share.set_ylabel("higher harmonics [%]")
         share.set_xlabel("angular frequency [rad/s]")
-        _degrees(phase.yaxis, min(p.min() for p in phases), max(p.max() for p in phases))
+        degrees(phase.yaxis, min(p.min() for p in phases), max(p.max() for p in phases))
         for axis in (gain, phase, share):
             axis.margins(x=0.01)
-            _clean(axis)
+            clean(axis)
         share.set_ylim(bottom=0)
     handles, labels = grid[0, 0].get_legend_handles_labels()
     room = 15 * figure.get_figwidth()  # letters of a row, the handles taken off

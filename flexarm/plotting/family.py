@@ -10,7 +10,7 @@ import numpy as np
 from engine.figures import save
 from engine.files import writing
 from engine.linearise import LinearModel
-from flexarm.plotting.frequency import FLOOR, _clean, _degrees, _per
+from flexarm.plotting.axes import FLOOR, clean, degrees, per
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
@@ -101,16 +101,16 @@ def plot_family(family: LinearFamily, path: str | Path, title: str = "") -> Path
             upper.semilogx(omega, 20 * np.log10(np.maximum(np.abs(one), FLOOR)), **looks)
             phases.append(np.degrees(np.unwrap(np.angle(one))))
             lower.semilogx(omega, phases[-1], **looks)
-        unit = _per(family.units.get(family.outputs[i], ""), family.units.get(family.inputs[j], ""))
+        unit = per(family.units.get(family.outputs[i], ""), family.units.get(family.inputs[j], ""))
         upper.set_title(f"{family.outputs[i]} / {family.inputs[j]}", fontsize=9)
         upper.set_ylabel(f"gain [dB re 1 {unit}]")
         lower.set_ylabel("phase [deg]")
         lower.set_xlabel("angular frequency [rad/s]")
         if phases:
-            _degrees(lower.yaxis, min(p.min() for p in phases), max(p.max() for p in phases))
+            degrees(lower.yaxis, min(p.min() for p in phases), max(p.max() for p in phases))
         for one_axis in (upper, lower):
             one_axis.margins(x=0)
-            _clean(one_axis)
+            clean(one_axis)
     if by_mode:
         moved = {label for gain, label in zip(gains, labels, strict=True) if np.abs(gain).max() > FLOOR}
         handles = [

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from engine.figures import save
 from engine.files import writing
+from flexarm.plotting.axes import FLOOR, clean, degrees, per
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 MOST_PAIRS = len(COLOURS)
 SHARPEST = 1e-3
 """Relative width down to which a resonance is resolved; an undamped one would have no end."""
-FLOOR = 1e-300
-"""Gains below it are taken for none."""
 
 
 @dataclass(frozen=True)
@@ -79,16 +78,9 @@ def responses(linear: LinearModel) -> list[Response]:
     for i, output in enumerate(linear.outputs):
         for j, driven in enumerate(linear.inputs):
             if np.abs(gains[:, i, j]).max(initial=0.0) > FLOOR:
-                unit = _per(linear.units.get(output, ""), linear.units.get(driven, ""))
+                unit = per(linear.units.get(output, ""), linear.units.get(driven, ""))
                 rows.append(Response(output, driven, unit, omega, gains[:, i, j]))
     return rows
-
-
-def _per(above: str, below: str) -> str:
-    top, bottom = (u.replace(".", "·") if u not in ("", "*") else "1" for u in (above, below))
-    if bottom == "1":
-        return top
-    return f"{top}/({bottom})" if set(bottom) & set("·/") else f"{top}/{bottom}"
 
 
 def plot_linear(linear: LinearModel, path: str | Path, title: str = "") -> Path:
@@ -138,12 +130,6 @@ def _title(linear: LinearModel, title: str) -> str:
     return "\n".join([title, *lines]) if title else "\n".join(lines)
 
 
-def _clean(axis: Any) -> None:
-    axis.grid(True, color="#dddddd", linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.set_axisbelow(True)
-
-
 def _bode(gain: Any, phase: Any, rows: list[Response], many: bool) -> None:
     for row, colour in zip(rows, COLOURS, strict=False):
         label = f"{row.output} / {row.input}" if many else row.output
@@ -154,19 +140,10 @@ def _bode(gain: Any, phase: Any, rows: list[Response], many: bool) -> None:
     gain.tick_params(labelbottom=False)
     phase.set_ylabel("phase [deg]")
     phase.set_xlabel("angular frequency [rad/s]")
-    _degrees(phase.yaxis, min(r.degrees.min() for r in rows), max(r.degrees.max() for r in rows))
+    degrees(phase.yaxis, min(r.degrees.min() for r in rows), max(r.degrees.max() for r in rows))
     gain.margins(x=0)
     for axis in (gain, phase):
-        _clean(axis)
-
-
-def _degrees(axis: Any, low: float, high: float) -> None:
-    from matplotlib.ticker import MultipleLocator
-
-    spread = high - low
-    axis.set_major_locator(
-        MultipleLocator(45 if spread < 300 else 90 if spread < 800 else 180 if spread < 1600 else 360)
-    )
+        clean(axis)
 
 
 def _roots(axis: Any, linear: LinearModel, rows: list[Response]) -> None:
@@ -196,7 +173,7 @@ def _roots(axis: Any, linear: LinearModel, rows: list[Response]) -> None:
     axis.set_xlabel("real part [1/s]")
     axis.set_ylabel("imaginary part [1/s]")
     axis.legend(fontsize=8, framealpha=0.9, loc="best")
-    _clean(axis)
+    clean(axis)
 
 
 def _near(roots: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -223,11 +200,11 @@ def _nichols(axis: Any, rows: list[Response]) -> None:
         axis.plot(row.degrees, row.decibel, color=colour, lw=1.4)
     for critical in _critical(rows):
         axis.plot([critical], [0], "+", color="#333333", ms=9, mew=1.6)
-    _degrees(axis.xaxis, min(r.degrees.min() for r in rows), max(r.degrees.max() for r in rows))
+    degrees(axis.xaxis, min(r.degrees.min() for r in rows), max(r.degrees.max() for r in rows))
     axis.set_xlabel("phase [deg]")
     axis.set_ylabel("gain [dB]")
     axis.set_title("Nichols; + is the critical point", fontsize=8, loc="right")
-    _clean(axis)
+    clean(axis)
 
 
 def _critical(rows: list[Response]) -> list[float]:

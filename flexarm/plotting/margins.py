@@ -11,7 +11,7 @@ import numpy as np
 from engine.figures import save
 from engine.files import writing
 from engine.model import Vector
-from flexarm.plotting.frequency import FLOOR, _clean, _degrees
+from flexarm.plotting.axes import FLOOR, clean, degrees
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def plot_margins(found: LoopMargins, path: str | Path, title: str = "") -> Path:
     gain.set_ylabel("loop gain [dB]")
     phase.set_ylabel("phase [deg]")
     phase.set_xlabel("angular frequency [rad/s]")
-    _degrees(phase.yaxis, min(p.min() for p in phases), max(p.max() for p in phases))
+    degrees(phase.yaxis, min(p.min() for p in phases), max(p.max() for p in phases))
     nyquist.set_xlabel("real part")
     nyquist.set_ylabel("imaginary part")
     nyquist.set_title("Nyquist, with the disk of the worst member", fontsize=9)
@@ -89,7 +89,7 @@ def plot_margins(found: LoopMargins, path: str | Path, title: str = "") -> Path:
     step.set_title("step of the closed loop", fontsize=9)
     step.set_xlabel("time [s]")
     for axis in (gain, phase, nyquist, sensitivity, step):
-        _clean(axis)
+        clean(axis)
     unstable = sum(not m.stable for m in found.members)
     more = f"\n{len(found.members)} members, {unstable} of them unstable; the worst in red" if len(chosen) > 1 else ""
     figure.suptitle(title + more, fontsize=11)
@@ -99,7 +99,7 @@ def plot_margins(found: LoopMargins, path: str | Path, title: str = "") -> Path:
 
 
 def _dense(loop: object, low: float, high: float) -> Vector:
-    from flexarm.design.margins import _frequencies
+    from flexarm.design.margins import frequencies_of_a_loop
 
-    found = _frequencies(loop)
+    found = frequencies_of_a_loop(loop)
     return np.unique(np.concatenate([np.geomspace(low, high, 600), found[(found > low) & (found < high)]]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from engine.figures import save
 from engine.files import writing
-from flexarm.plotting.frequency import FLOOR, _clean
+from flexarm.plotting.axes import FLOOR, clean
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def plot_uncertain(found: UncertainModel, path: str | Path, title: str = "") -> 
             shown = 20 * np.log10(np.maximum(np.abs(gain), FLOOR)) if j == 0 else np.degrees(np.unwrap(np.angle(gain)))
             axis.semilogx(omega, shown, alpha=1 if fitted else 0.4, **looks)
         axis.set_ylabel("gain [dB]" if j == 0 else "phase [deg]")
-        _clean(axis)
+        clean(axis)
     if found.family.inputs and found.family.outputs:
         grid[0, 0].set_title(
             f"{found.family.outputs[0]} / {found.family.inputs[0]}: fitted (red) and draws", fontsize=9
@@ -72,7 +72,7 @@ def plot_uncertain(found: UncertainModel, path: str | Path, title: str = "") -> 
         axis.set_ylim(bottom=max(float(np.quantile(band.left, 0.01)) / 3, 1e-12))
         axis.set_xlabel("angular frequency [rad/s]")
         axis.set_ylabel(f"spectrum [{band.unit}]")
-        _clean(axis)
+        clean(axis)
     for axis in places[len(bands) :]:
         axis.axis("off")
     if bands:
