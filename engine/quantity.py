@@ -2,7 +2,8 @@
 
 Units are spelled as in Modelica (``N.m/rad``, ``kg.m2``). pint does the arithmetic; it is imported on first use
 because it costs a third of a second, and what it says is kept (`engine.known_units`). Angles count as dimensionless in
-pint, so hertz against rad/s needs care: 10 Hz is 62.83 rad/s, which pint would call 10.
+pint, so rates of turns against rad/s need care: 10 Hz is 62.83 rad/s, which pint would call 10, and 600 1/min too, as
+data sheets of drives write it.
 """
 
 from __future__ import annotations
@@ -24,8 +25,13 @@ if TYPE_CHECKING:
 _NUMBER = re.compile(
     r"^\s*([-+]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:inf|nan))\s*(.*?)\s*$", re.IGNORECASE
 )
+_COMMA = re.compile(r"^\s*([-+]?\d+),(\d.*?)\s*$")
+"""A number with a comma, and what is behind that."""
 _POWER = re.compile(r"(?<=[A-Za-z])(-?\d+)")
-_SPELLING = {"1": "dimensionless", "": "dimensionless", "%": "percent"}
+_SPELLING = {"1": "dimensionless", "": "dimensionless", "%": "percent", "r/min": "rpm", "U/min": "rpm"}
+_WORDS = {"Ohm": "ohm", "rev": "revolution"}
+_WORD = re.compile(r"Ohm\b|\brev\b")
+"""Words of Modelica and of data sheets that pint spells otherwise; prefixes stay."""
 _LONGEST = 200
 """Characters of a quantity."""
 _NO_UNIT = re.compile(r"(?<![A-Za-z0-9^*.-])(?!1(?![0-9.]))[0-9]|[0-9]{3}|[0-9.]\s*(\^|\*\*)|[0-9.][eE][-+0-9]")
@@ -58,6 +64,7 @@ def _parsed(text: str) -> Any:
     if len(text) > _LONGEST or _NO_UNIT.search(text):
         raise ValueError(text)
     spelled = _SPELLING.get(text.strip(), text.strip())
+    spelled = _WORD.sub(lambda word: _WORDS[word[0]], spelled)
     spelled = _POWER.sub(r"**\1", spelled.replace(" ", "*").replace("^", "**"))
     spelled = re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", "*", spelled)
     unit = _registry().Unit(spelled)
@@ -99,18 +106,21 @@ def factor(source: str, target: str) -> float:
         raise ParameterError(
             f"unit '{source}' is not a multiple of '{target}'", remedy="give the number in another unit"
         )
-    cycles = _hertz(a) - _hertz(b)
+    cycles = _turns(a) - _turns(b)
     if cycles and (_angle(b) - _angle(a)) * cycles > 0:
         value *= (2 * math.pi) ** cycles
     return value
 
 
-def _hertz(unit: Any) -> int:
-    return int(sum(power for name, power in unit._units.items() if name.endswith("hertz")))
+def _turns(unit: Any) -> int:
+    """The power of turns in a time that a unit has without saying so: hertz, and one per minute."""
+    hertz = int(sum(power for name, power in unit._units.items() if name.endswith("hertz")))
+    minutes = int(unit._units.get("minute", 0))
+    return hertz - (minutes if abs(minutes) == 1 else 0)
 
 
 def _angle(unit: Any) -> int:
-    angular = ("radian", "degree", "revolution", "turn")
+    angular = ("radian", "degree", "revolution", "turn", "revolutions_per_minute")
     return int(sum(power for name, power in unit._units.items() if name.endswith(angular)))
 
 
@@ -118,7 +128,7 @@ def _angle(unit: Any) -> int:
 def coherent(text: str) -> tuple[float, str]:
     """Factor to, and Modelica spelling of, the coherent SI unit of the same quantity: ``mV`` gives (1e-3, ``V``).
 
-    Angles stay (``deg/V`` gives ``rad/V``) and a rate in hertz becomes rad/s, as everywhere in this library.
+    Angles stay (``deg/V`` gives ``rad/V``), and a rate in hertz or in 1/min becomes rad/s, as everywhere in this library.
 
     Raises:
         ParameterError: the unit is unknown, or an offset scale (degC).
@@ -144,6 +154,8 @@ def coherent(text: str) -> tuple[float, str]:
 def _coherent_parts(unit: Any) -> dict[str, float]:
     """Powers of coherent unit names: each part of a unit without its prefix, or by its base units."""
     registry = _registry()
+    if dict(unit._units) == {"minute": -1}:
+        return {"radian": 1, "second": -1}
     parts: dict[str, float] = {}
     for name, power in unit._units.items():
         plain = registry.parse_unit_name(name)[0][1]
@@ -207,6 +219,11 @@ def split(text: str, unit: str = "N.m/A") -> tuple[float, str]:
     if not match:
         kind = "a number with a unit" if _named(unit) else "a number"
         raise ParameterError(f"'{text}' is not {kind}", remedy=f"write for example '{f'7.68 {_named(unit)}'.strip()}'")
+    if comma := _COMMA.match(text):
+        raise ParameterError(
+            f"'{text}' has a comma in its number",
+            remedy=f"write a decimal point, '{comma[1]}.{comma[2]}', and no separators of thousands",
+        )
     return float(match.group(1).replace("_", "")), match.group(2)
 
 

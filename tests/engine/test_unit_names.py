@@ -6,9 +6,7 @@ from engine.errors import ParameterError
 from engine.quantity import convert
 
 UNKNOWN = {
-    "Ohm": "ohm",
     "RPM": "rpm",
-    "rev/min": "rpm",
     "gcm2": "g.cm2",
     "kg-m^2": "kg.m^2",
     "Vs/rad": "V.s/rad",
