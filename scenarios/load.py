@@ -12,7 +12,7 @@ from engine.display import counts
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.files import is_file
 from engine.ports import MOTION
-from engine.quantity import convert
+from engine.quantity import convert, number_or_text
 from engine.rows import check_rows
 from engine.system import System
 from scenarios.common import root_scope, substitute
@@ -69,6 +69,7 @@ class Scenario:
         system: blocks and connections.
         simulation: how to simulate, None if the file does not say.
         analyses, recordings: by name.
+        tolerances: shares by which a fit or a draw may move parameters, as the file states them.
         digest: identifies the content of every file read and the overrides.
         document: the file as a tree with line numbers, overrides included.
         overrides: the ``key=value`` texts applied.
@@ -80,6 +81,7 @@ class Scenario:
     simulation: Simulation | None
     analyses: dict[str, AnalysisSettings]
     recordings: dict[str, TimeRecording | FrequencyRecording]
+    tolerances: dict[str, float]
     digest: str
     document: Node
     overrides: tuple[str, ...] = ()
@@ -185,6 +187,20 @@ class Scenario:
                     raise ScenarioError(f"'{name}' is not a state of the model", place, nearest(name, units))
                 _number(node.value, units[name], place)
 
+    def tolerances_of(self, model: Model) -> dict[str, float]:
+        """The stated tolerances of a model's parameters.
+
+        Raises:
+            ParameterError: the file states one of a parameter that the model does not have.
+        """
+        known = [parameter.name for parameter in model.parameters]
+        for name in self.tolerances:
+            if name not in known:
+                raise ParameterError(
+                    f"the model has no parameter '{name}'", self.where("tolerances", name), nearest(name, known)
+                )
+        return self.tolerances
+
     def system_observable(self, name: str) -> tuple[str, str, int] | None:
         """Block, flange and derivative order of the motion of a flange; None for anything else."""
         try:
@@ -198,6 +214,22 @@ def _number(value: Any, unit: str, where: Where) -> float:
         return convert(value, unit)
     except ParameterError as error:
         raise error.at(where) from None
+
+
+def _share(given: Any, where: Where) -> float:
+    """A tolerance.
+
+    Raises:
+        ParameterError: it is no share, below zero, or a number above 1 that does not say whether it is in per cent.
+    """
+    share = _number(given, "1", where)
+    if share < 0:
+        raise ParameterError(f"a tolerance of {given}", where, "give a share such as 0.1, or 0 for a known value")
+    if share > 1 and number_or_text(str(given)) == share:
+        raise ParameterError(
+            f"a tolerance of {given} is {100 * share:g} %", where, f"write '{given} %', or '{100 * share:g} %' if it is"
+        )
+    return share
 
 
 def find(path_or_name: str | Path) -> Path:
@@ -258,6 +290,7 @@ def load(path_or_name: str | Path, overrides: Iterable[str] = (), *, text: str |
         simulation=_simulation(document, file, flat),
         analyses={name: _analysis(document, name, made, flat) for name, made in file.analyses.items()},
         recordings=dict(file.recordings),
+        tolerances={name: _share(given, document.where("tolerances", name)) for name, given in file.tolerances.items()},
         digest=_digest(flat.files, texts, {} if text is None else {path: text}),
         document=document,
         overrides=texts,

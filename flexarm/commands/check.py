@@ -124,6 +124,7 @@ def _assembly(loaded: Scenario) -> None:
         )
     )
     typer.echo(columns(["state", "unit"], [[state.name, state.unit] for state in model.states]))
+    loaded.tolerances_of(model)
     if loose := _loose(loaded.system):
         typer.echo(f"connected to nothing: {', '.join(loose)}")
     for name, analysis in loaded.analyses.items():

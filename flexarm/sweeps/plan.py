@@ -158,7 +158,7 @@ def make_axes(
     """
     axes: list[Axis] = []
     samples: dict[str, Sample] = {}
-    stated = {name: convert(given, "1") for name, given in scenario.file.tolerances.items()}
+    stated = scenario.tolerances_of(model)
     for text in vary:
         where = Where(f"--vary {text}")
         found = re.match(r"^\s*([^=~]+?)\s*([=~])\s*(.*?)\s*$", text, re.DOTALL)

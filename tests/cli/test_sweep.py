@@ -147,6 +147,16 @@ def test_tolerances_of_the_scenario_come_first(spin: Path) -> None:
         make_plan(load(spin), ["push~tolerance"], runs=5)
 
 
+def test_a_tolerance_of_what_is_no_parameter_is_refused(spin: Path, command: Any) -> None:
+    """It drew within the library's tolerance instead; `check` found nothing."""
+    spin.write_text(SPIN + "tolerances: {wheel.inertja: 0.02}\n")
+    with pytest.raises(FlexarmError, match=r"tolerances.wheel.inertja: .*\n  did you mean 'wheel.inertia'"):
+        make_plan(load(spin), ["*~tolerance"], runs=5)
+    answer = command("check", spin)
+    assert answer.code == 1
+    assert "did you mean 'wheel.inertia'?" in answer.err
+
+
 def test_bounds_cut_an_interval(spin: Path) -> None:
     """An efficiency of 0.9 with 20 % would reach 1.08, and 1 is the most."""
     done = flexarm.sweep(

@@ -275,6 +275,35 @@ def test_digest_is_that_of_the_text_that_is_read_in_place_of_the_file(whole: Pat
     assert load(whole, text=f"{text}\n# changed\n").digest != first
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("-5 %", "a tolerance of -5 %\n  give a share such as 0.1"),
+        ("abc", "'abc' is not a number"),
+        ("5", "a tolerance of 5 is 500 %\n  write '5 %', or '500 %' if it is"),
+        ("5 V", "'5 V': unit 'V' does not fit"),
+    ],
+)
+def test_a_tolerance_that_is_no_share_is_named_with_its_place(tmp_path: Path, given: str, told: str) -> None:
+    path = small(tmp_path, f"blocks: {{m: {{type: Inertia, inertia: 1.0}}}}\ntolerances:\n  m.inertia: {given}\n")
+    with pytest.raises(FlexarmError, match=rf"small.yaml:5: tolerances.m.inertia: {re.escape(told)}"):
+        load(path)
+
+
+def test_a_tolerance_of_what_is_no_parameter_is_named_with_its_place(tmp_path: Path) -> None:
+    blocks = "blocks: {s: {type: Step, height: 1}, t: {type: Torque}, m: {type: Inertia, inertia: 1.0}}"
+    wires = "connect: [[s.out, t.torque], [t.shaft, m.shaft]]"
+    made = load(small(tmp_path, f"{blocks}\n{wires}\ntolerances: {{m.inertja: 5 %}}\n"))
+    with pytest.raises(FlexarmError, match=r"small.yaml:5: tolerances.m.inertja: the model has no .*\n.*'m.inertia'"):
+        made.tolerances_of(made.build())
+
+
+@pytest.mark.parametrize(("given", "share"), [("5 %", 0.05), ("0.2", 0.2), ("1", 1.0), ("300 %", 3.0), ("0", 0.0)])
+def test_tolerances_are_shares(tmp_path: Path, given: str, share: float) -> None:
+    path = small(tmp_path, f"blocks: {{m: {{type: Inertia, inertia: 1.0}}}}\ntolerances: {{m.inertia: {given}}}\n")
+    assert load(path).tolerances == {"m.inertia": pytest.approx(share)}
+
+
 def test_shipped_names() -> None:
     assert {
         "quanser-single-link",
