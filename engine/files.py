@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,12 @@ def check_suffix(path: Path, allowed: Sequence[str]) -> None:
     """
     if path.suffix.lower() not in allowed:
         raise FlexarmError(f"'{path}' is of no kind that can be written here", remedy=f"end it in {', '.join(allowed)}")
+    if path.suffix.lower() == ".m" and not re.fullmatch(r"[A-Za-z]\w*", path.stem, re.ASCII):
+        plain = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
+        raise FlexarmError(
+            f"MATLAB cannot run a script that is called '{path.name}'",
+            remedy=f"write it as {plain if plain[:1].isalpha() else f'x{plain}'}.m",
+        )
     try:
         if not path.parent.is_dir():
             raise FlexarmError(f"there is no folder '{path.parent}'", remedy="make it first, or write somewhere else")

@@ -15,7 +15,7 @@ import casadi as ca
 
 from engine.discretise import DiscreteModel, discretise
 from engine.errors import FlexarmError
-from engine.linear_files import as_mat, script
+from engine.linear_files import as_mat, identifier, script
 from engine.linear_modes import hearing
 from engine.linearise import LinearModel, linearise
 from engine.model import Model
@@ -65,7 +65,7 @@ class PackageOptions:
         discrete: its discrete-time model; that at the start if neither is given and the model has clocks.
         others: linear models of further modes, where inputs move no output in ``linear``; see `fmu.linear.family`.
         linear_twin: also run the linear model on the same inputs, as outputs ``NAME_lin``.
-        beside: also write ``NAME_linear.mat`` and ``NAME_linear.m`` beside the FMU.
+        beside: also write ``NAME_linear.mat`` and ``NAME_linear.m`` beside the FMU; see `linear_beside`.
         magnitudes: state name -> its largest magnitude in use, from which its nominal value comes; from a run of the
             model if None.
         coupling: what is known of inputs at cuts, of an FMU that is a part of a whole.
@@ -149,14 +149,20 @@ def export(
     files[target] = lambda handle: _zip(handle, inside)
     if linear is not None and o.beside:
         mat, text = as_mat(linear, discrete), script(linear, target.stem, discrete).encode()
-        files[target.with_name(f"{target.stem}_linear.mat")] = lambda handle: handle.write(mat)
-        files[target.with_name(f"{target.stem}_linear.m")] = lambda handle: handle.write(text)
+        matrices, script_name = linear_beside(target.stem)
+        files[target.with_name(matrices)] = lambda handle: handle.write(mat)
+        files[target.with_name(script_name)] = lambda handle: handle.write(text)
         if others:
             rest = family_file(linear, others)
             files[target.with_name(f"{target.stem}_linear_family.json")] = lambda handle: handle.write(rest)
     write_files(files)
     log.info("wrote %s for %s", target, ", ".join(chosen))
     return target
+
+
+def linear_beside(stem: str) -> tuple[str, str]:
+    """Names of the files that hold the linear model beside an FMU; MATLAB runs no script of any other name."""
+    return f"{stem}_linear.mat", f"{identifier(stem)}_linear.m"
 
 
 def without_results(model: Model, results: Sequence[str]) -> Model:

@@ -90,6 +90,7 @@ def export(
     from flexarm.api import ExportOptions
     from flexarm.api import export as write_fmu
     from flexarm.cut import cut
+    from fmu.package import linear_beside
 
     if output is not None:
         check_suffix(output, (".ssp",) if split else (".fmu",))
@@ -118,7 +119,7 @@ def export(
     model: Model = made.model
     typer.echo(f"inputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.inputs) or 'none'}")
     typer.echo(f"outputs: {', '.join(f'{v.name} [{v.unit}]' for v in model.outputs)}")
-    for written in (path, *(path.with_name(f"{path.stem}_linear{end}") for end in (".mat", ".m"))):
+    for written in (path, *(path.with_name(name) for name in linear_beside(path.stem))):
         if written == path or (backend == "c" and model.inputs and model.states and written.exists()):
             typer.echo(f"written: {written}")
 
