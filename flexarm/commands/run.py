@@ -49,6 +49,9 @@ def run(
         f"{number(result.time[-1])} s in {len(result.time)} rows, {result.steps} steps of at most "
         f"{number(result.internal_step)} s, {plural(result.event_count, 'switch')}, {spent:.2f} s of work"
     )
+    asked = seconds(stop, "--stop") or (loaded.simulation.stop if loaded.simulation else None)
+    if asked is not None and asked - result.time[-1] > 1e-9 * asked:
+        typer.echo(f"the last row is at {number(result.time[-1])} s: the step does not divide the {number(asked)} s")
     if (energy := conserved(result, lambda: loaded.build(energy=True))) is not None:
         typer.echo(
             f"energy: {number(energy.start)} J at the start, {number(energy.end)} J at the end, at most "

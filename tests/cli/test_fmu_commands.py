@@ -31,6 +31,28 @@ def test_export_and_cosim(version: str, base: Path, command: Callable[..., Any])
     assert largest <= 1e-12
 
 
+def test_a_step_that_does_not_divide_the_run_is_compared_too(base: Path, command: Callable[..., Any]) -> None:
+    command("export", base.name, "--platforms", "linux64", "-o", "arm.fmu")
+    given = ["--scenario", base.name, "--step", "3 ms", "--stop"]
+    ends = [command("cosim", "arm.fmu", *given, stop) for stop in ("0.2 s", "0.201 s")]
+    assert [answer.code for answer in ends] == [0, 0], ends[0].err
+    # Inside steps of 3 ms the FMU and the runner choose steps of their own.
+    largest = [float(answer.out.splitlines()[-1].removeprefix("largest difference: ")) for answer in ends]
+    assert largest[0] == largest[1] < 1e-7
+
+
+def test_scripts_have_names_that_matlab_can_call(base: Path, command: Callable[..., Any]) -> None:
+    made = command("export", base.name, "--platforms", "linux64", "-o", "2-mass arm.fmu")
+    assert made.code == 0, made.err
+    script = "x2_mass_arm_linear.m"
+    assert _names(base.parent) == {"base.yaml", "2-mass arm.fmu", "2-mass arm_linear.mat", script}
+    assert f"written: {script}" in made.out
+    for name, better in (("my-plant", "my_plant"), ("2nd", "x2nd")):
+        answer = command("linearise", base.name, "-o", f"{name}.m")
+        assert answer.code == 1
+        assert f"MATLAB cannot run a script that is called '{name}.m'\n  write it as {better}.m" in answer.err
+
+
 def test_cosim_takes_the_parameters_of_the_fmu(base: Path, command: Callable[..., Any]) -> None:
     """An FMU exported with another value agrees with the scenario as it stands, because its own value is used."""
     command("export", base.name, "-s", "load.inertia=0.004 kg.m2", "--platforms", "linux64", "-o", "arm.fmu")
