@@ -326,8 +326,11 @@ class Mechanics:
         flanges = [
             f"{block}.{port}" for (block, port), motion in self.flanges.items() if motion.name in movers
         ] or movers
+        loose = [end for end in self.system.loose() if end in flanges]
+        unconnected = f", and nothing is connected to {' and '.join(loose)}" if loose else ""
         return StructureError(
-            f"the motion of {' = '.join(flanges)} {what}",
+            f"the motion of {' = '.join(flanges)} {what}{unconnected}",
             self.system.place(flanges[0].split(".")[0]),
-            "give it an inertia (an Inertia or Mass block, or the block's own inertia), or merge it with its neighbour",
+            f"{'connect it, or ' if loose else ''}give it an inertia (an Inertia or Mass block, or the block's own "
+            "inertia), or merge it with its neighbour",
         )

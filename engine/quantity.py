@@ -128,7 +128,8 @@ def _angle(unit: Any) -> int:
 def coherent(text: str) -> tuple[float, str]:
     """Factor to, and Modelica spelling of, the coherent SI unit of the same quantity: ``mV`` gives (1e-3, ``V``).
 
-    Angles stay (``deg/V`` gives ``rad/V``), and a rate in hertz or in 1/min becomes rad/s, as everywhere in this library.
+    Angles stay (``deg/V`` gives ``rad/V``), and a rate in hertz or in 1/min becomes rad/s, as everywhere in this
+    library.
 
     Raises:
         ParameterError: the unit is unknown, or an offset scale (degC).

@@ -61,9 +61,13 @@ def start_values(model: Model, p: Vector, initial: dict[str, float] | None = Non
             q = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
             wrong = np.abs(matrix @ q - wanted) > 1e-9 * (1 + np.abs(wanted))
             if wrong.any():
-                culprit = entries[int(np.argmax(wrong))][2]
+                worst = int(np.argmax(wrong))
+                culprit = entries[worst][2]
+                tied = [name for row, _, name in entries if name != culprit and np.any(row * entries[worst][0])]
                 raise ParameterError(
-                    f"initial value of '{culprit}' contradicts the others", remedy="tied motions need matching values"
+                    f"initial value of '{culprit}' contradicts {' and '.join(repr(name) for name in tied)}",
+                    remedy="motions that are tied need values that match: give one of them",
+                    signal=culprit,
                 )
             x[order * n : (order + 1) * n] = q
     return x

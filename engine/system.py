@@ -54,6 +54,12 @@ class System:
     name: str = "model"
     description: str = ""
 
+    def loose(self) -> list[str]:
+        """Flanges that nothing is connected to: free ends, or a connection that was forgotten."""
+        wired = {end for connection in self.connections for end in connection.ends}
+        ends = ((f"{name}.{port}", made) for name, block in self.blocks.items() for port, made in block.ports.items())
+        return [end for end, made in ends if made.role == "flange" and end not in wired]
+
     def place(self, block: str) -> Where | None:
         """Where a block stands in the user's file."""
         return self.places.get(block)

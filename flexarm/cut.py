@@ -47,8 +47,8 @@ def cut(
         source: a scenario, its file or shipped name.
         kind: of the analysis, such as ``linearise`` or ``export``.
         analysis: name of an analysis in the file; the first of that kind if None.
-        inputs: signal inputs that replace those of the analysis.
-        outputs: signals that replace those of the analysis.
+        inputs: signal inputs that replace those of the analysis; one may be a plain text.
+        outputs: signals that replace those of the analysis; one may be a plain text.
 
     Raises:
         FlexarmError: no such analysis, input or output.
@@ -119,8 +119,7 @@ def _settings(
     # Any analysis names inputs and outputs, so one of the other kind will do where there is none of this.
     candidates = list(fitting.values()) or [a for a in scenario.analyses.values() if a.inputs and a.outputs]
     found = fitting[analysis] if analysis is not None else candidates[0] if candidates else None
-    given_inputs = None if inputs is None else tuple(scenario.resolve(name) for name in inputs)
-    given_outputs = None if outputs is None else tuple(scenario.resolve(name) for name in outputs)
+    given_inputs, given_outputs = (None if given is None else scenario.resolved(given) for given in (inputs, outputs))
     if found is None:
         if kind in DEFAULTED and not (given_inputs and given_outputs):
             own_inputs, own_outputs = default_ends(scenario, given_inputs)

@@ -108,6 +108,10 @@ class Scenario:
         """A signal's name with exposed names replaced by the inner ones."""
         return self.flat.resolve(name)
 
+    def resolved(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Signals, or a single one as a plain text, with exposed names replaced by the inner ones."""
+        return tuple(self.resolve(name) for name in ([names] if isinstance(names, str) else names))
+
     def build(
         self,
         inputs: Iterable[str] = (),
@@ -120,8 +124,8 @@ class Scenario:
         """The model: see `engine.assemble.build`.
 
         Args:
-            inputs: signal inputs to drive from outside, in this order.
-            outputs: signals to output; those the file records if None.
+            inputs: signal inputs to drive from outside, in this order; one may be a plain text.
+            outputs: signals to output, likewise; those the file records if None.
             energy: also keep the energy balance.
             system: build this variant of the scenario's system instead.
             variant: this is one of many that are alike.
@@ -133,14 +137,16 @@ class Scenario:
 
         if outputs is None and self.simulation is not None and self.simulation.record is not None:
             outputs = self.simulation.record
-        wanted = None if outputs is None else [self.resolve(name) for name in outputs]
-        free = [self.resolve(name) for name in inputs]
+        wanted = None if outputs is None else [*self.resolved(outputs)]
+        free = [*self.resolved(inputs)]
         try:
             model = build(system or self.system, inputs=free, outputs=wanted, energy=energy, variant=variant)
         except FlexarmError as error:
             self._check_ends()
             raise error.at(self._named(error.signal, free, wanted or []) or Where(self.document.file)) from None
         self._starting_values(model)
+        if system is None:
+            self._begun(model)
         return model
 
     def _check_ends(self) -> None:
@@ -186,6 +192,16 @@ class Scenario:
                 if name not in units:
                     raise ScenarioError(f"'{name}' is not a state of the model", place, nearest(name, units))
                 _number(node.value, units[name], place)
+
+    def _begun(self, model: Model) -> None:
+        """Refuse starting values that contradict one another, where the file gives them."""
+        from engine.start import start_values
+
+        try:
+            start_values(model, model.parameter_values)
+        except ParameterError as error:
+            node = self.flat.initial.get(error.signal)
+            raise error.at(Where(node.file, node.line, f"initial.{error.signal}") if node else Where()) from None
 
     def tolerances_of(self, model: Model) -> dict[str, float]:
         """The stated tolerances of a model's parameters.

@@ -131,6 +131,15 @@ def test_cases_are_mappings_or_cases(loop: Path) -> None:
         np.testing.assert_array_equal(found["motor.shaft.angle"], 0.0)
 
 
+def test_one_input_or_output_may_be_a_plain_text(loop: Path) -> None:
+    plain = flexarm.linearise(loop, inputs="motor.voltage", outputs="motor.shaft.angle", discrete=False)
+    listed = flexarm.linearise(loop, inputs=["motor.voltage"], outputs=["motor.shaft.angle"], discrete=False)
+    assert np.array_equal(plain.A, listed.A)
+    assert (plain.inputs, plain.outputs) == (listed.inputs, listed.outputs)
+    model = flexarm.load(loop).build("motor.voltage", "motor.shaft.angle")
+    assert [v.name for v in (*model.inputs, *model.outputs)] == ["motor.voltage", "motor.shaft.angle"]
+
+
 def test_design_helpers_are_at_hand(loop: Path) -> None:
     plant = flexarm.linearise(loop, inputs=["motor.voltage"], outputs=["motor.shaft.angle"], discrete=False)
     feedback = design.lqr(plant, [100.0, 0.01] + [0.0] * (len(plant.states) - 2), [1.0], period=2e-3)

@@ -12,7 +12,6 @@ from flexarm.console.options import ScenarioArgument, SetOption, load, say_bypas
 
 if TYPE_CHECKING:
     from diagnosis.verdict.examination import Examination
-    from engine.system import System
     from scenarios.load import Scenario
 
 
@@ -125,8 +124,8 @@ def _assembly(loaded: Scenario) -> None:
     )
     typer.echo(columns(["state", "unit"], [[state.name, state.unit] for state in model.states]))
     loaded.tolerances_of(model)
-    if loose := _loose(loaded.system):
-        typer.echo(f"connected to nothing: {', '.join(loose)}")
+    if loose := loaded.system.loose():
+        typer.echo(f"connected to nothing: {', '.join(loose)}; is a connection missing?")
     for name, analysis in loaded.analyses.items():
         made = cut(loaded, analysis.kind, name)
         verify_analysis(made)
@@ -146,12 +145,3 @@ def _assembly(loaded: Scenario) -> None:
         if not isinstance(recording, FrequencyTable) and not recording.drive:
             typer.echo("  no input was recorded; the scenario's own sources drive the simulation")
     typer.echo("no problems found")
-
-
-def _loose(system: System) -> list[str]:
-    """Flanges that nothing is connected to: free ends, or a connection that was forgotten."""
-    wired = {end for connection in system.connections for end in connection.ends}
-    ends = (
-        (f"{name}.{port}", made.role) for name, block in system.blocks.items() for port, made in block.ports.items()
-    )
-    return [end for end, role in ends if role == "flange" and end not in wired]

@@ -276,7 +276,8 @@ def margins(
     if all(not np.any(one.B) or not np.any(one.C) for one in loops) and not any(np.any(one.D) for one in loops):
         raise FlexarmError(
             f"nothing of '{end}' comes back in '{back}', so that no loop is closed there",
-            remedy="open at another input, or name what comes back (--returns)",
+            remedy="open at another input, name what comes back (--returns), or take another point (--at): a block "
+            "that is at its limit at this one, such as a controller, passes nothing on",
         )
     return LoopMargins(end, back, tuple(margins_of(one) for one in loops), loops, family, assumed)
 

@@ -48,6 +48,12 @@ def test_run_takes_changes(base: Path, command: Callable[..., Any]) -> None:
     assert "0.02 s in 21 rows" in answer.out
 
 
+def test_run_says_where_rows_end_before_the_run(base: Path, command: Callable[..., Any]) -> None:
+    answer = command("run", base.name, "--stop", "0.1 s", "--step", "30 ms")
+    assert "the last row is at 0.09 s: the step does not divide the 0.1 s" in answer.out
+    assert "the last row" not in command("run", base.name, "--stop", "0.1 s", "--step", "1 ms").out
+
+
 def test_plot_is_a_figure(base: Path, command: Callable[..., Any]) -> None:
     assert command("run", base.name, "--plot").code == 0
     assert command("run", "--plot", "other.svg", base.name).code == 0
@@ -230,7 +236,7 @@ def test_check_names_flanges_that_nothing_is_connected_to(tmp_path: Path, comman
     )
     answer = command("check", str(tmp_path / "loose.yaml"))
     assert answer.code == 0, answer.err
-    assert "connected to nothing: gear.input\n" in answer.out
+    assert "connected to nothing: gear.input; is a connection missing?\n" in answer.out
     assert "connected to nothing" not in command("check", "quanser-single-link").out
 
 

@@ -48,5 +48,5 @@ def test_rates_of_turns_become_radians_a_second(text: str) -> None:
 
 
 def test_a_decimal_comma_is_named() -> None:
-    with pytest.raises(ParameterError, match="has a comma in its number\n  write a decimal point, '10.5 N.m/rad'"):
+    with pytest.raises(ParameterError, match=r"has a comma in its number\n  write a decimal point, '10\.5 N\.m/rad'"):
         convert("10,5 N.m/rad", "N.m/rad")

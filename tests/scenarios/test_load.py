@@ -304,6 +304,25 @@ def test_tolerances_are_shares(tmp_path: Path, given: str, share: float) -> None
     assert load(path).tolerances == {"m.inertia": pytest.approx(share)}
 
 
+def test_starting_values_that_contradict_are_named_with_their_place(tmp_path: Path) -> None:
+    blocks = "blocks: {a: {type: Inertia, inertia: 1}, g: {type: Gear, ratio: 4}, b: {type: Inertia, inertia: 1}}"
+    wires = "connect: [[a.shaft, g.input], [g.output, b.shaft]]"
+    path = small(tmp_path, f"{blocks}\n{wires}\ninitial:\n  a.shaft.speed: 1\n  b.shaft.speed: 2\n")
+    with pytest.raises(FlexarmError) as caught:
+        load(path).build()
+    assert re.search(r"small.yaml:[67]: initial.[ab].shaft.speed: initial value of '[ab]", str(caught.value))
+    assert "a.shaft.speed" in str(caught.value)
+    assert "b.shaft.speed" in str(caught.value)
+
+
+def test_a_flange_that_nothing_is_connected_to_is_named(tmp_path: Path) -> None:
+    path = small(tmp_path, "blocks: {m: {type: Inertia, inertia: 1}, e: {type: Encoder, counts_per_revolution: 64}}\n")
+    with pytest.raises(
+        FlexarmError, match=r"has no inertia, and nothing is connected to e.shaft\n  connect it, or give"
+    ):
+        load(path).build()
+
+
 def test_shipped_names() -> None:
     assert {
         "quanser-single-link",
