@@ -167,6 +167,5 @@ def _differences(
     result = simulate(model, float(trace.time[-1]), step, drive=drive, parameters=values)
     shared = len(result.time)  # a last step that is shorter has a row in the co-simulation alone
     own = {flat(name): name for name in result.names}
-    return {
-        name: float(np.abs(result[own[flat(name)]] - trace[name][:shared]).max()) for name in trace.names if flat(name) in own
-    }
+    differences = ((name, result[own[flat(name)]] - trace[name][:shared]) for name in trace.names if flat(name) in own)
+    return {name: float(np.abs(apart).max()) for name, apart in differences}

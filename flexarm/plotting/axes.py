@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 FLOOR = 1e-300
 """Gains below it are taken for none."""
+TICKS = (2, 5, 15, 45, 90, 180, 360)
+"""Degrees between two ticks."""
 
 
 def per(above: str, below: str) -> str:
@@ -23,11 +29,23 @@ def clean(axis: Any) -> None:
     axis.set_axisbelow(True)
 
 
+def phase(answer: NDArray[Any], frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The phase (deg) of complex answers, without jumps.
+
+    It begins where the slope of the gain asks for, by whole turns: at -180 degrees where that falls by 40 dB a decade,
+    as behind a double integrator, and not at +180.
+    """
+    found = np.degrees(np.unwrap(np.angle(answer)))
+    gains = np.abs(answer[:2])
+    if len(gains) == 2 and gains.min() > FLOOR and frequency[1] > frequency[0] > 0:
+        wanted = 90 * math.log(gains[1] / gains[0]) / math.log(frequency[1] / frequency[0])
+        found = found - 360 * np.round((found[0] - wanted + 1) / 360)  # of a gain below zero, half a turn behind
+    return np.asarray(found)
+
+
 def degrees(axis: Any, low: float, high: float) -> None:
-    """Put the ticks of an axis in degrees at parts of a right angle, as many as fit between two values."""
+    """Put the ticks of an axis in degrees at parts of a right angle, up to seven between two values."""
     from matplotlib.ticker import MultipleLocator
 
-    spread = high - low
-    axis.set_major_locator(
-        MultipleLocator(45 if spread < 300 else 90 if spread < 800 else 180 if spread < 1600 else 360)
-    )
+    fitting = (step for step in TICKS if high - low < 6.7 * step)
+    axis.set_major_locator(MultipleLocator(next(fitting, TICKS[-1])))

@@ -10,6 +10,7 @@ import numpy as np
 from engine.figures import save
 from engine.files import writing
 from flexarm.plotting.axes import FLOOR, clean, degrees, per
+from flexarm.plotting.axes import phase as phase_of
 from flexarm.plotting.results import FIGURES
 
 if TYPE_CHECKING:
@@ -55,16 +56,21 @@ def plot_description(
             if measured and name in measured:
                 half = _decibel(found.half_range[i, :, m] / amplitude)
                 gain.semilogx(found.frequency, half, "--", color=colour, lw=1.2, label=f"{label}, half the range")
-            phases.append(np.degrees(np.unwrap(np.angle(answer))))
+            phases.append(phase_of(answer, found.frequency))
             phase.semilogx(found.frequency, phases[-1], few, color=colour, lw=1.5, ms=4)
             share.semilogx(found.frequency, 100 * found.distortion[i, :, m], few, color=colour, lw=1.5, ms=4)
         low, high = gain.get_ylim()
         for dash, (label, answers) in zip(DASHES, linear.items(), strict=False):
             answer = answers[:, m]
             if np.abs(answer).max() > FLOOR:
-                looks = {"color": "#666666", "lw": 1.1, "dashes": dash, "label": f"linear: {label}"}
+                looks = {
+                    "color": "#666666",
+                    "lw": 1.1,
+                    "dashes": dash,
+                    "label": "linear" if label == "linear" else f"linear: {label}",
+                }
                 gain.semilogx(omega, _decibel(answer), **looks)
-                phase.semilogx(omega, np.degrees(np.unwrap(np.angle(answer))), color="#666666", lw=1.1, dashes=dash)
+                phase.semilogx(omega, phase_of(answer, omega), color="#666666", lw=1.1, dashes=dash)
         lowest, highest = gain.get_ylim()
         gain.set_ylim(max(lowest, low - 25), min(highest, high + 25))
         if measured and name in measured:

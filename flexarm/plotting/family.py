@@ -10,7 +10,7 @@ import numpy as np
 from engine.figures import save
 from engine.files import writing
 from engine.linearise import LinearModel
-from flexarm.plotting.axes import FLOOR, clean, degrees, per
+from flexarm.plotting.axes import FLOOR, clean, degrees, per, phase
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def plot_family(family: LinearFamily, path: str | Path, title: str = "") -> Path
             colour = COLOURS[kinds.index(label)] if by_mode else shades(0.93 * norm(value))
             looks = {"color": colour, "lw": 0.9 if len(members) > 12 else 1.3, "alpha": 0.8}
             upper.semilogx(omega, 20 * np.log10(np.maximum(np.abs(one), FLOOR)), **looks)
-            phases.append(np.degrees(np.unwrap(np.angle(one))))
+            phases.append(phase(one, omega))
             lower.semilogx(omega, phases[-1], **looks)
         unit = per(family.units.get(family.outputs[i], ""), family.units.get(family.inputs[j], ""))
         upper.set_title(f"{family.outputs[i]} / {family.inputs[j]}", fontsize=9)

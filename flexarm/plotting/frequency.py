@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from engine.figures import save
 from engine.files import writing
-from flexarm.plotting.axes import FLOOR, clean, degrees, per
+from flexarm.plotting.axes import FLOOR, clean, degrees, per, phase
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ class Response:
 
     @property
     def degrees(self) -> NDArray[np.float64]:
-        """Phase without jumps, that begins between -180 and 180 degrees."""
-        return np.asarray(np.degrees(np.unwrap(np.angle(self.gain))))
+        """Phase without jumps; see `flexarm.plotting.axes.phase`."""
+        return phase(self.gain, self.frequency)
 
 
 def frequencies(linear: LinearModel, points: int = 500) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from engine.figures import save
 from engine.files import writing
 from engine.model import Vector
 from flexarm.plotting.axes import FLOOR, clean, degrees
+from flexarm.plotting.axes import phase as phase_of
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def plot_margins(found: LoopMargins, path: str | Path, title: str = "") -> Path:
         }
         looks |= {"alpha": 1.0 if worst else 0.5}
         gain.semilogx(omega, 20 * np.log10(np.maximum(np.abs(answer), FLOOR)), **looks)
-        phases.append(np.degrees(np.unwrap(np.angle(answer))))
+        phases.append(phase_of(answer, omega))
         phase.semilogx(omega, phases[-1], **looks)
         nyquist.plot(answer.real, answer.imag, **looks)
         sensitivity.semilogx(omega, 20 * np.log10(np.maximum(np.abs(1 / (1 + answer)), FLOOR)), **looks)

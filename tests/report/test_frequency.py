@@ -10,6 +10,7 @@ import pytest
 
 import flexarm
 from engine.linearise import LinearModel
+from flexarm.plotting.axes import degrees, phase
 from flexarm.plotting.frequency import _title, frequencies, plot_linear, responses
 
 
@@ -82,3 +83,29 @@ def test_a_stuck_joint_leaves_poles_to_draw(tmp_path: Path) -> None:
     linear = flexarm.linearise("lumped-arm-pulse", "stuck")
     assert responses(linear) == []
     assert plot_linear(linear, tmp_path / "a.png", "stuck").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("gain", "power", "start"),
+    [(1.0, -2, -180.0), (1.0, -1, -90.0), (1.0, 0, 0.0), (1.0, 1, 90.0), (1.0, 2, 180.0), (-1.0, 0, -180.0)],
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_phases_begin_where_the_slope_asks_for(gain: float, power: int, start: float, sign: float) -> None:
+    """k s^n: 90 n degrees; rounding puts half a turn on either side of the cut of the logarithm."""
+    omega = np.geomspace(0.1, 10, 50)
+    answer = gain * (1j * omega) ** power
+    if abs(start) == 180:
+        answer = answer.real + sign * 1e-15j * np.abs(answer)
+    np.testing.assert_allclose(phase(answer, omega), start, atol=1e-6)
+
+
+@pytest.mark.parametrize("spread", [0.0, 4.0, 20.0, 60.0, 100.0, 250.0, 500.0, 1500.0])
+def test_an_axis_in_degrees_has_two_ticks_or_more(spread: float) -> None:
+    from matplotlib.figure import Figure
+
+    axis = Figure().add_subplot()
+    axis.plot([0.0, 1.0], [-93.0 - spread, -93.0])
+    degrees(axis.yaxis, -93.0 - spread, -93.0)
+    low, high = axis.get_ylim()
+    shown = [tick for tick in axis.get_yticks() if low <= tick <= high]
+    assert 2 <= len(shown) <= 9
