@@ -41,6 +41,8 @@ RANK = 1e-9
 FAR = 1e4
 """A solution that lies this many times farther from the start than its own start did is none of the machine's."""
 
+STEADY = "steady motion"
+"""Of shafts that turn without end."""
 TRIES = 12
 """Starts about the first one from which further equilibria are sought."""
 
@@ -506,7 +508,7 @@ class _Search:
         """
         names = [v.name for v in (*self.model.states, *self.model.memories)]
         names += [f"{line.name} (delay)" for line in self.lines] + [self.model.inputs[j].name for j in self.free]
-        names += ["steady motion"] * self.slides.shape[1]
+        names += [STEADY] * self.slides.shape[1]
         kept = {names[c]: "stuck" for c in self._stuck(m)}
         J = np.nan_to_num(J)
         rows = np.linalg.norm(J, axis=1)
@@ -522,10 +524,14 @@ class _Search:
             vector = left[:, int(np.argmax(size))]
             order = np.argsort(-np.abs(vector))
             several = [names[i] for i in order if abs(vector[i]) > 0.05 * np.abs(vector).max()][:4]
+            told = [name if name == STEADY else f"'{name}'" for name in several]
+            states = [v.name for v in self.model.states]
+            known = sorted((name for name in several if name != STEADY), key=lambda name: name not in states)
+            such = f" --fix '{known[0]}={z[names.index(known[0])]:g}'" if known else " a state of them with --fix"
             raise TrimError(
-                f"the equilibrium is not unique: {' and '.join(repr(name) for name in several)} "
+                f"the equilibrium is not unique: {' and '.join(told)} "
                 f"can {'change together' if len(several) > 1 else 'take any value'}",
-                remedy=f"fix one of them, such as --fix '{several[0]}={z[names.index(several[0])]:g}'",
+                remedy=f"fix one of them: by flexarm trim{such}, or under fix: in an analysis of kind trim",
             )
         for i in np.flatnonzero(np.abs(open_[: self.n]).max(axis=1, initial=0.0) > 1e-9):
             kept.setdefault(names[i], "indifferent")

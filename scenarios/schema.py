@@ -130,7 +130,7 @@ class Simulate(Section):
         default=None,
         description="repeat with half the internal step; warn if an output changes by more of its range than this",
     )
-    record: list[Text] | None = Field(default=None, description="signals to record; all if absent")
+    record: list[Text] | None = Field(default=None, min_length=1, description="signals to record; all if absent")
 
 
 class Analysis(Section):

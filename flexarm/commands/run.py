@@ -58,7 +58,7 @@ def run(
             f"{energy.drift:.2g} J off on the way; nothing is supplied or dissipated"
         )
     rows = [
-        [name, unit, number(values[-1]), number(values.min()), number(values.max())]
+        [name, unit.strip("*"), number(values[-1]), number(values.min()), number(values.max())]
         for name, unit, values in ((n, result.units[n], result[n]) for n in result.names)
     ]
     typer.echo(columns(["signal", "unit", "end", "least", "greatest"], rows))
