@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
+import control
 import numpy as np
 import pytest
 
@@ -142,5 +143,9 @@ def test_one_input_or_output_may_be_a_plain_text(loop: Path) -> None:
 
 def test_design_helpers_are_at_hand(loop: Path) -> None:
     plant = flexarm.linearise(loop, inputs=["motor.voltage"], outputs=["motor.shaft.angle"], discrete=False)
-    feedback = design.lqr(plant, [100.0, 0.01] + [0.0] * (len(plant.states) - 2), [1.0], period=2e-3)
-    assert np.abs(feedback.poles).max() < 1
+    weights = np.array([100.0, 0.01] + [0.0] * (len(plant.states) - 2))
+    feedback = design.lqr(plant, weights.tolist(), [1.0], period=2e-3)
+    held = control.sample_system(control.ss(plant.A, plant.B, plant.C, plant.D), 2e-3, "zoh")
+    gain, _, poles = control.dlqr(held, np.diag(weights), np.eye(1))
+    np.testing.assert_allclose(feedback.gain, gain, rtol=1e-6)
+    np.testing.assert_allclose(sorted(np.abs(feedback.poles)), sorted(np.abs(poles)), rtol=1e-6)
