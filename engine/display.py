@@ -46,10 +46,15 @@ def root(value: complex) -> str:
     return f"{value.real:.6g}{value.imag:+.6g}i"
 
 
-def without_rounding(values: Iterable[complex]) -> list[complex]:
-    """Roots, those within rounding of the largest as 0: what a free body's pole comes to differs between processors."""
+def without_rounding(values: Iterable[complex], beside: Iterable[complex] = ()) -> list[complex]:
+    """Roots, those within rounding of the largest as 0: what a free body's pole comes to differs between processors.
+
+    Args:
+        values: the roots.
+        beside: others of the same model, by which rounding is measured too, such as its poles for its zeros.
+    """
     found = [complex(value) for value in values]
-    least = ROUNDING * max(map(abs, found), default=0.0)
+    least = ROUNDING * max(map(abs, [*found, *beside]), default=0.0)
     return [value if abs(value) > least else 0j for value in found]
 
 

@@ -13,7 +13,10 @@ from flexarm.console.options import ScenarioArgument, SetOption, load, names, se
 def close(
     scenario: ScenarioArgument,
     controller: Annotated[Path, typer.Argument(metavar="CONTROLLER", help="A .json or .mat file with A, B, C and D.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The scenario to write, .yaml.")],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="FILE", help="The scenario to write, .yaml; it may be SCENARIO itself."),
+    ],
     feed: Annotated[str, typer.Option(metavar="INPUT", help="The input that the controller drives.")],
     measure: Annotated[
         list[str], typer.Option(metavar="SIGNAL", help="A signal that it measures; repeatable, or with commas.")
@@ -22,7 +25,7 @@ def close(
         str | None, typer.Option(metavar="SIGNAL", help="What the first measured signal is to follow; zero by default.")
     ] = None,
     period: Annotated[str | None, typer.Option(metavar="TIME", help="Sample period; continuous without one.")] = None,
-    method: Annotated[str, typer.Option(help="How it is sampled: tustin, zoh, foh, matched, euler.")] = "tustin",
+    method: Annotated[str, typer.Option(help="Of sampling: tustin, zoh, foh, impulse, matched, euler.")] = "tustin",
     delay: Annotated[int, typer.Option(min=0, help="Of the computation, in whole periods.")] = 0,
     name: Annotated[str, typer.Option(help="Of the new block.")] = "controller",
     overrides: SetOption = None,

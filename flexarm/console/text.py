@@ -152,10 +152,11 @@ def linear_page(linear: LinearModel) -> str:
         parts.append("  not an equilibrium; give another point by --at, or keep in mind that these states change:")
         parts.append(columns(["state", "rate per second", "unit"], rows))
     parts.append(columns(["state", "unit"], [[name, linear.units.get(name, "")] for name in linear.states]))
-    parts.append("  poles [1/s]:  " + _roots(linear.poles()))
+    poles = linear.poles()
+    parts.append("  poles [1/s]:  " + _roots(poles))
     for output in linear.outputs:
         for driven in linear.inputs:
-            parts.append(f"  zeros of {output} / {driven} [1/s]:  {_roots(linear.zeros(output, driven))}")
+            parts.append(f"  zeros of {output} / {driven} [1/s]:  {_roots(linear.zeros(output, driven), poles)}")
     return "\n".join(parts)
 
 
@@ -192,9 +193,9 @@ def discrete_page(discrete: DiscreteModel) -> str:
     return "\n".join(parts)
 
 
-def _roots(values: Any) -> str:
+def _roots(values: Any, beside: Any = ()) -> str:
     shown = []
-    for value in without_rounding(values):
+    for value in without_rounding(values, beside):
         if value.imag < -1e-9 * max(1.0, abs(value)):
             continue
         if value.imag > 1e-9 * max(1.0, abs(value)):
