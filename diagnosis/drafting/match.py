@@ -49,6 +49,10 @@ MOST_RUNS = 24
 LEVELS = ("sure", "likely", "a guess")
 LATEST = 30
 """Samples by which a signal may be late."""
+ELSEWHERE = 0.02
+"""Correlations that differ by less do not tell two places of one quantity apart."""
+RIGID = 1 - 1e-9
+"""Likeness of two curves from which they belong to one place."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ class Match:
         rival: the highest correlation of another quantity of the model.
         lag: samples by which the column is late.
         sure: ``sure``, ``likely`` or ``a guess``.
+        elsewhere: signals of the same quantity at other places that the column follows as closely.
     """
 
     column: str
@@ -80,6 +85,7 @@ class Match:
     rival: float
     lag: int
     sure: str
+    elsewhere: tuple[str, ...] = ()
 
     @property
     def evidence(self) -> str:
@@ -87,6 +93,8 @@ class Match:
         if not math.isfinite(self.correlation):
             return self.sure if self.sure == "as given" else f"{self.sure}: by its name and unit alone"
         parts = [f"{self.sure}: correlation {abs(self.correlation):.2f}"]
+        if self.elsewhere:
+            parts.append(f"{' and '.join(self.elsewhere)} as well")
         if self.rival > 0.3:
             parts.append(f"another quantity {self.rival:.2f}")
         if math.isfinite(self.gain) and not self.scale:
@@ -291,7 +299,8 @@ def _measured(
             if reading is None:
                 continue
             column_unit, scale, counts, gain, off = reading
-            score = abs(correlation) - 0.12 * min(off, 4.0) + 0.3 * _alike(signal.name, name) + 0.1 * (name in wanted)
+            # A word of the name says more than that the scenario records the signal.
+            score = abs(correlation) - 0.12 * min(off, 4.0) + 0.3 * _alike(signal.name, name) + 0.05 * (name in wanted)
             score -= 0.003 * name.count(".") + (0.02 if name.endswith(".out") else 0.0)
             made = Match(
                 signal.name,
@@ -315,7 +324,15 @@ def _measured(
         rival = max(rivals, default=0.0)
         if abs(best.correlation) < 0.3 and not _alike(signal.name, best.end) > 0.6:
             continue
-        rows.append((score, _rated(best, rival, bool(signal.unit))))
+        alike = [
+            (m.end, s)
+            for _, m, s in found[1:]
+            if signals.get(m.end) == signals.get(best.end)
+            and abs(m.correlation) > abs(best.correlation) - ELSEWHERE
+            and _alike(signal.name, m.end) >= _alike(signal.name, best.end)  # else the column's name says which
+            and _same(curve, s)
+        ]
+        rows.append((score, _rated(best, rival, bool(signal.unit), _elsewhere(curve, alike))))
     # One signal belongs to one column.
     rows.sort(key=lambda one: -one[0])
     taken: dict[str, Match] = {}
@@ -342,6 +359,17 @@ def _counted_alike(log: LogFile, rows: Sequence[Match]) -> list[Match]:
         return replace(m, counts_per_rev=counts, gain=in_turn / counts)
 
     return [counted(m) if m.counts_per_rev else m for m in rows]
+
+
+def _elsewhere(curve: Vector, alike: Sequence[tuple[str, Vector]]) -> tuple[str, ...]:
+    """One signal of each other place; what turns with another, or behind a rigid gear, is at the same one."""
+    places = [curve]
+    found = []
+    for end, other in alike:
+        if not any(_same(other, place, RIGID) for place in places):
+            places.append(other)
+            found.append(end)
+    return tuple(found)
 
 
 def _same(a: Vector, b: Vector, alike: float = 0.98) -> bool:
@@ -393,16 +421,15 @@ def _reading(signal: Signal, unit: str, ratio: float) -> tuple[str, str, float, 
     return (*best, off)
 
 
-def _rated(best: Match, rival: float, stated: bool) -> Match:
+def _rated(best: Match, rival: float, stated: bool, elsewhere: tuple[str, ...]) -> Match:
     size = abs(best.correlation)
     clear = size - rival > 0.1 or stated
     sure = "a guess"
     if size > 0.6 and (clear or size > 0.9):
         sure = "likely"
-    if size > 0.9 and clear and not best.scale and 0.7 < best.gain < 1.45:
+    if size > 0.9 and clear and not best.scale and 0.7 < best.gain < 1.45 and not elsewhere:
         sure = "sure"
-    values = {**best.__dict__, "rival": rival, "sure": sure}
-    return Match(**values)
+    return replace(best, rival=rival, sure=sure, elsewhere=elsewhere)
 
 
 def _drive(

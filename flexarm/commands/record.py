@@ -104,6 +104,10 @@ def _say(made: Draft, output: Path | None, logs: list[LogFile]) -> None:
     unsure = [row.column for row in rows if row.sure == "a guess"]
     if unsure:
         typer.echo(f"  to be confirmed, since they are guesses: {', '.join(unsure)}", err=True)
+    for row in rows:
+        if row.elsewhere:
+            ends = " or ".join((row.end, *row.elsewhere))
+            typer.echo(f"  to be confirmed, since the model moves alike there: {row.column} is {ends}", err=True)
     if output is None:
         return
     typer.echo(f"written: {output}", err=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.signal
 import typer
 from typer.testing import CliRunner
 
@@ -109,6 +110,45 @@ def test_an_encoder_moves_as_far_as_a_sensor_of_a_stated_unit_says(
     assert enc.counts_per_rev == counts
     assert enc.gain * enc.counts_per_rev == pytest.approx(0.914 * 4000)
     assert other is given[1]
+
+
+COUPLED = """\
+schema: 1
+name: coupled
+blocks:
+  source: {{type: Step, height: 5 V}}
+  motor: {{type: DCMotor, resistance: 2.6 ohm, torque_constant: 0.05, rotor_inertia: 2e-5}}
+  coupling: {{type: SpringDamper, stiffness: 3, damping: 2e-3}}
+  load: {{type: Inertia, inertia: 4e-4}}
+connect: [[source.out, motor.voltage], [motor.shaft, coupling.a], [coupling.b, load.shaft]]
+simulate: {{stop: 2 s, step: 2 ms, record: [{record}]}}
+"""
+
+
+@pytest.mark.parametrize("recorded", ["motor.shaft.angle", "load.shaft.angle"])
+@pytest.mark.parametrize("column", ["angle [deg]", "motor_shaft_angle [deg]"])
+def test_two_places_that_move_alike_are_both_named(recorded: str, column: str, tmp_path: Path) -> None:
+    """The motor's own angle, by scipy; that the load's is what the scenario records says nothing of the sensor."""
+    t, (R, k, J, c, d, M) = np.arange(1000) * 0.002, (2.6, 0.05, 2e-5, 3.0, 2e-3, 4e-4)
+    A = np.array(
+        [[0, 0, 1, 0], [0, 0, 0, 1], [-c / J, c / J, -(d + k * k / R) / J, d / J], [c / M, -c / M, d / M, -d / M]]
+    )
+    plant = scipy.signal.StateSpace(A, np.array([[0], [0], [k / R / J], [0]]), np.eye(4), np.zeros((4, 1)))
+    u = np.where(t < 0.2, 0.0, np.where(t % 0.7 < 0.35, 5.0, -4.0))
+    states = scipy.signal.lsim(plant, u, t, interp=False)[1]
+    rows = np.column_stack([t, u, np.degrees(states[:, 0])])
+    np.savetxt(tmp_path / "log.csv", rows, "%.8g", ",", header=f"t,u [V],{column}", comments="")
+    (tmp_path / "rig.yaml").write_text(COUPLED.format(record=recorded))
+    (row,) = match(load(tmp_path / "rig.yaml"), look(tmp_path / "log.csv")).measurements
+    places = ("motor.shaft.angle", "coupling.a.angle"), ("load.shaft.angle", "coupling.b.angle")
+    if column.startswith("motor"):
+        assert (row.end, row.sure, row.elsewhere) == ("motor.shaft.angle", "sure", ())
+    else:
+        (other,) = row.elsewhere
+        assert row.end == recorded
+        assert other in places[1 - (recorded in places[1])]
+        assert row.sure == "likely"
+        assert f"{other} as well" in row.evidence
 
 
 def test_columns_are_told_apart_by_the_model(found: Matches) -> None:
