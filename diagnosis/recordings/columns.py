@@ -99,18 +99,22 @@ def _any_text(path: Path, kind: str) -> Columns:
     Raises:
         FileProblem: neither.
     """
+    laid_out = False
     try:
         tidy = _text(path, read_table)
-        # A row of units, or decimal commas, make words of what stands in every row.
-        if not any(odd.row <= tidy.rows[min(2, len(tidy.rows) - 1)] for odd in tidy.odd.values()):
+        if not tidy.odd:
             return tidy
+        # A row of units, or decimal commas, make words of what stands in every row; later ones leave names as they are.
+        laid_out = not any(odd.row <= tidy.rows[min(2, len(tidy.rows) - 1)] for odd in tidy.odd.values())
         problem = None
     except FileProblem as error:
         tidy, problem = None, error
     guessed = read_dialect(path)
-    # Without an assumption it would be what the tidy reader refused.
-    if guessed is not None and guessed.notes and (tidy is None or len(guessed.odd) < len(tidy.odd)):
-        return guessed
+    if guessed is not None and guessed.notes:  # without an assumption it would be what the tidy reader refused
+        if tidy is None:
+            return guessed
+        if len(guessed.odd) < len(tidy.odd) and (guessed.names == tidy.names or not laid_out):
+            return guessed
     if tidy is not None:
         return tidy
     assert problem is not None

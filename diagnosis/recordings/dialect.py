@@ -151,9 +151,12 @@ def read_dialect(path: Path) -> Columns | None:
         if wrong.any():
             share = int(wrong.sum())
             if share <= max(1, len(values) // 20):
-                notes.append(
-                    f"{share} cell{'s' if share > 1 else ''} of column '{name}' hold a word and count as empty"
+                cells = (
+                    f"{share} cells of column '{name}' hold a word and count"
+                    if share > 1
+                    else (f"1 cell of column '{name}' holds a word and counts")
                 )
+                notes.append(f"{cells} as empty")
             else:
                 odd[name] = Oddity(
                     int(rows[int(np.argmax(wrong))]), "a text", "leave the cell empty where there is no value"

@@ -239,6 +239,20 @@ def test_rows_that_end_in_a_separator_are_refused(count: int, tmp_path: Path) ->
     assert np.isnan(read.number("")).all()
 
 
+@pytest.mark.parametrize("separator", [",", ";"])
+def test_a_few_words_among_numbers_are_empty_cells(separator: str, tmp_path: Path) -> None:
+    rows = [f"{k},{2 * k},{'ERR' if k in (60, 61) else 3 * k}" for k in range(100)]
+    text = "\n".join(["t,u,angle", *rows]).replace(",", separator)
+    (tmp_path / "a.csv").write_text(text)
+    read = read_columns(tmp_path / "a.csv")
+    assert read.names == ["t", "u", "angle"]
+    assert np.flatnonzero(np.isnan(read.number("angle"))).tolist() == [60, 61]
+    assert "2 cells of column 'angle' hold a word and count as empty" in read.notes
+    (tmp_path / "b.csv").write_text(text.replace(f"{separator}9", f"{separator}x9"))  # more than one of twenty
+    with pytest.raises(FlexarmError, match="column 'angle' holds a text"):
+        read_columns(tmp_path / "b.csv").number("angle")
+
+
 @pytest.mark.parametrize("count", [10, 40_000], ids=["short", "long"])
 def test_line_numbers_after_comments_and_quoted_line_ends(count: int, tmp_path: Path) -> None:
     text = '# made here\n\nt,u,"no\nte"\n' + rows_of(count) + '# pause\n\n98765,1,"a\n# b"\n98766,x,\n98767,y,\n'
