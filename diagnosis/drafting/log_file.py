@@ -12,14 +12,13 @@ from diagnosis.recordings import quality
 from diagnosis.recordings.by_header import header
 from diagnosis.recordings.columns import Columns, RecordingError, Vector, read_columns
 from diagnosis.recordings.noise import noise, quantum
+from diagnosis.recordings.time_axis import USUAL_STEPS
 from diagnosis.recordings.wrapped_numbers import find
 from engine.errors import ParameterError, Where
 from engine.quantity import coherent, factor
 
 TIME_NAMES = ("t", "time", "timestamp", "stamp", "zeit", "times", "seconds", "sec", "tsec", "clock")
 COUNTER_NAMES = ("i", "k", "n", "index", "sample", "samples", "count", "row", "seq", "frame")
-_STEPS = {"s": (2e-5, 0.5), "ms": (0.5, 200.0), "us": (200.0, 2e6), "ns": (2e6, 2e9)}
-"""Usual sampling intervals of a log, as numbers in each unit; the first that fits is taken."""
 _EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))
 """Times since 1970 are at least so large in each unit."""
 _WORDS = re.compile(r"[A-Za-z°]+(?:/s2?)?")
@@ -218,7 +217,7 @@ def _time_unit(name: str, values: Vector, units: dict[str, str]) -> tuple[str, s
         if abs(float(values[0])) >= least:
             return unit, f"counted from 1970 in {unit}", True
     step = float(np.median(np.diff(values)))
-    for unit, (low, high) in _STEPS.items():
+    for unit, (low, high) in USUAL_STEPS.items():
         if low <= step <= high:
             return unit, f"a step of {step:g} is usual in {unit}", True
     return "s", f"a step of {step:g} is usual in no unit", False

@@ -26,6 +26,9 @@ STRAYS = 0.5
 ROUNDING = 1e-6
 """The same, up to which the recorded instants are kept as they are."""
 
+USUAL_STEPS = {"s": (2e-5, 0.5), "ms": (0.5, 200.0), "us": (200.0, 2e6), "ns": (2e6, 2e9)}
+"""Usual sampling intervals of a log, as numbers in each unit; the first that fits is taken."""
+
 
 def time_axis(reader: Reader, given: TimeColumn) -> tuple[Vector, str]:
     """Time in seconds, shape (rows,), and the name of its column.
@@ -52,7 +55,23 @@ def time_axis(reader: Reader, given: TimeColumn) -> tuple[Vector, str]:
     except ParameterError as error:
         raise error.at(reader.where("time", "unit") or Where(reader.columns.file)) from None
     reader.seconds = seconds
-    return reader.column(given.column, "time") * seconds, given.column
+    time = reader.column(given.column, "time") * seconds
+    if "unit" not in given.model_fields_set and (meant := _unit_of_steps(time)) not in ("", "s"):
+        reader.notes.append(
+            f"the time is taken to be in s, for no unit is stated: samples are {_step(time):g} s apart, a step that is "
+            f"usual in {meant}; if it is in {meant}, write unit: {meant} under time:"
+        )
+    return time, given.column
+
+
+def _step(time: Vector) -> float:
+    steps = np.diff(time[np.isfinite(time)])
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def _unit_of_steps(time: Vector) -> str:
+    """The unit in which a log usually has such steps; empty if there is none."""
+    return next((unit for unit, (low, high) in USUAL_STEPS.items() if low <= _step(time) <= high), "")
 
 
 def window(reader: Reader, described: TimeRecording, time: Vector) -> NDArray[np.bool_]:

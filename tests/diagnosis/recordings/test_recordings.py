@@ -386,6 +386,19 @@ def test_a_loop_that_is_none(loop: Path) -> None:
     assert "the plant's input" in caught.value.remedy
 
 
+@pytest.mark.parametrize(
+    ("column", "factor", "meant"),
+    [("t", 1e3, "ms"), ("t", 1e6, "us"), ("t", 1.0, ""), ("t, unit: s", 1e3, ""), ("t, unit: ms", 1e3, "")],
+)
+def test_a_time_that_looks_like_another_unit_is_noted(column: str, factor: float, meant: str, swing: Path) -> None:
+    t = np.arange(200) * 0.01
+    store(swing.parent / "one.csv", t=factor * t, y=decay(t, 0.4, -1.0))
+    text = PENDULUM.format(damping=0.2).replace("time: {column: t}", f"time: {{column: {column}}}", 1)
+    notes = [note for note in find_recording(load(swing, text=text), "one").notes if "no unit is stated" in note]
+    assert len(notes) == bool(meant)
+    assert not meant or f"write unit: {meant} under time:" in notes[0]
+
+
 def test_files_outside_the_repository(swing: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = PENDULUM.format(damping=0.2).replace("file: one.csv", "file: $FLEXARM_RECORDINGS/one.csv")
     scenario = load(swing, text=text)
