@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypedDict, Unpack
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from diagnosis.binding import find_recording, verify
@@ -61,7 +62,22 @@ def gather(
         rows.append(replace(found, role=role) if role else found)
     if not any(r.role in ("train", "repeat") for r in rows):
         raise FlexarmError("no recording to fit to", remedy="name one, or give one the role 'train'")
+    _check_held_out(rows)
     return rows
+
+
+def _check_held_out(rows: Sequence[Recorded]) -> None:
+    """Refuse rows that are fitted and held out as well: they would be foretold without fail."""
+    over_time = [r for r in rows if isinstance(r, Recording)]
+    for one, other in itertools.product(over_time, over_time):
+        if one.role != "hold_out" and other.role == "hold_out" and np.array_equal(one.time, other.time):
+            mine, others = ({m.name: m.values for m in r.measurements} for r in (one, other))
+            if mine.keys() == others.keys() and all(np.array_equal(mine[k], others[k], equal_nan=True) for k in mine):
+                raise FlexarmError(
+                    f"recordings '{one.name}', which is fitted, and '{other.name}', which is held out, "
+                    "hold the same rows",
+                    remedy="hold out another recording, or another window of the file",
+                )
 
 
 def _to_fit(

@@ -58,6 +58,9 @@ def record(
         check_suffix(output, (".yaml", ".yml"))
     if not yes and not sys.stdin.isatty():
         raise FlexarmError("the draft is to be confirmed, and there is no terminal", remedy="write --yes")
+    twice = [path for k, path in enumerate(files) if path.resolve() in {other.resolve() for other in files[:k]}]
+    if twice:
+        raise FlexarmError(f"the file '{twice[0]}' is given twice", remedy="name each once")
     loaded = load(scenario, overrides)
     step = seconds(interval, "--interval")
     logs = [look(path, time=time, interval=step, form=form) for path in files]

@@ -282,6 +282,13 @@ def test_the_command_asks_in_a_terminal(logs: list[Path], tmp_path: Path, monkey
     assert "'junk' is not used" in asked[-1]
 
 
+def test_a_file_that_is_given_twice_is_refused(logs: list[Path]) -> None:
+    twice = [str(logs[0]), str(logs[0].parent / "." / logs[0].name)]
+    answer = CliRunner().invoke(app, ["record", *twice, "-m", "quanser-single-link", "--yes"])
+    assert isinstance(answer.exception, FlexarmError)
+    assert "run0.csv' is given twice" in str(answer.exception)
+
+
 def test_without_a_terminal_it_wants_yes(logs: list[Path]) -> None:
     with pytest.raises(FlexarmError, match=r"(?s)no terminal.*--yes"):
         CliRunner().invoke(app, ["record", str(logs[0]), "-m", "quanser-single-link"], catch_exceptions=False)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from diagnosis.api import fit
+from diagnosis.api import fit, gather
 from diagnosis.binding import find_recording, row_interval
 from diagnosis.compare import compare
 from diagnosis.effects.scales import operating_scales
@@ -397,6 +397,16 @@ def test_a_time_that_looks_like_another_unit_is_noted(column: str, factor: float
     notes = [note for note in find_recording(load(swing, text=text), "one").notes if "no unit is stated" in note]
     assert len(notes) == bool(meant)
     assert not meant or f"write unit: {meant} under time:" in notes[0]
+
+
+def test_rows_that_are_fitted_are_not_held_out_as_well(swing: Path) -> None:
+    scenario = load(swing)
+    assert [r.role for r in gather(scenario, (), ())] == ["train", "hold_out"]
+    (swing.parent / "two.csv").write_bytes((swing.parent / "one.csv").read_bytes())
+    with pytest.raises(FlexarmError, match="'one', which is fitted, and 'two', which is held out, hold the same rows"):
+        gather(load(swing), (), ())
+    with pytest.raises(FlexarmError, match="hold the same rows"):
+        gather(scenario, ["one"], ["one"])
 
 
 def test_files_outside_the_repository(swing: Path, monkeypatch: pytest.MonkeyPatch) -> None:
