@@ -78,6 +78,9 @@ def _gaps(reader: Reader, required: Mapping[str, Vector], skip: bool, within: ND
     bad = np.zeros(len(reader.columns), dtype=bool)
     for column, values in required.items():
         gaps = ~np.isfinite(values) & within
+        if gaps.any() and not skip and column in reader.columns.words:
+            odd = reader.columns.words[column]
+            raise reader.columns.no_number(column, odd, "; 'gaps: skip' in the recording leaves such rows out")
         if gaps.any() and not skip:
             raise RecordingError(
                 f"column '{column}' holds no finite number in {reader.rows(gaps)}",

@@ -114,7 +114,7 @@ def _any_text(path: Path, kind: str) -> Columns:
         if tidy is None:
             return guessed
         if len(guessed.odd) < len(tidy.odd) and (guessed.names == tidy.names or not laid_out):
-            return guessed
+            return replace(guessed, words=tidy.odd) if laid_out else guessed
     if tidy is not None:
         return tidy
     assert problem is not None

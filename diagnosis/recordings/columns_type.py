@@ -45,6 +45,7 @@ class Columns:
         row: what a row is called: ``line`` or ``row``.
         units: units that the file itself states, by column.
         odd: the first text of each column that holds texts; its numbers cannot be asked for.
+        words: the first text of each column in which a few texts count as empty cells.
         notes: what was assumed in reading them, in sentences.
         others: columns of other lengths or clocks.
     """
@@ -55,6 +56,7 @@ class Columns:
     row: str = "row"
     units: dict[str, str] = field(default_factory=dict)
     odd: Mapping[str, Oddity] = field(default_factory=dict)
+    words: Mapping[str, Oddity] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     others: Mapping[str, Elsewhere] = field(default_factory=dict)
 
@@ -89,10 +91,13 @@ class Columns:
                 f"'{self.file}' has no column '{shown(name)}'", where, nearest(name, map(shown, self.names))
             )
         if name in self.odd:
-            odd = self.odd[name]
-            raise RecordingError(
-                f"column '{shown(name)}' holds {odd.what} in {self.row} {odd.row}, which is not a number",
-                Where(self.file, odd.row),
-                odd.remedy,
-            )
+            raise self.no_number(name, self.odd[name])
         return self.raw[name]
+
+    def no_number(self, name: str, odd: Oddity, further: str = "") -> RecordingError:
+        """That a column holds a text, and what to do about it, with a further way out."""
+        return RecordingError(
+            f"column '{shown(name)}' holds {odd.what} in {self.row} {odd.row}, which is not a number",
+            Where(self.file, odd.row),
+            f"{odd.remedy}{further}",
+        )

@@ -140,6 +140,7 @@ def read_dialect(path: Path) -> Columns | None:
         return None
     columns: dict[str, Vector] = {}
     odd: dict[str, Oddity] = {}
+    words: dict[str, Oddity] = {}
     notes = list(found.notes)
     rows = np.arange(found.first + 1, found.first + 1 + len(table), dtype=np.int64)
     for k, name in enumerate(found.names):
@@ -150,18 +151,13 @@ def read_dialect(path: Path) -> Columns | None:
             notes.append(f"column '{name}' {note}")
         if wrong.any():
             share = int(wrong.sum())
-            if share <= max(1, len(values) // 20):
-                cells = (
-                    f"{share} cells of column '{name}' hold a word and count"
-                    if share > 1
-                    else (f"1 cell of column '{name}' holds a word and counts")
-                )
-                notes.append(f"{cells} as empty")
-            else:
-                odd[name] = Oddity(
-                    int(rows[int(np.argmax(wrong))]), "a text", "leave the cell empty where there is no value"
-                )
-    return Columns(str(path), columns, rows, "line", found.units, odd, tuple(notes))
+            text = Oddity(int(rows[int(np.argmax(wrong))]), "a text", "leave the cell empty where there is no value")
+            if share > max(1, len(values) // 20):
+                odd[name] = text
+                continue
+            words[name] = text
+            notes.append(f"words in column '{name}' count as empty cells: {share} of {len(values)}")
+    return Columns(str(path), columns, rows, "line", found.units, odd, words, tuple(notes))
 
 
 def _numbers(texts: object, decimal: str) -> tuple[Vector, NDArray[np.bool_], str]:

@@ -116,7 +116,7 @@ def _delayed() -> Model:
 def test_delays_and_drives_are_too(ways: Any) -> None:
     model = _delayed()
     time = np.arange(0.0, 1.0, 0.013)
-    for hold in ("linear", "previous"):
+    for hold in ("linear", "zero_order"):
         drive = Drive(time, np.sin(20 * time)[:, None], hold)
         first, *others = ways(lambda drive=drive: simulate(model, 1.0, 1e-3, drive=drive, record_states=True))
         for other in others:

@@ -247,7 +247,7 @@ def test_a_few_words_among_numbers_are_empty_cells(separator: str, tmp_path: Pat
     read = read_columns(tmp_path / "a.csv")
     assert read.names == ["t", "u", "angle"]
     assert np.flatnonzero(np.isnan(read.number("angle"))).tolist() == [60, 61]
-    assert "2 cells of column 'angle' hold a word and count as empty" in read.notes
+    assert "words in column 'angle' count as empty cells: 2 of 100" in read.notes
     (tmp_path / "b.csv").write_text(text.replace(f"{separator}9", f"{separator}x9"))  # more than one of twenty
     with pytest.raises(FlexarmError, match="column 'angle' holds a text"):
         read_columns(tmp_path / "b.csv").number("angle")

@@ -95,7 +95,7 @@ def test_words_of_a_sensor_that_gave_no_value(tmp_path: Path) -> None:
     read = read_columns(tmp_path / "run.csv")
     assert np.isnan(read.number("u")[8])
     assert np.isfinite(np.delete(read.number("u"), 8)).all()
-    assert any("holds a word and counts as empty" in note for note in read.notes)
+    assert any("words in column 'u' count as empty cells: 1 of" in note for note in read.notes)
 
 
 def test_what_is_no_table_is_refused(tmp_path: Path) -> None:
