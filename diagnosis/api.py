@@ -62,7 +62,6 @@ def gather(
         rows.append(replace(found, role=role) if role else found)
     if not any(r.role in ("train", "repeat") for r in rows):
         raise FlexarmError("no recording to fit to", remedy="name one, or give one the role 'train'")
-    _check_held_out(rows)
     return rows
 
 
@@ -89,6 +88,7 @@ def _to_fit(
     before it asks for a compiler.
     """
     rows = gather(scenario, names, hold_out)
+    _check_held_out(rows)
     over_time = [r for r in rows if isinstance(r, Recording)]
     if over_time:
         compiler_version()

@@ -304,7 +304,7 @@ def test_table_2_2_cannot_tell_coulomb_from_viscous_friction() -> None:
     """Either, with the inertia within its tolerance, brings the linear motor's table down to its scatter."""
     coulomb, dry = fit("srv02-bare", overrides=[*KNOWN, "tolerances.motor.viscous_friction=0"])
     viscous, wet = fit(
-        "srv02-bare", overrides=[*KNOWN, "friction.coulomb_friction=0", "tolerances.motor.viscous_friction=10"]
+        "srv02-bare", overrides=[*KNOWN, "friction.coulomb_friction=0", "tolerances.motor.viscous_friction=1000 %"]
     )
     _, without = fit(
         "srv02-bare", overrides=[*KNOWN, "friction.coulomb_friction=0", "tolerances.motor.viscous_friction=0"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from diagnosis.api import fit, gather
+from diagnosis.api import fit
 from diagnosis.binding import find_recording, row_interval
 from diagnosis.compare import compare
 from diagnosis.effects.scales import operating_scales
@@ -401,12 +401,12 @@ def test_a_time_that_looks_like_another_unit_is_noted(column: str, factor: float
 
 def test_rows_that_are_fitted_are_not_held_out_as_well(swing: Path) -> None:
     scenario = load(swing)
-    assert [r.role for r in gather(scenario, (), ())] == ["train", "hold_out"]
+    assert fit(scenario, workers=1)[0].converged
     (swing.parent / "two.csv").write_bytes((swing.parent / "one.csv").read_bytes())
     with pytest.raises(FlexarmError, match="'one', which is fitted, and 'two', which is held out, hold the same rows"):
-        gather(load(swing), (), ())
+        fit(load(swing), workers=1)
     with pytest.raises(FlexarmError, match="hold the same rows"):
-        gather(scenario, ["one"], ["one"])
+        fit(scenario, ["one"], hold_out=["one"], workers=1)
 
 
 def test_files_outside_the_repository(swing: Path, monkeypatch: pytest.MonkeyPatch) -> None:
