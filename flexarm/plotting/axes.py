@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 FLOOR = 1e-300
 """Gains below it are taken for none."""
+ON_THE_CUT = 1e-3
+"""Degrees below half a turn that rounding may leave of it."""
 TICKS = (2, 5, 15, 45, 90, 180, 360)
 """Degrees between two ticks."""
 
@@ -32,14 +34,18 @@ def clean(axis: Any) -> None:
 def phase(answer: NDArray[Any], frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     """The phase (deg) of complex answers, without jumps.
 
-    It begins where the slope of the gain asks for, by whole turns: at -180 degrees where that falls by 40 dB a decade,
-    as behind a double integrator, and not at +180.
+    Where the answers begin as k (j w)^n does, by gain and phase, it begins near 90 n degrees: behind a double
+    integrator at -180, and not at +180. Elsewhere, as near a resonance, it begins from -180 up to 180 degrees.
     """
     found = np.degrees(np.unwrap(np.angle(answer)))
+    if len(found) and found[0] > 180 - ON_THE_CUT:
+        found = found - 360.0
     gains = np.abs(answer[:2])
     if len(gains) == 2 and gains.min() > FLOOR and frequency[1] > frequency[0] > 0:
-        wanted = 90 * math.log(gains[1] / gains[0]) / math.log(frequency[1] / frequency[0])
-        found = found - 360 * np.round((found[0] - wanted + 1) / 360)  # of a gain below zero, half a turn behind
+        order = round(math.log(gains[1] / gains[0]) / math.log(frequency[1] / frequency[0]))
+        turns = (90 * order - found[0]) / 360
+        if abs(order) < 4 and abs(turns - round(turns)) < 1 / 8:
+            found = found + 360.0 * round(turns)
     return np.asarray(found)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from engine.figures import save
 from engine.files import writing
-from flexarm.plotting.axes import FLOOR, clean
+from flexarm.plotting.axes import FLOOR, clean, phase
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def plot_uncertain(found: UncertainModel, path: str | Path, title: str = "") -> 
                 continue
             fitted = k == len(members) - 1
             looks = {"color": COLOURS[1] if fitted else COLOURS[0], "lw": 1.6 if fitted else 0.6}
-            shown = 20 * np.log10(np.maximum(np.abs(gain), FLOOR)) if j == 0 else np.degrees(np.unwrap(np.angle(gain)))
+            shown = 20 * np.log10(np.maximum(np.abs(gain), FLOOR)) if j == 0 else phase(gain, omega)
             axis.semilogx(omega, shown, alpha=1 if fitted else 0.4, **looks)
         axis.set_ylabel("gain [dB]" if j == 0 else "phase [deg]")
         clean(axis)

@@ -87,7 +87,15 @@ def test_a_stuck_joint_leaves_poles_to_draw(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("gain", "power", "start"),
-    [(1.0, -2, -180.0), (1.0, -1, -90.0), (1.0, 0, 0.0), (1.0, 1, 90.0), (1.0, 2, 180.0), (-1.0, 0, -180.0)],
+    [
+        (1.0, -2, -180.0),
+        (1.0, -1, -90.0),
+        (1.0, 0, 0.0),
+        (1.0, 1, 90.0),
+        (1.0, 2, 180.0),
+        (1.0, -3, -270.0),
+        (-1.0, 0, -180.0),
+    ],
 )
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_phases_begin_where_the_slope_asks_for(gain: float, power: int, start: float, sign: float) -> None:
@@ -97,6 +105,14 @@ def test_phases_begin_where_the_slope_asks_for(gain: float, power: int, start: f
     if abs(start) == 180:
         answer = answer.real + sign * 1e-15j * np.abs(answer)
     np.testing.assert_allclose(phase(answer, omega), start, atol=1e-6)
+
+
+@pytest.mark.parametrize("first", [0.5, 0.9, 0.97, 0.995, 1.005, 1.03, 1.1, 2.0])
+def test_a_phase_that_begins_near_a_resonance_is_not_turned(first: float) -> None:
+    """1 / (1 + 2 z j w - w^2), in closed form from 0 to -180 degrees; the gain is as steep as it likes there."""
+    omega = first * np.geomspace(1, 10, 400)
+    expected = -np.degrees(np.arctan2(2 * 0.005 * omega, 1 - omega**2))
+    np.testing.assert_allclose(phase(1 / (1 + 0.01j * omega - omega**2), omega), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("spread", [0.0, 4.0, 20.0, 60.0, 100.0, 250.0, 500.0, 1500.0])
