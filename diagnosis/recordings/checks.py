@@ -78,10 +78,10 @@ def _gaps(reader: Reader, required: Mapping[str, Vector], skip: bool, within: ND
     bad = np.zeros(len(reader.columns), dtype=bool)
     for column, values in required.items():
         gaps = ~np.isfinite(values) & within
-        if gaps.any() and not skip and column in reader.columns.words:
-            odd = reader.columns.words[column]
-            raise reader.columns.no_number(column, odd, "; 'gaps: skip' in the recording leaves such rows out")
         if gaps.any() and not skip:
+            word = reader.columns.words.get(column)
+            if word is not None and word.row in reader.columns.rows[gaps]:
+                raise reader.columns.no_number(column, word, "; 'gaps: skip' in the recording leaves such rows out")
             raise RecordingError(
                 f"column '{column}' holds no finite number in {reader.rows(gaps)}",
                 reader.first(gaps),

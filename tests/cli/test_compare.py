@@ -212,6 +212,16 @@ def test_bad_recording(name: str, recorded: Path, command: Callable[..., Any]) -
             assert piece in answer.err
 
 
+def test_a_word_outside_the_window_is_not_blamed_for_a_gap_inside(recorded: Path, command: Callable[..., Any]) -> None:
+    path = recorded.parent / "one.csv"
+    text = path.read_text()
+    path.write_text(text.replace("90,0,", "90,abc,", 1).replace("5,1000,", "5,,", 1))
+    recorded.write_text(recorded.read_text().replace("file: one.csv", "file: one.csv\n    window: [0 s, 0.05 s]"))
+    answer = command("compare", recorded.name, "one")
+    assert answer.code == 1
+    assert "one.csv:7: column 'u' holds no finite number in line 7" in answer.err
+
+
 @pytest.mark.parametrize(("rows", "piece"), [(0, "empty"), (1, "empty"), (2, "at least two")])
 def test_too_short(rows: int, piece: str, recorded: Path, command: Callable[..., Any]) -> None:
     path = recorded.parent / "one.csv"
