@@ -22,10 +22,9 @@ from diagnosis.recordings.feedback import plant_inputs
 from diagnosis.recordings.noise import noise, spikes
 from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
 from diagnosis.thresholds import FITTING
-from engine.errors import FlexarmError, ParameterError, SimulationError, nearest
+from engine.errors import FlexarmError, ParameterError, SimulationError
 from engine.model import Model
 from engine.ports import MOTION
-from engine.quantity import convert
 from engine.start import start_values
 from engine.step import FOLLOWED, StepRule, eigenvalues, internal_step, step_for, stiffest
 from scenarios.amend import Edit
@@ -146,7 +145,7 @@ def problem(scenario: Scenario, recordings: Sequence[Recorded]) -> Problem:
     else:
         model, experiments = _over_time(scenario, [r for r in recordings if isinstance(r, Recording)])
     reference = bool(plant_inputs(scenario.system, [v.name for v in model.inputs]))
-    posed = replace(_pose(scenario, model, experiments, _tolerances(scenario, model)), reference=reference)
+    posed = replace(_pose(scenario, model, experiments, scenario.tolerances_of(model)), reference=reference)
     return followed(posed, np.zeros(len(posed.free)))
 
 
@@ -168,7 +167,7 @@ def variant(
     inputs = renamed([v.name for v in base.model.inputs], edits)
     outputs = renamed([v.name for v in base.model.outputs], edits)
     model, experiments = base.experiments[0].on_variant(scenario, inputs, outputs, base.experiments)
-    made = _pose(scenario, model, experiments, _tolerances(scenario, None), extra, held, base.steps)
+    made = _pose(scenario, model, experiments, scenario.tolerances, extra, held, base.steps)
     return replace(made, reference=base.reference)
 
 
@@ -191,23 +190,6 @@ def _pose(
     starts = [start for e in experiments for start in free_starts(e)]
     whole = Problem(scenario, model, tuple(experiments), (*free, *starts), steps=steps)
     return resolved(whole, np.zeros(len(whole.free))) or whole
-
-
-def _tolerances(scenario: Scenario, model: Model | None) -> dict[str, float]:
-    """Tolerances that the scenario states, by parameter; the names are checked where a model is given."""
-    found = {}
-    for name, given in scenario.file.tolerances.items():
-        where = scenario.where("tolerances", name)
-        known = [p.name for p in model.parameters] if model else [name]
-        if name not in known:
-            raise ParameterError(f"the model has no parameter '{name}'", where, nearest(name, known))
-        try:
-            found[name] = convert(given, "1")
-        except ParameterError as error:
-            raise error.at(where) from None
-        if not 0 <= found[name] < math.inf:
-            raise ParameterError(f"a tolerance of {given}", where, "give a share such as 0.1, or 0 for a known value")
-    return found
 
 
 def _over_time(scenario: Scenario, recordings: Sequence[Recording]) -> tuple[Model, list[TimeExperiment]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from engine.family import LinearFamily
 from engine.files import json_text
-from engine.linear_files import identifier
+from engine.names import identifier
 
 _MAT_TEXT = b"MATLAB 5.0 MAT-file, written by flexarm"
 _ARRAYS = ("A", "B", "C", "D", "x0", "u0", "y0", "dx0")

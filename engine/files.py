@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from engine.errors import FlexarmError
+from engine.names import identifier
 
 
 def check_suffix(path: Path, allowed: Sequence[str]) -> None:
@@ -24,10 +25,8 @@ def check_suffix(path: Path, allowed: Sequence[str]) -> None:
     if path.suffix.lower() not in allowed:
         raise FlexarmError(f"'{path}' is of no kind that can be written here", remedy=f"end it in {', '.join(allowed)}")
     if path.suffix.lower() == ".m" and not re.fullmatch(r"[A-Za-z]\w*", path.stem, re.ASCII):
-        plain = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
         raise FlexarmError(
-            f"MATLAB cannot run a script that is called '{path.name}'",
-            remedy=f"write it as {plain if plain[:1].isalpha() else f'x{plain}'}.m",
+            f"MATLAB cannot run a script that is called '{path.name}'", remedy=f"write it as {identifier(path.stem)}.m"
         )
     try:
         if not path.parent.is_dir():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import zipfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.files import json_text, writing
+from engine.names import identifier
 
 Matrix = NDArray[np.float64]
 LinearModel = Any
@@ -115,12 +115,6 @@ def _cells(linear: LinearModel) -> dict[str, Any]:
         key: value.astype(object) if isinstance(value, np.ndarray) and value.dtype.kind == "U" else value
         for key, value in _arrays(linear).items()
     }
-
-
-def identifier(name: str) -> str:
-    """A variable name for MATLAB."""
-    plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:50]
-    return plain if plain[:1].isalpha() else f"x{plain}"
 
 
 def script(linear: LinearModel, name: str, discrete: LinearModel | None = None) -> str:

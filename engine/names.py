@@ -23,3 +23,9 @@ def check_text(what: str, text: str) -> None:
     found = CONTROL.search(text)
     if found:
         raise FlexarmError(f"{what} holds the control character U+{ord(found[0]):04X}", remedy="leave it out")
+
+
+def identifier(name: str) -> str:
+    """A variable name for MATLAB."""
+    plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")[:50]
+    return plain if plain[:1].isalpha() else f"x{plain}"

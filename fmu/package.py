@@ -15,10 +15,11 @@ import casadi as ca
 
 from engine.discretise import DiscreteModel, discretise
 from engine.errors import FlexarmError
-from engine.linear_files import as_mat, identifier, script
+from engine.linear_files import as_mat, script
 from engine.linear_modes import hearing
 from engine.linearise import LinearModel, linearise
 from engine.model import Model
+from engine.names import identifier
 from fmu.build import DEFAULT, PLATFORMS, check, library
 from fmu.coupling import Coupling
 from fmu.describe import build_description, fmi2, fmi3

@@ -201,7 +201,8 @@ class Scenario:
             start_values(model, model.parameter_values)
         except ParameterError as error:
             node = self.flat.initial.get(error.signal)
-            raise error.at(Where(node.file, node.line, f"initial.{error.signal}") if node else Where()) from None
+            place = Where(node.file, node.line, f"initial.{error.signal}") if node else Where(self.document.file)
+            raise error.at(place) from None
 
     def tolerances_of(self, model: Model) -> dict[str, float]:
         """The stated tolerances of a model's parameters.

@@ -443,7 +443,7 @@ def write(made: UncertainModel, path: Path, name: str) -> list[Path]:
     """
     from engine import family_files
     from engine.files import json_text, writing
-    from engine.linear_files import identifier
+    from engine.names import identifier
 
     plain = identifier(name)
     weights = {signal: (w.to_control(), w) for signal, w in made.weights.items()}
