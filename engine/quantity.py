@@ -113,7 +113,10 @@ def factor(source: str, target: str) -> float:
 
 
 def _turns(unit: Any) -> int:
-    """The power of turns in a time that a unit has without saying so: hertz, and one per minute."""
+    """The power of turns in a time that a unit has without saying so: hertz, and a minute to the power of 1 or -1.
+
+    Of a minute to another power nobody says whether it counts turns.
+    """
     hertz = int(sum(power for name, power in unit._units.items() if name.endswith("hertz")))
     minutes = int(unit._units.get("minute", 0))
     return hertz - (minutes if abs(minutes) == 1 else 0)

@@ -94,7 +94,7 @@ class Match:
             return self.sure if self.sure == "as given" else f"{self.sure}: by its name and unit alone"
         parts = [f"{self.sure}: correlation {abs(self.correlation):.2f}"]
         if self.elsewhere:
-            parts.append(f"{' and '.join(self.elsewhere)} as well")
+            parts.append(f"follows {' and '.join(self.elsewhere)} as closely")
         if self.rival > 0.3:
             parts.append(f"another quantity {self.rival:.2f}")
         if math.isfinite(self.gain) and not self.scale:

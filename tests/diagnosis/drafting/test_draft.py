@@ -148,7 +148,7 @@ def test_two_places_that_move_alike_are_both_named(recorded: str, column: str, t
         assert row.end == recorded
         assert other in places[1 - (recorded in places[1])]
         assert row.sure == "likely"
-        assert f"{other} as well" in row.evidence
+        assert f"follows {other} as closely" in row.evidence
 
 
 def test_columns_are_told_apart_by_the_model(found: Matches) -> None:
