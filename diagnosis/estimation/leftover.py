@@ -8,7 +8,7 @@ weaker than the sensor's. So a slow mismatch of a thousand samples counts as the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -150,6 +150,10 @@ class Leftover:
         names = tuple(self.names[i] for i in there.tolist())
         energy, count = energies.sum(axis=0), counts.sum(axis=0)
         return Leftover(energy, count, self.noise[there], names, energies, counts, self.luck)
+
+    def as_quiet_as(self, other: Leftover) -> Leftover:
+        """The same with sensors whose noise is no stronger than another model shows of the same experiments."""
+        return replace(self, noise=np.minimum(self.noise, other.noise))
 
     @property
     def log_likelihood(self) -> float:

@@ -347,11 +347,22 @@ class CandidateFitter:
         )
 
     def placed(
-        self, effects: tuple[Candidate, ...], group: Sequence[tuple[Sizes, ...]], parent: dict[str, float]
+        self,
+        effects: tuple[Candidate, ...],
+        group: Sequence[tuple[Sizes, ...]],
+        parent: dict[str, float],
+        longest: float | None = None,
     ) -> Iterator[tuple[Problem, Array, tuple[Sizes, ...]]]:
         """Models with effects at sizes that share one model, and search vectors that keep the parent's values.
 
         What would move faster than the recordings can show is left out.
+
+        Args:
+            effects: in the models.
+            group: sizes of each of them, by model.
+            parent: values.
+            longest: integration step (s) that what they are put in beside needs; each model is followed where it goes
+                to find its own, if None.
 
         Raises:
             FlexarmError: the amended model has no meaning.
@@ -360,8 +371,12 @@ class CandidateFitter:
         for sizes in group:
             x = _placed(made, parent, effects, sizes)
             stepped = resolved(made, x)
-            if stepped is not None:
-                yield stepped, x, sizes
+            if stepped is None:
+                continue
+            if longest is None or stepped.internal_step is None:
+                yield followed(stepped, x), x, sizes
+            else:
+                yield replace(stepped, internal_step=min(stepped.internal_step, longest)), x, sizes
 
     def origin(self, effects: tuple[Candidate, ...], values: dict[str, float]) -> Origin | None:
         """The model with effects at the first of their sizes, to screen others from; None where it has no tangents.
@@ -382,7 +397,7 @@ class CandidateFitter:
             built = tuple(c.starts[0] for c in effects)
             made = self.build(effects, built) if effects else self.coarse
             x = _placed(made, values, effects, built)
-            made = resolved(made, x) or made
+            made = followed(resolved(made, x) or made, x)
             try:
                 self._origins[key] = Origin(self, made, x, effects, built)
             except SimulationError:

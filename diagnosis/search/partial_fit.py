@@ -35,7 +35,11 @@ class Builder(Protocol):
         ...
 
     def placed(
-        self, effects: tuple[Candidate, ...], group: Sequence[tuple[Sizes, ...]], parent: dict[str, float]
+        self,
+        effects: tuple[Candidate, ...],
+        group: Sequence[tuple[Sizes, ...]],
+        parent: dict[str, float],
+        longest: float | None = None,
     ) -> Iterator[tuple[Problem, Array, tuple[Sizes, ...]]]:
         """Models with effects at sizes that share one model, and search vectors that keep the parent's values."""
         ...

@@ -329,8 +329,12 @@ def floor(model: ScoredModel) -> float:
 
 
 def relieved(refit: ScoredModel, model: ScoredModel) -> float:
-    """Share of what the refitted model leaves unexplained that a model explains, or of the strain if that is bent."""
-    shares = [1 - model.room / refit.room] if refit.room > 0 else [0.0]
+    """Share of what the refitted model leaves unexplained that a model explains, or of the strain if that is bent.
+
+    A sensor's noise is no stronger than either of them shows: what a model takes away had not been noise.
+    """
+    room = refit.left.as_quiet_as(model.left).unexplained + 0.5 * refit.strain
+    shares = [1 - model.room / room] if room > 0 else [0.0]
     if refit.bent:
         shares.append(1 - model.strain / refit.strain)
     return max(*shares, 0.0)

@@ -112,6 +112,15 @@ class ScoredModel:
         return [f.name for f, x in pairs if f.prior and abs(x) > WORDING.far]
 
     @property
+    def bent_blocks(self) -> set[str]:
+        """The user's own blocks of which the fit has put a parameter farther from its value than it is believed to be.
+
+        By the block's name: more than a tolerance.
+        """
+        pairs = zip(self.fit.problem.free, self.fit.x, strict=True)
+        return {f.name.rpartition(".")[0] for f, x in pairs if f.prior and abs(x / f.spread) > 1}
+
+    @property
     def at_an_end(self) -> list[str]:
         """Sizes of effects, by name, that the fit has put to an end of their range, where another effect begins."""
         rows, found = {f.name: (f, x) for f, x in zip(self.fit.problem.free, self.fit.x, strict=True)}, []

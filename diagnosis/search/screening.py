@@ -266,7 +266,7 @@ def courses(origin: Origin, effect: Candidate) -> list[Course]:
     for group in effect.structures():
         try:
             beside = [(*origin.built, sizes) for sizes in group]
-            made = origin.builder.placed((*origin.effects, effect), beside, origin.values)
+            made = origin.builder.placed((*origin.effects, effect), beside, origin.values, origin.problem.internal_step)
             for _, alike in itertools.groupby(made, key=lambda one: one[0].internal_step):
                 added += origin.added(list(alike))
         except FlexarmError as error:
@@ -310,7 +310,7 @@ def begun(origin: Origin, effect: Candidate, most: int, *, bold: bool = False) -
     rows: list[StartingPoint] = []
     for course in taken:
         together, built = (*origin.effects, effect), (*origin.built, course.sizes)
-        for model, x, sizes in origin.builder.placed(together, [built], origin.values):
+        for model, x, sizes in origin.builder.placed(together, [built], origin.values, origin.problem.internal_step):
             moved = x.copy()
             names = [(f.name, f.recording) for f in model.free]
             for f, change in zip(origin.problem.free, course.change, strict=True):

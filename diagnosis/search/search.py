@@ -451,6 +451,8 @@ class _Search:
             # What leads is extended before the search gives up, however long pairs have taken that are no better.
             if count > 2 or self.known.best.keys == before.keys or not self._enough():
                 self._extend(before, self.listed)
+            if len(self.known.best.keys) <= len(before.keys) and strained(before, self.known.tried):
+                self._extend_unstrained(len(before.effects))
             whole = self.known.leading[1]
             if len(self.known.best.keys) <= len(before.keys) and len(before.effects) < len(whole.effects) < most:
                 # What else is in it counts as a nuisance beside what is still missing, such as a sensor's large bias.
@@ -466,6 +468,16 @@ class _Search:
                 self._finish_waiting()
                 return self._enough()
         return False
+
+    def _extend_unstrained(self, count: int) -> None:
+        """Add an effect to the best model of so many whose parameters are not far off.
+
+        What leads with parameters that are far off may imitate two effects; one of these leads with them where they
+        belong.
+        """
+        able = [m for m in self.known.models if len(m.effects) == count and not strained(m, self.known.tried)]
+        if able:
+            self._extend(max(able, key=self.known.worth), self.listed)
 
     def _best_alone(self, before: ScoredModel) -> ScoredModel:
         """What leads, or one of two effects that lead together instead, where that is worth more alone.
@@ -847,12 +859,12 @@ class _Search:
         """Cut nodes with blocks whose parameters are far off on the other side, one by one, while that helps.
 
         A node of many flanges can be cut in tens of ways, more than are fitted. A cut with a body on the wrong side
-        does as well with its inertia and those of its neighbours bent, which tells what is to be moved. The best model
-        then is given.
+        does as well with its inertia and those of its neighbours bent, which tells what is to be moved: a block that
+        is on the wrong side need not be bent as far as its neighbours. The best model then is given.
         """
         while model.far_off and not any(model is other for other in self._cut):
             self._cut.append(model)
-            found, bent = [model], {name.rpartition(".")[0] for name in model.far_off}
+            found, bent = [model], model.bent_blocks
             for effect in model.effects:
                 kept = tuple(ended(model, c) for c in model.effects if c is not effect)
                 near = [c for c in self.listed if c.effect == effect.effect and _is_moved(across(c, effect), bent)]
@@ -1011,10 +1023,13 @@ class _Search:
     def _origins(self, kept: tuple[Candidate, ...], than: ScoredModel, parents: Sequence[Values]) -> list[Origin]:
         """Where effects are screened beside others, if there are tangents: at a model's parents before the last.
 
-        That is where it ended. Effects are screened there only if it is the only one.
+        That is where it ended. Effects are screened there only if it is the only one, or no other has tangents: with
+        parameters that are not its own a model may run away.
         """
         near = self.fitter.near(than)
-        return [o for o in (near.origin(kept, values) for values in parents[:-1] or parents) if o is not None]
+        found = [o for o in (near.origin(kept, values) for values in parents[:-1] or parents) if o is not None]
+        last = near.origin(kept, parents[-1])
+        return found or ([last] if last is not None else [])
 
     def _pays(self, origins: Sequence[Origin], effect: Candidate) -> bool:
         """Whether an effect promises to raise the likelihood by more than it costs, at any of the origins."""

@@ -22,7 +22,7 @@ from diagnosis.estimation.growing import beginning, raced
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.whitened import WhitenedResiduals
-from diagnosis.problems import resolved
+from diagnosis.problems import followed, resolved
 from diagnosis.search.partial_fit import Builder, StartingPoint
 from diagnosis.thresholds import SEARCH
 from engine.errors import SimulationError
@@ -68,7 +68,7 @@ def solved(builder: Builder, effects: Sequence[Candidate], k: int, parent: dict[
 def _as_recorded(builder: Builder, effects: Sequence[Candidate], built: tuple[Sizes, ...], x: Array) -> Problem:
     """A model with its recordings as they are: those that were made coarse are right near another one only."""
     made = builder.build(effects, built, whole=True)
-    return resolved(made, x) or made
+    return followed(resolved(made, x) or made, x)
 
 
 def _solution(made: Problem, x: Array, effect: Candidate) -> Array | None:

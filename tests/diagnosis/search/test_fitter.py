@@ -22,10 +22,12 @@ from diagnosis.estimation.least_squares import descend as real
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment, over_time
+from diagnosis.problems import resolved
 from diagnosis.search import fitter as fitting
 from diagnosis.search.dask_fitter import Order, Task, perform
 from diagnosis.search.fitter import CandidateFitter, end_of
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, standing
+from diagnosis.search.screening import courses
 from diagnosis.thresholds import COARSE
 from engine.errors import SimulationError
 from engine.work import counted
@@ -233,6 +235,39 @@ def test_the_shape_of_a_loop_is_given_and_not_fitted(tmp_path: Path) -> None:
         "yield_twist",
         "residual_share",
     }
+
+
+def test_effects_are_screened_beside_a_law_that_is_as_fast_as_the_motion_with_the_step_that_it_needs(
+    tmp_path: Path,
+) -> None:
+    """A joint at rest is slow; moving, a Bouc-Wen element forgets within its yield over the speed.
+
+    At the step that suits its rest it runs away, and nothing could be looked at beside it.
+    """
+    write(draw("pendulum", [], [], 1, Options(seconds=0.5, nuisance=0.0)), tmp_path / "case", tmp_path / "sealed")
+    scenario = load(tmp_path / "case" / "scenario.yaml")
+    made = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    listed = candidates(operating_scales(made.base))
+    joint = next(c for c in listed if c.key == "hysteresis at gear.output -> arm.shaft")
+    soft = next(sizes for sizes in joint.starts if sizes["stiffness"] < 200)
+    yields = replace(joint, starts=({**soft, "yield_twist": 0.1 * soft["yield_twist"]},))
+    values = standing(made.refit.fit)
+    alone = made.build((yields,), (yields.starts[0],))
+    resting = resolved(alone, np.zeros(len(alone.free)))
+    assert resting is not None
+    with pytest.raises(SimulationError, match="diverged"):
+        resting.linearised(np.zeros(len(resting.free)), resting.training[0])
+    origin = made.origin((yields,), values)
+    assert origin is not None
+    assert origin.problem.internal_step is not None
+    assert resting.internal_step is not None
+    assert origin.problem.internal_step < resting.internal_step
+    friction = next(c for c in listed if c.effect == "coulomb_friction")
+    steps = {
+        m.internal_step for m, *_ in made.placed((yields, friction), [(yields.starts[0], friction.starts[0])], values)
+    }
+    assert steps == {origin.problem.internal_step}
+    assert courses(origin, friction)
 
 
 def test_candidates_are_built_without_reading_anything_again(

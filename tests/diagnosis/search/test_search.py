@@ -113,6 +113,7 @@ class World:
             room=left.unexplained,
             bent=False,
             far_off=[],
+            bent_blocks=set(),
             own=0,
             owed=0.0,
             fit=fit,
@@ -329,6 +330,49 @@ def test_beside_bent_parameters_a_second_effect_is_strong_and_begins_with_the_fi
     world = Bent(by({STRIBECK.key: 10.0, f"{STRIBECK.key} + {LAG.key}": 0.0}))
     found = run(world, [STRIBECK, LAG, *OTHERS])
     assert (found.known.best.keys == {STRIBECK.key, LAG.key}) == whole
+
+
+def test_beside_parameters_that_are_far_off_the_best_model_without_such_is_extended_too() -> None:
+    """A backlash explains all of a friction and a lag with parameters far off; the friction leads with them right.
+
+    The lag gains nothing beside the backlash.
+    """
+    backlash, other = effect("backlash", "gear"), effect("payload", "arm")
+
+    class Bent(World):
+        def made(self, effects: tuple[Candidate, ...], *, after: Excess | None = None) -> Any:
+            made = super().made(effects, after=after)
+            made.strain = 400.0 if backlash.key in made.keys else 0.0
+            made.bent = made.strain > made.own
+            made.room += 0.5 * made.strain
+            made.log_evidence -= 0.5 * made.strain
+            return made
+
+    rows = {backlash.key: 10.0, FRICTION.key: 4e5, other.key: 6e5}
+    world = Bent(by(rows | {f"{FRICTION.key} + {LAG.key}": 0.0}), {LAG.key: 200.0})
+    found = run(world, [backlash, FRICTION, LAG, other], most=2)
+    assert found.known.best.keys == {FRICTION.key, LAG.key}
+
+
+def test_where_no_parameters_drawn_back_have_tangents_effects_are_screened_where_the_fit_ended() -> None:
+    """With parameters that are not its own a model may run away; what is missing beside it shows where it stands."""
+    ended = {"coulomb_friction.p0": 0.2}
+
+    class Runaway(World):
+        def made(self, effects: tuple[Candidate, ...], *, after: Excess | None = None) -> Any:
+            made = super().made(effects, after=after)
+            made.bent = made.keys == {FRICTION.key}
+            made.strain = 100.0 if made.bent else 0.0
+            return made
+
+        def origin(self, effects: tuple[Candidate, ...], values: Any) -> Any:
+            return None if effects and values.keys() != ended.keys() else super().origin(effects, values)
+
+    world = Runaway(by({FRICTION.key: 2e4, f"{FRICTION.key} + {LAG.key}": 0.0}))
+    made: Any = searching._Search(world, world.refit, [FRICTION, LAG], None)  # type: ignore[arg-type]
+    model = world.made((FRICTION,))
+    assert made._origins((FRICTION,), model, [{}, ended])
+    assert not made._origins((FRICTION,), model, [{}, {}])
 
 
 def test_beside_bent_parameters_a_second_effect_is_looked_at_from_those_that_are_given() -> None:
@@ -1367,7 +1411,7 @@ def test_a_node_is_cut_with_bodies_on_the_other_side_whose_parameters_are_far_of
     model = world.made((wrong,))
     made.known.keep(model)
     assert made._cut_anew(model) is model
-    model.far_off = ["hub.inertia", "arm.load.inertia"]
+    model.far_off, model.bent_blocks = ["hub.inertia"], {"hub", "arm.load"}
     assert made._cut_anew(model).effects[0].option == right.option
     assert world.options == {right.option, joint().option}
     assert all(

@@ -25,7 +25,8 @@ STIFFNESS = FreeParameter("shaft.stiffness", 2.0, 0.2, True)
 MASS = FreeParameter("load.mass", 1.0, 0.1, True)
 
 
-REFIT = SimpleNamespace(hold_out=9.0, room=0.0, bent=False)
+NOISE = Leftover(np.array([100.0]), np.array([100.0]), np.ones(1), ((0, 0),), np.array([[100.0]]), np.array([[100.0]]))
+REFIT = SimpleNamespace(hold_out=9.0, left=NOISE, strain=0.0, bent=False)
 
 
 def model(x: tuple[float, float], *effects: Candidate) -> Any:
@@ -139,7 +140,9 @@ def test_what_may_only_imitate_something_is_said_to() -> None:
     left = Leftover(there, count, noise, ((0, 0),), there[None, :], count[None, :])
     bias = Candidate("sensor_bias", "rotor.shaft.angle", "rotor", "found_bias", lambda sizes: [])
     chosen: Any = SimpleNamespace(effects=(bias,), hold_out=20.0, left=left, unseen=left, room=1.0, at_an_end=[])
-    study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=96.0, room=5.0, bent=False), chosen=chosen, tried=10)
+    study: Any = SimpleNamespace(
+        refit=SimpleNamespace(hold_out=96.0, left=NOISE, strain=10.0, bent=False), chosen=chosen, tried=10
+    )
     said = finding_sentence(bias, "unknown", 0.8, study, ())
     assert said == (
         "Something is missing near rotor.shaft.angle; the best effect, sensor bias, explains 80% of it, and may only "
@@ -158,7 +161,7 @@ def test_what_may_only_imitate_something_has_no_name(
     bias = Candidate("sensor_bias", "rotor.shaft.angle", "rotor", "found_bias", lambda sizes: [])
     chosen: Any = SimpleNamespace(effects=(bias,), keys=frozenset({bias.key}), hold_out=after, left=left, unseen=left)
     chosen.fit, chosen.room, chosen.strain, chosen.own, chosen.at_an_end = None, 1.0, 0.0, 1, []
-    refit: Any = SimpleNamespace(effects=(), keys=frozenset(), hold_out=96.0, room=5.0, bent=False)
+    refit: Any = SimpleNamespace(effects=(), keys=frozenset(), hold_out=96.0, left=NOISE, strain=10.0, bent=False)
     study: Any = SimpleNamespace(chosen=chosen, refit=refit, trials=[chosen], odds={chosen.keys: 1.0}, tried=10)
     study.ended_early, study.notes = False, ()
     monkeypatch.setattr(verdicts, "with_covariance", lambda fit, excess: SimpleNamespace(intervals=list))
