@@ -44,6 +44,8 @@ class EffectParameter:
         usual: multiple of ``reference`` at which such parts usually are.
         spread: standard deviation of its logarithm, or of a signed one about zero in multiples of ``reference``.
         anywhere: whether it is the same wherever the effect sits, as a vibration's frequency is.
+        step: change (SI) of one that is ``signed`` over which what it does is about in proportion; a fifth of it, if
+            None.
     """
 
     name: str
@@ -58,6 +60,7 @@ class EffectParameter:
     usual: float = SMALL
     spread: float = ANY
     anywhere: bool = False
+    step: float | None = None
 
 
 @dataclass(frozen=True)
@@ -161,7 +164,7 @@ class Candidate:
             like = tuple(f"{self.name}.{other}" for other in parameter.like)
             if parameter.signed:
                 end = parameter.most * parameter.reference if parameter.most else math.inf
-                scale = max(0.2 * abs(value), 0.02 * parameter.reference)
+                scale = parameter.step or max(0.2 * abs(value), 0.02 * parameter.reference)
                 spread, centre = parameter.spread * parameter.reference / scale, -value / scale
                 made = FreeParameter(name, value, scale, False, -end, end, prior=False, like=like)
                 rows.append(replace(made, spread=spread, centre=centre, apart=parameter.apart * parameter.reference))

@@ -61,7 +61,10 @@ def at_shaft(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         "Vibration",
         combinations(amplitude=shares(torque, 1e-3, 0.02), frequency=tones, phase=PHASES),
         EffectParameter("amplitude", torque),
-        EffectParameter("frequency", max([swing, *scales.tones]), signed=True, anywhere=True),
+        # One that is off by a line of the recordings' spectrum loses a whole turn until their end.
+        EffectParameter(
+            "frequency", max([swing, *scales.tones]), signed=True, anywhere=True, step=2 * math.pi / scales.longest
+        ),
         EffectParameter("phase", 1.0, signed=True),
         wave=Wave("amplitude", "phase", combinations(frequency=tones, amplitude=[HARDLY * torque], phase=[0.0])),
     )

@@ -240,7 +240,8 @@ class _Search:
                     kept = tuple(ended(rival, c) for c in rival.effects if c is not effect)
                     self._beside(kept, rival, SEARCH.exchanged, alike)
         self._evened()
-        for model in self.near():  # those moves may have left a closer fit of it on its way
+        # Those moves may have left a closer fit of a model on its way, and what takes part in the choice has an end.
+        for model in self.known.taking_part:
             self.known.settled(model)
 
     def reduce(self) -> None:

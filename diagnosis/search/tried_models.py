@@ -326,6 +326,13 @@ class TriedModels:
         made = self._judged(made)
         return made if self.worth(made) >= self.worth(model) else made.judged_as(model)
 
+    @property
+    def taking_part(self) -> list[ScoredModel]:
+        """The models with effects that are a thousandth as probable as the best one or more, the best first."""
+        least = self.worth(self.leading[1]) - EVIDENCE.temperature * math.log(1 / LEAST_ODDS)
+        near = [m for m in self.models if m.effects and self.worth(m) > least]
+        return sorted(near, key=self.worth, reverse=True)
+
     def begin_at_the_best(self) -> None:
         """Begin each model that takes part in the choice from the parameters of the best one, too.
 
@@ -333,8 +340,7 @@ class TriedModels:
         other effects.
         """
         best = self.leading[1]
-        least = self.worth(best) - EVIDENCE.temperature * math.log(1 / LEAST_ODDS)
-        for model in [m for m in self.models if m.effects and m is not best and self.worth(m) > least]:
+        for model in [m for m in self.taking_part if m is not best]:
             self._go_on()
             closer = self.fitter.begun_from(model, best)
             if closer is not model:

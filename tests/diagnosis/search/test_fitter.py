@@ -22,6 +22,7 @@ from diagnosis.estimation.least_squares import descend as real
 from diagnosis.estimation.parameters import FreeParameter
 from diagnosis.estimation.problem import Problem
 from diagnosis.estimation.time_experiment import TimeExperiment, over_time
+from diagnosis.estimation.tones import tones
 from diagnosis.problems import resolved
 from diagnosis.search import fitter as fitting
 from diagnosis.search.dask_fitter import Order, Task, perform
@@ -268,6 +269,36 @@ def test_effects_are_screened_beside_a_law_that_is_as_fast_as_the_motion_with_th
     }
     assert steps == {origin.problem.internal_step}
     assert courses(origin, friction)
+
+
+def test_a_vibration_answers_in_proportion_to_a_small_step_of_its_frequency(tmp_path: Path) -> None:
+    """A hundred periods: half a line of the spectrum to either side loses a whole turn until the end, a tenth does not.
+
+    By the shares of the change that tangents miss, of central differences over a tenth of a step of the fit.
+    """
+    drawn = draw("geared-two-mass", ["outside_vibration"], [8.0], 1, Options(seconds=20.0, rate=200.0))
+    write(drawn, tmp_path / "case", tmp_path / "sealed")
+    scenario = load(tmp_path / "case" / "scenario.yaml")
+    made = CandidateFitter(scenario, gather(scenario, [], []), 1)
+    refit = made.refit.fit
+    left = {e.name: refit.problem.residual(refit.x, e) for e in refit.problem.training}
+    scales = replace(operating_scales(made.base), tones=tones(refit.problem.training, left, 3))
+    truth = drawn.answers()["concealed"][0]
+    vibration = next(
+        c for c in candidates(scales) if c.effect == "outside_vibration" and c.place in truth["same_place"]
+    )
+    fit = made.settled(made.finish(made.partial_fit((vibration,), [standing(refit)]))).fit
+    name = f"{vibration.name}.frequency"
+    assert fit.converged
+    assert fit.parameters()[name] == pytest.approx(
+        2 * math.pi * truth["parameters"]["frequency"], abs=0.1 * math.pi / 10
+    )
+    k = [f.name for f in fit.problem.free].index(name)
+    step = np.where(np.arange(len(fit.x)) == k, 0.1, 0.0)
+    for e in fit.problem.training:
+        slope = fit.problem.linearised(fit.x, e)[1].reshape(*e.measured.shape, len(fit.x))[..., k]
+        change = fit.problem.residual(fit.x + step, e) - fit.problem.residual(fit.x - step, e)
+        assert np.sum((change - 0.2 * slope) ** 2) < 0.1 * np.sum(change**2)
 
 
 def test_candidates_are_built_without_reading_anything_again(

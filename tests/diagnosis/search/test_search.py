@@ -999,6 +999,25 @@ def test_what_the_last_moves_leave_on_its_way_is_led_to_its_end(monkeypatch: pyt
     assert world.settlings == [frozenset({FRICTION.key})]
 
 
+def test_every_model_that_takes_part_in_the_choice_is_fitted_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One e^-5 times as probable as the best, tempered, is not near it and takes part; e^-9 times is no part of it."""
+    world = World(by({FRICTION.key: 0.0}))
+    part, none = effect("delay", "u"), effect("payload", "arm")
+
+    def evened(search: Any) -> None:
+        best = search.known.worth(search.known.leading[1])
+        for late, behind in ((part, 5.0), (none, 9.0)):
+            made = world.made((late,))
+            made.log_evidence += best - behind * EVIDENCE.temperature - search.known.worth(made)
+            made.fit.converged = False
+            search.known.keep(made)
+
+    monkeypatch.setattr(searching._Search, "_evened", evened)
+    run(world, [FRICTION, *OTHERS])
+    assert 5.0 * EVIDENCE.temperature > SEARCH.effort + math.log(2 * (1 + len(OTHERS)))
+    assert world.settlings == [frozenset({part.key})]
+
+
 def test_what_is_not_akin_to_the_best_has_a_cost_to_reach_once_that_is_known() -> None:
     """And what the best may be told as has none: a simpler law at its place is compared with it however far it is."""
     pair = f"{STRIBECK.key} + {LAG.key}"
