@@ -21,6 +21,7 @@ from diagnosis.estimation.least_squares import Fit, descend, fit
 from diagnosis.estimation.leftover import Noise
 from diagnosis.estimation.parameters import Array
 from diagnosis.estimation.problem import Problem
+from diagnosis.estimation.slopes import foretell
 from diagnosis.problems import followed, problem, resolved, variant
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.allowance import Spent
@@ -630,7 +631,7 @@ class CandidateFitter:
         has lost its way is not near. Nor do the few steps over all of them, which have led away: it begins again where
         they began, and where they ended only if the recordings are not followed from there. If they are not followed at
         all, all are doubled together where whole ones leave more than coarse ones: averages of several samples show a
-        mismatch as clearly, unless it is faster than they are.
+        mismatch as clearly, unless it is faster than they are. What is smooth has not lost its way.
 
         Args:
             partial: where it began.
@@ -640,7 +641,7 @@ class CandidateFitter:
         """
         made, end = whole.point.problem, rough.point
         left = made.chi2(whole.point.x, made.training)
-        if self.tables or left < EVIDENCE.stated:
+        if self.tables or left < EVIDENCE.stated or self._is_smooth(partial.effects, whole.point):
             return whole
         x = grown(made, [x for x in (partial.begun, partial.point.x) if x is not None])
         if x is None:
@@ -655,6 +656,15 @@ class CandidateFitter:
         if not cost < whole.point.cost:
             return whole  # the fit was left on its way: how likely it is there says nothing
         return self._likelier([whole, replace(whole, point=replace(whole.point, x=x, cost=cost), converged=converged)])
+
+    @staticmethod
+    def _is_smooth(effects: Sequence[Candidate], point: StartingPoint) -> bool:
+        """Whether a run does not hang on where it was before: what lacks physics there has not lost its way.
+
+        Its tangents foretell how whole recordings answer. Those of a wave out of step do, too, for it is nearly gone.
+        """
+        made = point.problem
+        return all(c.wave is None for c in effects) and foretell(made, point.x, made.training)
 
     def _likelier(self, ends: Sequence[PartialFit]) -> PartialFit:
         """The first of several ends of a fit, or a later one that leaves less of all recordings and is likelier."""

@@ -109,9 +109,16 @@ class TriedModels:
         return value(model, self.tried)
 
     def keep(self, made: ScoredModel) -> None:
-        """Keep a model, unless one with the same effects is worth more."""
+        """Keep a model, unless one with the same effects is worth as much but for what is no evidence.
+
+        What is put in beside its effects begins from where these have ended, and is fitted anew if that has moved. An
+        end of a fit takes the place of what was left on its way.
+        """
         known = self._models.get(made.keys)
-        if known is None or self.worth(made) > self.worth(known):
+        least = 0.5 * SEARCH.slow
+        if known is not None and made.fit.converged and not known.fit.converged:
+            least = -least
+        if known is None or self.worth(made) > self.worth(known) + least:
             self._models[made.keys] = made
             self.patience.note(made.keys, self.worth(made), self.fitter.work.done)
 

@@ -29,7 +29,7 @@ from diagnosis.search.dask_fitter import Order, Task, perform
 from diagnosis.search.fitter import CandidateFitter, end_of
 from diagnosis.search.partial_fit import PartialFit, StartingPoint, ended, standing
 from diagnosis.search.screening import courses
-from diagnosis.thresholds import COARSE
+from diagnosis.thresholds import COARSE, EVIDENCE
 from engine.errors import SimulationError
 from engine.work import counted
 from scenarios.files import packed
@@ -543,6 +543,22 @@ def test_a_fit_from_the_beginnings_is_left_where_it_would_come_no_lower_than_the
     monkeypatch.setattr(fitting, "descend", descend)
     problem: Any = SimpleNamespace(chi2=lambda x, experiments: 9.0, training=())
     whole = PartialFit((), StartingPoint(50.0, problem, np.zeros(1), (), ()), True)
-    where: Any = SimpleNamespace(tables=False, _likelier=lambda ends: ends[-1])
+    where: Any = SimpleNamespace(tables=False, _likelier=lambda ends: ends[-1], _is_smooth=lambda *where: False)
     assert CandidateFitter._back_in_step(where, whole, whole, whole, reach) is whole
     assert asked == [min(reach, 50.0)]
+    where._is_smooth = lambda *where: True
+    assert CandidateFitter._back_in_step(where, whole, whole, whole, reach) is whole
+    assert len(asked) == 1, "what is smooth is not begun again"
+
+
+def test_what_answers_smoothly_has_not_lost_its_way_unless_it_is_a_wave(
+    fitter: CandidateFitter, listed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The user's model of a motor with a dead zone; tangents that hold nowhere stand for a machine that sticks."""
+    zone, wave = (next(c for c in listed if c.effect == name) for name in ("dead_zone", "torque_ripple"))
+    point = end_of(fitter.refit)
+    assert point.problem.chi2(point.x, point.problem.training) > EVIDENCE.stated
+    assert CandidateFitter._is_smooth((zone,), point)
+    assert not CandidateFitter._is_smooth((zone, wave), point)
+    monkeypatch.setattr(fitting, "foretell", lambda problem, x, experiments: False)
+    assert not CandidateFitter._is_smooth((zone,), point)

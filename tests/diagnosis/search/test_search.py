@@ -999,6 +999,21 @@ def test_what_the_last_moves_leave_on_its_way_is_led_to_its_end(monkeypatch: pyt
     assert world.settlings == [frozenset({FRICTION.key})]
 
 
+@pytest.mark.parametrize(
+    ("more", "ends", "kept"), [(0.4, True, False), (0.6, True, True), (-0.4, False, True), (-0.6, False, False)]
+)
+def test_what_is_no_evidence_does_not_move_where_others_begin_from(more: float, ends: bool, kept: bool) -> None:
+    """Half a unit is none. An end takes the place of what was left on its way, unless that is worth more."""
+    world = World(by({FRICTION.key: 4e3}))
+    known = searching._Search(world, world.refit, [FRICTION], None).known  # type: ignore[arg-type]
+    first, second = world.made((FRICTION,)), world.made((FRICTION,))
+    first.fit.converged = ends
+    second.log_evidence = first.log_evidence + more
+    known.keep(first)
+    known.keep(second)
+    assert (known[first.keys] is second) == kept
+
+
 def test_every_model_that_takes_part_in_the_choice_is_fitted_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """One e^-5 times as probable as the best, tempered, is not near it and takes part; e^-9 times is no part of it."""
     world = World(by({FRICTION.key: 0.0}))
