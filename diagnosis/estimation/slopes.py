@@ -4,12 +4,13 @@ Where contacts bounce, two runs that begin a hair apart part at every bounce. Th
 each bounce until they tell of that hair alone: steps along them gain nothing, and what they promise is nothing. Between
 runs that are farther apart the answer is as gentle as of any other model; so slopes are taken over a distance there.
 
-Where a model leaves no more than the sensors' noise, no lower place is farther off, and its tangents are the slopes: of
-a wave of many turns they hold over a fraction of a turn, which recordings may tell a hundred times as finely.
+Of a wave of many turns tangents hold over a fraction of a turn, which recordings may tell a hundred times as finely. So
+they need to foretell no change that would make a model unlikelier by more than what it leaves could make it likelier.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from diagnosis.estimation.experiment import Experiment
 from diagnosis.estimation.parameters import Array, moved, sides
 from diagnosis.estimation.problem import Problem
-from diagnosis.thresholds import FITTING
+from diagnosis.thresholds import EVIDENCE, FITTING
 from engine.errors import SimulationError
 
 Split = Callable[[Experiment, Array], Array]
@@ -74,11 +75,12 @@ def hold(
     numbers: Sequence[int] | None = None,
     split: Split = whole,
     over: Over = map,
-    distance: float = FITTING.held_over,
 ) -> bool:
-    """Whether slopes foretell how residuals change over a distance, all variables together, or need not.
+    """Whether slopes foretell how residuals change over `FITTING.held_over`, all variables together, or need not.
 
-    They need not where the model leaves nothing over that could be explained.
+    Where a model leaves no more than a sensor's noise may be, they need not farther than half the change's squares
+    reach what could still be explained: up to that barrier the cost is a parabola, and beyond it a step does not lead.
+    Where it leaves no more than the noise that is stated, they need not at all.
 
     Args:
         problem: whose.
@@ -88,19 +90,16 @@ def hold(
         numbers: of the search variables; all if None.
         split: what is made of a residual.
         over: as `map`, such as that of a pool of threads.
-        distance: to either side, in tolerances.
     """
-    numbers = range(len(x)) if numbers is None else numbers
-    after, before = sides(problem.free, x, distance, numbers)
-    apart = (after - before)[list(numbers)]
-    missed = changed = 0.0
-    ends = (problem.residuals(there, experiments, split, over) for there in (after, before))
-    for one, other, J in zip(*ends, slopes, strict=True):
-        missed += float(np.sum((one - other - J @ apart) ** 2))
-        changed += float(np.sum((one - other) ** 2))
-    if missed <= FITTING.foretold * max(changed, 1.0):  # less than one value's noise is nothing
+    told = _Foretold(problem, x, experiments, slopes, numbers, split, over)
+    holds, squares = told.over(FITTING.held_over)
+    if holds:
         return True
-    return problem.unexplained(x, experiments) == 0.0
+    left = problem.unexplained(x, experiments)
+    if left == 0 or problem.chi2(x, experiments) >= EVIDENCE.stated:
+        return left == 0
+    share = math.sqrt(2 * left / squares) if squares else 1.0
+    return share < 1 and told.over(share * FITTING.held_over)[0]
 
 
 def foretell(
@@ -110,13 +109,47 @@ def foretell(
     numbers: Sequence[int] | None = None,
     distance: float = FITTING.held_over,
 ) -> bool:
-    """Whether tangents foretell how residuals change over a distance; arguments as of `hold`."""
+    """Whether tangents foretell how residuals change over a distance (tolerances), or nothing could be explained.
+
+    Other arguments as of `hold`.
+    """
     numbers = range(len(x)) if numbers is None else numbers
     try:
         slopes = [problem.linearised(x, e, numbers)[1].reshape(*e.measured.shape, len(x)) for e in experiments]
     except SimulationError:
         return False
-    return hold(problem, x, experiments, [J[..., list(numbers)] for J in slopes], numbers, distance=distance)
+    told = _Foretold(problem, x, experiments, [J[..., list(numbers)] for J in slopes], numbers)
+    return told.over(distance)[0] or problem.unexplained(x, experiments) == 0.0
+
+
+class _Foretold:
+    """How well slopes foretell the change of residuals between two sides of a point; arguments as of `hold`."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        x: Array,
+        experiments: Sequence[Experiment],
+        slopes: Sequence[Array],
+        numbers: Sequence[int] | None = None,
+        split: Split = whole,
+        over: Over = map,
+    ) -> None:
+        self.problem, self.x, self.experiments, self.slopes = problem, x, experiments, slopes
+        self.numbers = list(range(len(x)) if numbers is None else numbers)
+        self.split, self.spread = split, over
+
+    def over(self, distance: float) -> tuple[bool, float]:
+        """Whether they do over a distance to either side, and the sum of the squares that they foretell."""
+        after, before = sides(self.problem.free, self.x, distance, self.numbers)
+        apart = (after - before)[self.numbers]
+        missed = changed = foretold = 0.0
+        ends = (self.problem.residuals(at, self.experiments, self.split, self.spread) for at in (after, before))
+        for one, other, J in zip(*ends, self.slopes, strict=True):
+            missed += float(np.sum((one - other - J @ apart) ** 2))
+            changed += float(np.sum((one - other) ** 2))
+            foretold += float(np.sum((J @ apart) ** 2))
+        return missed <= FITTING.foretold * max(changed, 1.0), foretold  # less than one value's noise is nothing
 
 
 def linearised(problem: Problem, x: Array, experiments: Sequence[Experiment]) -> list[tuple[Array, Array]]:

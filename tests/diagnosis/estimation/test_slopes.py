@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from diagnosis.estimation.parameters import FreeParameter, moved, sides
-from diagnosis.estimation.slopes import hold, linearised, secants
+from diagnosis.estimation.slopes import foretell, hold, linearised, secants
 from diagnosis.thresholds import FITTING
 from engine.errors import SimulationError
 
@@ -37,7 +37,10 @@ class Line:
         self.ripple, self.runs, self.smooth = ripple, runs, smooth
         self.free = list(free) or [FreeParameter(n, 0.0, 1.0, False) for n in "ab"]
         self.cases: list[tuple[Array, Any]] = []
-        self.above = 100.0
+        self.above, self.left = 100.0, 9.0
+
+    def chi2(self, x: Array, experiments: Sequence[Any]) -> float:
+        return self.left
 
     def unexplained(self, x: Array, experiments: Sequence[Any]) -> float:
         return self.above
@@ -98,6 +101,30 @@ def test_where_nothing_is_left_to_explain_tangents_hold() -> None:
     line = Line(0.1)
     line.above = 0.0
     assert hold(of(line), HERE, [RUN], [line.linearised(HERE, RUN)[1].reshape(3, 1, 2)])
+
+
+class Turns(Line):
+    """A wave of a thousand turns in a tolerance, of amplitude 30: over a tenth of a tolerance tangents miss all."""
+
+    def residual(self, x: Array) -> Array:
+        return np.asarray(30.0 * np.sin(2e3 * np.pi * (x[0] - HERE[0]) + np.linspace(0.0, 3.0, 3)))[:, None]
+
+    def linearised(self, x: Array, experiment: Any, only: Any = None) -> tuple[Array, Array]:
+        steep = 6e4 * np.pi * np.cos(2e3 * np.pi * (x[0] - HERE[0]) + np.linspace(0.0, 3.0, 3))
+        return self.residual(x)[:, 0], np.column_stack([steep, np.zeros(3)])
+
+
+@pytest.mark.parametrize(
+    ("above", "left", "expected"), [(0.0, 9.0, True), (5.0, 1.2, True), (5.0, 2.5, False), (2e4, 1.2, False)]
+)
+def test_tangents_of_what_leaves_noise_hold_as_far_as_what_could_be_explained_reaches(
+    above: float, left: float, expected: bool
+) -> None:
+    """Five units of evidence are a hundredth of a turn. Above a sensor's noise, or for 20 000 units, they do not."""
+    line = Turns()
+    line.above, line.left = above, left
+    assert hold(of(line), HERE, [RUN], [line.linearised(HERE, RUN)[1].reshape(3, 1, 2)]) is expected
+    assert foretell(of(line), HERE, [RUN]) is (above == 0)
 
 
 @pytest.mark.parametrize("smooth", [True, False])

@@ -57,6 +57,9 @@ class Toy:
     def unexplained(self, x: Array, experiments: Sequence[Any]) -> float:
         return np.inf
 
+    def chi2(self, x: Array, experiments: Sequence[Any]) -> float:
+        return float(np.mean(self.function(x) ** 2))
+
     def residuals_of(self, cases: Sequence[tuple[Array, Any]], split: Any, _: Any) -> list[Array]:
         self.asked += len(cases)
         return [split(e, self.function(x)[:, None]) for x, e in cases]
