@@ -199,6 +199,11 @@ def beside(kept: Sequence[Candidate], effect: Candidate) -> Candidate | None:
     return replace(effect, name=other, edits=edits)
 
 
+def able_beside(kept: Sequence[Candidate], among: Sequence[Candidate]) -> list[Candidate]:
+    """Effects that can be put in beside others."""
+    return [able for c in among if (able := beside(kept, c)) is not None]
+
+
 def cuts(effects: Sequence[Candidate]) -> frozenset[tuple[str, str]]:
     """Places and options at which effects cut a node in two, as a joint does."""
     return frozenset(

@@ -90,6 +90,11 @@ def ended(trial: ScoredModel, effect: Candidate) -> Candidate:
     return ended_at(effect, trial.fit.parameters(), trial.sizes[trial.effects.index(effect)])
 
 
+def as_ended(model: ScoredModel) -> tuple[Candidate, ...]:
+    """The effects of a model, to start only from where its fit ended."""
+    return tuple(ended(model, c) for c in model.effects)
+
+
 def ended_at(effect: Candidate, values: dict[str, float], sizes: Sizes) -> Candidate:
     """An effect, to start only from where a fit that began at some sizes has it."""
     there = {key: values.get(f"{effect.name}.{key}", value) for key, value in sizes.items()}

@@ -27,6 +27,7 @@ from diagnosis.effects.step_heights import NEAR, heights
 from diagnosis.estimation.covariance import covariance
 from diagnosis.estimation.problem import Problem
 from diagnosis.problems import problem, variant
+from diagnosis.search.board import Board
 from diagnosis.search.equivalent_effects import NESTED
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.search import _Search, _seen_beside
@@ -646,10 +647,10 @@ def test_friction_and_cogging_that_lose_a_machine_are_found_over_the_beginnings(
     few = {"coulomb_friction", "cogging", "dead_zone", "offset", "quadratic_drag"}
     scales = _seen_beside(operating_scales(fitter.base), fitter.refit)
     listed = [c for c in candidates(scales) if c.effect in few]
-    search = _Search(fitter, fitter.refit, listed, None)
-    search.begin()
+    search = _Search(Board(fitter, fitter.refit, listed, None))
+    search.first.begin()
     before = search.known.best
     assert before.left.energy.sum() > 1e4 * before.left.count.sum()
-    search._pairs_of_beginnings(before)
+    search.growing.pairs.of_beginnings(before)
     assert search.known.best.keys == {"coulomb_friction at motor.shaft", "cogging at motor.shaft"}
     assert search.known.best.fit.chi2 < 1.2

@@ -20,10 +20,12 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.problems import problem
 from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Recorded, Recording
+from diagnosis.search.first_effects import FirstEffects
 from diagnosis.search.fitter import CandidateFitter
+from diagnosis.search.placing import Placing
 from diagnosis.search.readings import as_they_were_taken, likelier
 from diagnosis.search.scored_model import ScoredModel
-from diagnosis.search.search import _Search, study
+from diagnosis.search.search import study
 from diagnosis.search.study import Study
 from scenarios.amend import with_readings
 from scenarios.load import load
@@ -230,13 +232,13 @@ def test_what_was_found_is_fitted_again_where_a_reading_turns_out_to_be_another_
     path = jerked(tmp_path, first=False)
     path.write_text(path.read_text(encoding="utf-8").replace("0.48 N.s/m", "1 mN.s/m"), encoding="utf-8")
     begun: list[int] = []
-    first = _Search._first
+    seek = FirstEffects._seek
 
-    def counted(search: _Search) -> None:
-        begun.append(len(search.known.models))
-        first(search)
+    def counted(first: FirstEffects) -> None:
+        begun.append(len(first.known.models))
+        seek(first)
 
-    monkeypatch.setattr(_Search, "_first", counted)
+    monkeypatch.setattr(FirstEffects, "_seek", counted)
     monkeypatch.setattr("diagnosis.api.taken_otherwise", lambda fitter, model: list(fitter.recordings))
     found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - {"viscous_friction", "coulomb_friction"}))
     assert found.study.chosen.effects
@@ -287,19 +289,19 @@ def test_a_search_of_recordings_as_described_begins_with_what_was_found(
     """
     path = jerked(tmp_path, first=False, late=0.8)
     begun: list[list[str]] = []
-    looked: list[_Search] = []
-    known, first = _Search.fit_known, _Search._first
+    looked: list[FirstEffects] = []
+    known, seek = Placing.fit_known, FirstEffects._seek
 
-    def fit_known(search: _Search, models: Sequence[ScoredModel]) -> None:
-        known(search, models)
-        begun.append(sorted({c.effect for m in search.known.models for c in m.effects}))
+    def fit_known(placing: Placing, models: Sequence[ScoredModel]) -> None:
+        known(placing, models)
+        begun.append(sorted({c.effect for m in placing.known.models for c in m.effects}))
 
-    def counted(search: _Search) -> None:
-        looked.append(search)
-        first(search)
+    def counted(first: FirstEffects) -> None:
+        looked.append(first)
+        seek(first)
 
-    monkeypatch.setattr(_Search, "fit_known", fit_known)
-    monkeypatch.setattr(_Search, "_first", counted)
+    monkeypatch.setattr(Placing, "fit_known", fit_known)
+    monkeypatch.setattr(FirstEffects, "_seek", counted)
     tried = {"delay", "lag", "sensor_lag", "coulomb_friction"}
     found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - tried))
     assert [c.effect for c in found.study.chosen.effects] == ["delay"]

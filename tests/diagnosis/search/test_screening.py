@@ -17,10 +17,10 @@ from diagnosis.effects.catalogue import candidates
 from diagnosis.effects.effect import Candidate, EffectParameter
 from diagnosis.effects.scales import operating_scales
 from diagnosis.estimation.parameters import prior
+from diagnosis.search.board import Board
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.partial_fit import standing
 from diagnosis.search.screening import _gains, courses, together
-from diagnosis.search.search import _Search
 from diagnosis.thresholds import FITTING, SEARCH
 from scenarios.load import load
 from tests.diagnosis import plants
@@ -143,7 +143,7 @@ def test_two_effects_that_are_concealed_together_are_among_the_first_pairs(tmp_p
 def test_a_fit_that_ends_where_a_block_refuses_is_no_model(tmp_path: Path) -> None:
     fitter = bench(tmp_path, seed=3, coulomb=1.5e-4)
     listed = candidates(operating_scales(fitter.base))
-    search = _Search(fitter, fitter.refit, listed, None)
+    known = Board(fitter, fitter.refit, listed, None).known
     zone = next(c for c in listed if c.effect == "dead_zone")
 
     def ending(lower: float, upper: float) -> Any:
@@ -151,10 +151,10 @@ def test_a_fit_that_ends_where_a_block_refuses_is_no_model(tmp_path: Path) -> No
         fit = SimpleNamespace(parameters=lambda: sizes)
         return SimpleNamespace(effects=(zone,), sizes=(zone.starts[0],), fit=fit)
 
-    assert search.known._has_meaning(ending(-0.1, 0.1))
-    assert not search.known.failures
-    assert not search.known._has_meaning(ending(0.2, 0.1))
-    ((key, why),) = search.known.failures
+    assert known._has_meaning(ending(-0.1, 0.1))
+    assert not known.failures
+    assert not known._has_meaning(ending(0.2, 0.1))
+    ((key, why),) = known.failures
     assert key == zone.key
     assert "lower" in why
 

@@ -19,8 +19,12 @@ from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.search import search as searching
 from diagnosis.search import tried_models
 from diagnosis.search.allowance import OutOfTime
+from diagnosis.search.board import Board
+from diagnosis.search.growing import Growing
+from diagnosis.search.laws import Laws, _grown_from
 from diagnosis.search.partial_fit import PartialFit, StartingPoint
 from diagnosis.search.patience import Patience
+from diagnosis.search.placing import Placing
 from diagnosis.search.posterior import energy, probabilities, told_as
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import EVIDENCE, SEARCH
@@ -195,6 +199,12 @@ class Beside(World):
         return super().origin(effects, values)
 
 
+def seen_as(monkeypatch: pytest.MonkeyPatch, courses: Callable[[Any, Candidate], list[Any]]) -> None:
+    """What effects change beside a model is what is given here, wherever the search asks for it."""
+    for module in ("board", "pairs", "promises"):
+        monkeypatch.setattr(f"diagnosis.search.{module}.courses", courses)
+
+
 @pytest.fixture(autouse=True)
 def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     """Courses come from the world's promises, and blocks take every size."""
@@ -204,13 +214,20 @@ def no_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
         likelihood = world.promise.get(f"{c.key}{c.option and ' ' + c.option}", 50.0)
         return [SimpleNamespace(likelihood=likelihood, values=np.array(world.shapes.get(c.key, (0.0, 0.0))))]
 
-    monkeypatch.setattr(searching, "courses", courses)
-    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [])
+    seen_as(monkeypatch, courses)
+    monkeypatch.setattr("diagnosis.search.pairs.together", lambda found, origin, most, gained: [])
     monkeypatch.setattr(tried_models, "edited", lambda scenario, edits: None)
 
 
+def begun_in(
+    world: World, listed: Sequence[Candidate], beside: Callable[[ScoredModel], list[Candidate]] | None = None
+) -> Any:
+    """A search in a world that has only begun, with the effects that are listed in it; `beside` as of `Board`."""
+    return searching._Search(Board(world, world.refit, listed, None, beside))  # type: ignore[arg-type]
+
+
 def run(world: World, listed: Sequence[Candidate], most: int = 3) -> Any:
-    made = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    made = begun_in(world, listed)
     made.run(most)
     return made
 
@@ -251,7 +268,7 @@ def test_two_that_promise_most_together_are_fitted_before_a_second_beside_the_fi
         asked.append(gained)
         return [(spring, drag)]
 
-    monkeypatch.setattr(searching, "together", together)
+    monkeypatch.setattr("diagnosis.search.pairs.together", together)
     table = {mixture.key: 8e4, f"{spring.key} + {drag.key}": 0.0}
     world = World(by(table), {mixture.key: 3000.0, spring.key: 100.0, drag.key: 90.0})
     found = run(world, [mixture, *OTHERS, spring, drag])
@@ -266,7 +283,7 @@ def test_what_leads_is_extended_however_long_pairs_have_taken_that_are_no_better
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     spring, drag = effect("spring", "arm"), effect("drag", "load")
-    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [(spring, drag)])
+    monkeypatch.setattr("diagnosis.search.pairs.together", lambda found, origin, most, gained: [(spring, drag)])
     world = World(by({FRICTION.key: 5e4, f"{FRICTION.key} + {LAG.key}": 0.0}), fit=SEARCH.least_work)
     found = run(world, [FRICTION, LAG, spring, drag])
     assert frozenset({spring.key, drag.key}) in world.fitted
@@ -282,7 +299,7 @@ def test_of_two_that_lead_together_what_does_as_well_alone_is_extended(
     The friction, which promised most and led alone, is extended only if the lag alone is worth less.
     """
     drag, zone = effect("drag", "load"), effect("dead_zone", "v")
-    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [(drag, LAG)])
+    monkeypatch.setattr("diagnosis.search.pairs.together", lambda found, origin, most, gained: [(drag, LAG)])
     rows = {FRICTION.key: 9e5, LAG.key: alone, f"{drag.key} + {LAG.key}": 3e4, f"{LAG.key} + {zone.key}": 0.0}
     monkeypatch.setattr(World, "early", World(by({}), {FRICTION.key: 3000.0}))
     world = World(by(rows), {FRICTION.key: 3000.0, zone.key: 100.0, LAG.key: 1.0})
@@ -298,12 +315,12 @@ def test_a_pair_with_what_leads_or_a_law_of_its_kind_is_left_to_its_extension(mo
     joint, hard = effect("joint_flexibility", "joint"), effect("hardening_spring", "joint", sizes=3)
     drag = effect("drag", "load")
     pairs = [(joint, LAG), (LAG, hard), (LAG, drag)]
-    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: pairs)
+    monkeypatch.setattr("diagnosis.search.pairs.together", lambda found, origin, most, gained: pairs)
     world = World(by({joint.key: 5e4, LAG.key: 6e5}))
-    made: Any = searching._Search(world, world.refit, [joint, hard, LAG, drag], None)  # type: ignore[arg-type]
-    made.begin()
+    made = begun_in(world, [joint, hard, LAG, drag])
+    made.first.begin()
     world.fitted.clear()
-    made._pairs(3)
+    made.growing.pairs.at_once(3)
     assert world.fitted == [frozenset({LAG.key, drag.key})]
 
 
@@ -326,7 +343,7 @@ def test_beside_bent_parameters_a_second_effect_is_strong_and_begins_with_the_fi
             made.log_evidence -= 0.5 * made.strain
             return made
 
-    monkeypatch.setattr(searching, "together", lambda found, origin, most, gained: [(STRIBECK, LAG)])
+    monkeypatch.setattr("diagnosis.search.pairs.together", lambda found, origin, most, gained: [(STRIBECK, LAG)])
     world = Bent(by({STRIBECK.key: 10.0, f"{STRIBECK.key} + {LAG.key}": 0.0}))
     found = run(world, [STRIBECK, LAG, *OTHERS])
     assert (found.known.best.keys == {STRIBECK.key, LAG.key}) == whole
@@ -369,10 +386,10 @@ def test_where_no_parameters_drawn_back_have_tangents_effects_are_screened_where
             return None if effects and values.keys() != ended.keys() else super().origin(effects, values)
 
     world = Runaway(by({FRICTION.key: 2e4, f"{FRICTION.key} + {LAG.key}": 0.0}))
-    made: Any = searching._Search(world, world.refit, [FRICTION, LAG], None)  # type: ignore[arg-type]
+    made = begun_in(world, [FRICTION, LAG])
     model = world.made((FRICTION,))
-    assert made._origins((FRICTION,), model, [{}, ended])
-    assert not made._origins((FRICTION,), model, [{}, {}])
+    assert made.placing.promises.origins((FRICTION,), model, [{}, ended])
+    assert not made.placing.promises.origins((FRICTION,), model, [{}, {}])
 
 
 def test_beside_bent_parameters_a_second_effect_is_looked_at_from_those_that_are_given() -> None:
@@ -406,12 +423,13 @@ def test_a_pair_that_is_no_better_over_the_beginnings_than_what_leads_is_not_fit
     early = World(by({f"{drag.key} + {spring.key}": 40.0, FRICTION.key: 0.0}))
     monkeypatch.setattr(World, "early", early)
     monkeypatch.setattr(
-        searching, "together", lambda found, origin, most, gained: [(drag, spring)] if origin.builder is early else []
+        "diagnosis.search.pairs.together",
+        lambda found, origin, most, gained: [(drag, spring)] if origin.builder is early else [],
     )
     world = World(by({FRICTION.key: 5e4, f"{drag.key} + {spring.key}": 4e4}))
-    made: Any = searching._Search(world, world.refit, [FRICTION, LAG, spring, drag], None)  # type: ignore[arg-type]
-    made.begin()
-    made._pairs_of_beginnings(made.known.best)
+    made = begun_in(world, [FRICTION, LAG, spring, drag])
+    made.first.begin()
+    made.growing.pairs.of_beginnings(made.known.best)
     both = frozenset({drag.key, spring.key})
     assert both in early.fitted
     assert both not in world.fitted
@@ -427,7 +445,7 @@ def test_pairs_that_promise_most_over_the_beginnings_are_fitted_there_and_the_be
     early = World(by({f"{drag.key} + {spring.key}": 9e4, f"{spring.key} + {LAG.key}": 0.0}))
     monkeypatch.setattr(World, "early", early)
     monkeypatch.setattr(
-        searching, "together", lambda found, origin, most, gained: pairs if origin.builder is early else []
+        "diagnosis.search.pairs.together", lambda found, origin, most, gained: pairs if origin.builder is early else []
     )
     world = World(by({FRICTION.key: left, f"{spring.key} + {LAG.key}": 0.0}))
     found = run(world, [FRICTION, LAG, spring, drag])
@@ -442,9 +460,9 @@ def test_a_wave_of_a_pair_is_raced_in_all_of_its_orders() -> None:
     starts = tuple({"order": order, "amplitude": 0.1, "phase": 0.0} for order in (2.0, 3.0))
     wave = replace(effect("torque_ripple"), starts=starts, wave=Wave("amplitude", "phase", starts))
     world = World(by({}))
-    made: Any = searching._Search(world, world.refit, [wave, LAG], None)  # type: ignore[arg-type]
-    made.begin()
-    pair = made._with_all_orders((replace(wave, starts=starts[1:]), LAG))
+    made = begun_in(world, [wave, LAG])
+    made.first.begin()
+    pair = made.board.with_all_orders((replace(wave, starts=starts[1:]), LAG))
     assert [(c.key, c.starts) for c in pair] == [(LAG.key, LAG.starts), (wave.key, starts)]
 
 
@@ -514,8 +532,8 @@ def test_a_search_that_gains_nothing_for_long_ends() -> None:
 
     def of(fit: int) -> tuple[World, Any]:
         world = World(by({c.key: 8e4 + 1e4 * k for k, c in enumerate(OTHERS)}), fit=fit)
-        begun = searching._Search(world, world.refit, OTHERS, None)  # type: ignore[arg-type]
-        begun.begin()
+        begun = begun_in(world, OTHERS)
+        begun.first.begin()
         first = world.work.done
         begun.run(3)
         return world, first
@@ -534,7 +552,7 @@ def test_a_search_ends_where_its_time_is_over_and_keeps_a_share_of_it_for_rivals
 
     def of(allowed: float) -> tuple[World, Any]:
         world = World(by({c.key: 8e4 + 1e4 * k for k, c in enumerate(OTHERS)}), fit=1, allowed=allowed)
-        return world, searching._Search(world, world.refit, OTHERS, None)  # type: ignore[arg-type]
+        return world, begun_in(world, OTHERS)
 
     world, search = of(math.inf)
     search.run(3)
@@ -556,11 +574,11 @@ def test_a_search_ends_where_its_time_is_over_and_keeps_a_share_of_it_for_rivals
 @pytest.mark.parametrize("share", [1 / 3, 1.0])
 def test_first_effects_wait_once_they_had_their_share(monkeypatch: pytest.MonkeyPatch, share: float) -> None:
     """Friction leads after a few; all fourteen would take the time in which a lag is put in beside it."""
-    monkeypatch.setattr(searching, "SEARCH", replace(SEARCH, first=share))
+    monkeypatch.setattr("diagnosis.search.first_effects.SEARCH", replace(SEARCH, first=share))
     listed = [FRICTION, LAG, *OTHERS]
     alone = {c.key: 5e4 + 5 + k for k, c in enumerate(OTHERS)} | {FRICTION.key: 5e4, LAG.key: 7e4}
     world = World(by(alone | {f"{FRICTION.key} + {LAG.key}": 0.0}), fit=1, allowed=27)
-    search = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    search = begun_in(world, listed)
     with pytest.raises(OutOfTime):
         search.run(3)
     waits = share < SEARCH.growing
@@ -574,8 +592,8 @@ def test_first_effects_that_waited_are_fitted_where_time_is_left() -> None:
 
     def fitted(allowed: float) -> tuple[set[frozenset[str]], set[frozenset[str]]]:
         world = World(table, fit=1, allowed=allowed, dearer=1)
-        search = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
-        search.begin()
+        search = begun_in(world, listed)
+        search.first.begin()
         before = set(world.fitted)
         search.run(3)
         assert search.known.best.keys == {FRICTION.key, LAG.key}
@@ -604,14 +622,14 @@ def test_where_the_time_for_adding_effects_is_over_what_leads_gets_its_rivals() 
     alone = {FRICTION.key: 5e4, LAG.key: 5e5, delay.key: 9e5}
     both = {f"{FRICTION.key} + {LAG.key}": 300.0, f"{FRICTION.key} + {delay.key}": 0.0}
     world = Beside(by(alone | both), delay, FRICTION, shapes)
-    made: Any = searching._Search(world, world.refit, [FRICTION, LAG, *OTHERS, delay], None)  # type: ignore[arg-type]
-    made.begin()
+    made = begun_in(world, [FRICTION, LAG, *OTHERS, delay])
+    made.first.begin()
 
     def grow(most: int) -> None:
         made.known.keep(world.made((FRICTION, LAG)))
         raise OutOfTime
 
-    made._grow = grow
+    made.growing.grow = grow
     made.run(3)
     assert made.ended_early
     assert made.known.best.keys == {FRICTION.key, delay.key}
@@ -626,7 +644,7 @@ def test_what_leads_is_reduced_to_the_simpler_law_although_the_time_is_over(monk
         self.known.keep(world.made((STRIBECK, LAG)))
         world.allowed = 0.0
 
-    monkeypatch.setattr(searching._Search, "_grow", grow)
+    monkeypatch.setattr(Growing, "grow", grow)
     found = between_recordings(monkeypatch, lambda model: False, world, [FRICTION, STRIBECK, LAG])
     assert found.ended_early
     assert found.best == {FRICTION.key, LAG.key}
@@ -642,7 +660,7 @@ def test_what_leads_is_fitted_to_its_end_although_the_time_is_over(monkeypatch: 
         self.known.keep(pair)
         world.allowed = 0.0
 
-    monkeypatch.setattr(searching._Search, "_grow", grow)
+    monkeypatch.setattr(Growing, "grow", grow)
     found = between_recordings(monkeypatch, lambda model: False, world, [FRICTION, LAG])
     assert found.ended_early
     assert world.settlings == [pair.keys]
@@ -737,8 +755,8 @@ def test_where_a_friction_was_fitted_to_nearly_nothing_effects_begin_from_the_gi
     world = World(by({"": 1e5}))
     world.refit.fit.problem, world.refit.fit.x = SimpleNamespace(free=(friction,)), (fitted,)
     world.refit.far_off = ScoredModel.far_off.fget(world.refit)  # type: ignore[attr-defined]
-    made = searching._Search(world, world.refit, [], None)  # type: ignore[arg-type]
-    assert [values.get(friction.name) for values in made._alone_from()] == [pytest.approx(b) for b in begun]
+    made = begun_in(world, [])
+    assert [values.get(friction.name) for values in made.placing.alone_from()] == [pytest.approx(b) for b in begun]
 
 
 def test_two_effects_are_found_one_beside_the_other() -> None:
@@ -769,9 +787,9 @@ def test_what_is_found_in_the_place_of_what_leads_is_varied_in_its_turn() -> Non
     rows |= {f"{STRIBECK.key} + {LAG.key}": 1e5, f"{STRIBECK.key} + {delay.key}": 0.0}
     world = World(by(rows))
     listed = [STRIBECK, LAG, delay, FRICTION, *OTHERS]
-    made: Any = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    made = begun_in(world, listed)
     made.known.fit([((FRICTION, LAG), [{}])], 1)
-    made._vary()
+    made.varying.vary()
     assert made.known.best.keys == {STRIBECK.key, delay.key}
 
 
@@ -789,11 +807,11 @@ def test_beside_what_is_put_in_the_place_of_its_like_the_order_of_a_wave_is_chos
 
     rows = {gravity.key: 3e5, offset.key: 4e5, f"{gravity.key} + {wave.key}": 5e4}
     world = Waves(by(rows), {wave.key: 10.0}, {gravity.key: (0.0, 1.0), offset.key: (0.1, 1.0)})
-    made: Any = searching._Search(world, world.refit, [gravity, offset, wave], None)  # type: ignore[arg-type]
-    made.begin()
+    made = begun_in(world, [gravity, offset, wave])
+    made.first.begin()
     found = made.known.fit([((gravity, replace(wave, starts=starts[:1])), [{}])], 1)
     raced.clear()
-    made._varied(found[0])
+    made.varying._varied(found[0])
     assert starts in raced
 
 
@@ -829,9 +847,9 @@ def test_what_imitates_an_effect_has_a_turn_whatever_else_does_so_at_more_places
     offset = effect("offset", "u")
     shapes = {c.key: (0.0, 1.0) for c in weights} | {offset.key: (0.1, 1.0)}
     world = World(by({}), shapes=shapes)
-    made: Any = searching._Search(world, world.refit, [*weights, offset], None)  # type: ignore[arg-type]
-    made.begin()
-    found = made._mimics(weights[0])
+    made = begun_in(world, [*weights, offset])
+    made.first.begin()
+    found = made.board.mimics(weights[0])
     assert (len(found), found[1].key) == (SEARCH.exchanged, offset.key)
 
 
@@ -842,12 +860,12 @@ def test_what_led_alone_is_put_in_the_place_of_each_of_two() -> None:
     both = {f"{bias.key} + {offset.key}": 5000.0, f"{bias.key} + {FRICTION.key}": 0.0}
     world = Beside(by(alone | both), FRICTION, bias)
     listed = [bias, offset, *OTHERS, FRICTION]
-    made: Any = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
-    made.begin()
+    made = begun_in(world, listed)
+    made.first.begin()
     made.known.fit([((FRICTION,), [{}])], 1)
     assert made.known.best.keys == {FRICTION.key}
     made.known.fit([((bias, offset), [{}])], 1)
-    made._vary()
+    made.varying.vary()
     assert made.known.best.keys == {bias.key, FRICTION.key}
 
 
@@ -857,18 +875,18 @@ def test_what_leads_is_varied_though_the_time_for_first_effects_was_over_before(
     varied: list[frozenset[str]] = []
     listed = [FRICTION, LAG, *OTHERS]
     world = World(by({c.key: 8e4 for c in OTHERS} | {FRICTION.key: 0.0, LAG.key: 7e4}), fit=1)
-    search = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
-    vary = search._vary
+    search = begun_in(world, listed)
+    vary = search.varying.vary
 
     def noted() -> None:
         varied.append(search.known.best.keys)
         vary()
 
     def ended() -> None:
-        monkeypatch.setattr(search, "_vary", noted)
+        monkeypatch.setattr(search.varying, "vary", noted)
         raise OutOfTime
 
-    monkeypatch.setattr(search, "_vary", ended)
+    monkeypatch.setattr(search.varying, "vary", ended)
     search.run(3)
     assert varied == [frozenset({FRICTION.key})]
 
@@ -938,7 +956,7 @@ def settled(likelier: float, *, begun: float = 4e3) -> tuple[Any, Any, World]:
             return made
 
     world = Ended(by({FRICTION.key: begun}))
-    known = searching._Search(world, world.refit, [FRICTION], None).known  # type: ignore[arg-type]
+    known = begun_in(world, [FRICTION]).known
     model = world.made((FRICTION,))
     model.fit.converged = False
     known.keep(model)
@@ -958,7 +976,7 @@ def test_a_fit_that_is_led_to_its_end_does_not_lose_where_all_recordings_are_lik
 
 def test_a_second_try_does_not_lose_where_all_recordings_are_likelier() -> None:
     world = World(by({FRICTION.key: 4e3}))
-    known = searching._Search(world, world.refit, [FRICTION], None).known  # type: ignore[arg-type]
+    known = begun_in(world, [FRICTION]).known
     model = world.made((FRICTION,))
     model.fit.converged = False
     known.keep(model)
@@ -994,7 +1012,7 @@ def test_what_the_last_moves_leave_on_its_way_is_led_to_its_end(monkeypatch: pyt
         later.fit.converged = False
         search.known.keep(later)
 
-    monkeypatch.setattr(searching._Search, "_evened", evened)
+    monkeypatch.setattr(Laws, "evened", evened)
     run(world, [FRICTION, *OTHERS])
     assert world.settlings == [frozenset({FRICTION.key})]
 
@@ -1005,7 +1023,7 @@ def test_what_the_last_moves_leave_on_its_way_is_led_to_its_end(monkeypatch: pyt
 def test_what_is_no_evidence_does_not_move_where_others_begin_from(more: float, ends: bool, kept: bool) -> None:
     """Half a unit is none. An end takes the place of what was left on its way, unless that is worth more."""
     world = World(by({FRICTION.key: 4e3}))
-    known = searching._Search(world, world.refit, [FRICTION], None).known  # type: ignore[arg-type]
+    known = begun_in(world, [FRICTION]).known
     first, second = world.made((FRICTION,)), world.made((FRICTION,))
     first.fit.converged = ends
     second.log_evidence = first.log_evidence + more
@@ -1027,7 +1045,7 @@ def test_every_model_that_takes_part_in_the_choice_is_fitted_to_its_end(monkeypa
             made.fit.converged = False
             search.known.keep(made)
 
-    monkeypatch.setattr(searching._Search, "_evened", evened)
+    monkeypatch.setattr(Laws, "evened", evened)
     run(world, [FRICTION, *OTHERS])
     assert 5.0 * EVIDENCE.temperature > SEARCH.effort + math.log(2 * (1 + len(OTHERS)))
     assert world.settlings == [frozenset({part.key})]
@@ -1059,7 +1077,7 @@ def test_what_had_no_turn_waits_until_a_second_effect_tells_what_it_is_to_reach(
 
 
 def test_a_model_that_ended_twice_at_the_same_cost_is_not_begun_a_third_time() -> None:
-    known = searching._Search(World(by({LAG.key: 5.0})), World(by({})).refit, [LAG], None).known  # type: ignore[arg-type]
+    known = Board(World(by({LAG.key: 5.0})), World(by({})).refit, [LAG], None).known  # type: ignore[arg-type]
     begun = [replace(LAG, starts=({"p0": size},)) for size in (0.1, 0.2, 0.3)]
     assert [len(known.fit([((c,), [{}])], 1, whole=True)) for c in begun] == [1, 1, 0]
     known.fitter.excess_at_end = by({LAG.key: 9.0})  # type: ignore[attr-defined]
@@ -1284,11 +1302,11 @@ def test_the_order_of_a_wave_is_chosen_anew_beside_a_richer_law() -> None:
             return super().partial_fit(effects, parents)
 
     rows = {FRICTION.key: 3e5, f"{FRICTION.key} + {wave.key}": 5e4, f"{STRIBECK.key} + {wave.key}": 4e4}
-    made: Any = searching._Search(world := Waves(by(rows)), world.refit, [FRICTION, STRIBECK, wave], None)  # type: ignore[arg-type]
-    made.begin()
+    made = begun_in(Waves(by(rows)), [FRICTION, STRIBECK, wave])
+    made.first.begin()
     found = made.known.fit([((FRICTION, replace(wave, starts=starts[:1])), [{}])], 1)
     raced.clear()
-    made._enriched(found[0])
+    made.laws.enriched(found[0])
     assert raced == [starts]
 
 
@@ -1302,7 +1320,7 @@ def test_what_a_richer_law_has_of_a_size_s_kind_keeps_its_ratio_to_it() -> None:
     )
     parameters = tuple(EffectParameter(name, reference) for name, reference in rows)
     law = Candidate("stribeck_friction", "shaft", "shaft", "found_law", lambda sizes: [], parameters, starts)
-    assert searching._grown_from({"coulomb_friction": 6.0}, law) == (
+    assert _grown_from({"coulomb_friction": 6.0}, law) == (
         {"coulomb_friction": 6.0, "static_friction": 9.0, "stribeck_velocity": 0.1},
         {"coulomb_friction": 6.0, "static_friction": 9.0, "stribeck_velocity": 2.0},
     )
@@ -1319,7 +1337,7 @@ def test_beside_the_best_pair_what_promised_least_alone_is_looked_at_too(monkeyp
         alone = -1.0 if c is offset else 60.0 if c in others else 70.0
         return [SimpleNamespace(likelihood=80.0 if c is offset and len(origin.effects) == 2 else alone, values=NONE)]
 
-    monkeypatch.setattr(searching, "courses", courses)
+    seen_as(monkeypatch, courses)
     found = run(world, [LAG, payload, *others, offset])
     assert found.known.best.keys == {LAG.key, payload.key, offset.key}
 
@@ -1335,7 +1353,7 @@ def test_what_only_shows_once_something_larger_is_in_is_sought_then() -> None:
         seen.append(model.keys)
         return [*listed, cogging] if FRICTION.key in model.keys else listed
 
-    made = searching._Search(world, world.refit, listed, None, beside)  # type: ignore[arg-type]
+    made = begun_in(world, listed, beside)
     made.run(3)
     assert made.known.best.keys == {FRICTION.key, cogging.key}
     assert seen[0] == {FRICTION.key}
@@ -1375,7 +1393,7 @@ def test_laws_at_one_place_leave_their_turn_beside_another_effect_too(monkeypatc
         alone, more = 900.0 if c is LAG else -1.0, 700.0 if c is payload else 800.0
         return [SimpleNamespace(likelihood=more if origin.effects else alone, values=NONE)]
 
-    monkeypatch.setattr(searching, "courses", courses)
+    seen_as(monkeypatch, courses)
     found = run(world, [LAG, *joints, payload], 2)
     assert found.known.best.keys == {LAG.key, payload.key}
 
@@ -1422,11 +1440,11 @@ def test_the_far_side_of_a_joint_is_a_place_beside_that_joint_alone() -> None:
     def beside(model: Any) -> list[Candidate]:
         return [*listed, far] if joint.key in model.keys else listed
 
-    made: Any = searching._Search(world, world.refit, listed, None, beside)  # type: ignore[arg-type]
+    made = begun_in(world, listed, beside)
     made.run(3)
     assert made.known.best.keys == {joint.key, far.key}
     assert all(joint.key in keys for keys in world.fitted if far.key in keys)
-    assert sum(c.key == far.key for c in made.listed) == 1
+    assert sum(c.key == far.key for c in made.board.listed) == 1
 
 
 def test_a_node_is_cut_with_bodies_on_the_other_side_whose_parameters_are_far_off() -> None:
@@ -1441,12 +1459,12 @@ def test_a_node_is_cut_with_bodies_on_the_other_side_whose_parameters_are_far_of
     listed = [wrong, right, joint(), joint("hub.shaft", "link.hub"), joint("link.hub", "arm.load.shaft")]
     left = {f"{c.key} {c.option}": 5e3 for c in listed} | {f"{right.key} {right.option}": 0.0}
     world = World(by(left))
-    made: Any = searching._Search(world, world.refit, listed, None)  # type: ignore[arg-type]
+    made = begun_in(world, listed)
     model = world.made((wrong,))
     made.known.keep(model)
-    assert made._cut_anew(model) is model
+    assert made.varying.cut_anew(model) is model
     model.far_off, model.bent_blocks = ["hub.inertia"], {"hub", "arm.load"}
-    assert made._cut_anew(model).effects[0].option == right.option
+    assert made.varying.cut_anew(model).effects[0].option == right.option
     assert world.options == {right.option, joint().option}
     assert all(
         start == {"p0": 0.2} for start in (m.sizes[0] for m in made.known.models if m.effects and m is not model)
@@ -1530,10 +1548,10 @@ def test_of_nuisances_beside_a_rival_no_simpler_laws_are_fitted() -> None:
     plain = [effect("viscous_friction", place) for place in ("arm", "leg")]
     left = {FRICTION.key: 5e3} | {f"{FRICTION.key} + {mode.key}": 1e3 + k for k, mode in enumerate(modes)}
     world = World(by(left))
-    made: Any = searching._Search(world, world.refit, [FRICTION, *modes, *plain], None)  # type: ignore[arg-type]
+    made = begun_in(world, [FRICTION, *modes, *plain])
     for effects in ((FRICTION,), (FRICTION, modes[0]), (FRICTION, modes[1])):
         made.known.keep(world.made(effects))
-    made._begun = False
+    made.first.begun = False
     made.run(3)
     assert made.known.best.keys == {FRICTION.key}
     assert frozenset({FRICTION.key, plain[0].key}) in world.fitted
@@ -1578,7 +1596,7 @@ def test_at_last_each_effect_is_taken_away_once_more() -> None:
     """A pair came from elsewhere, and one of its effects explains nothing beside the other: that one alone is told."""
     zone = effect("dead_zone", "u")
     world = World(by({zone.key: 0.0, LAG.key: 8e5, f"{zone.key} + {LAG.key}": 0.0}))
-    made: Any = searching._Search(world, world.refit, [LAG], None)  # type: ignore[arg-type]
+    made = begun_in(world, [LAG])
     made.known.keep(world.made((LAG, zone)))
     made.run(3)
     assert made.known.best.keys == {zone.key}
@@ -1588,10 +1606,10 @@ def test_at_last_each_effect_is_taken_away_once_more() -> None:
 def test_a_simpler_law_that_does_most_of_what_the_richer_one_does_is_tried_again(simple: float, again: bool) -> None:
     """It may have ended at a jump of the cost; what does next to nothing has not."""
     world = World(by({FRICTION.key: simple, STRIBECK.key: 0.0}))
-    made: Any = searching._Search(world, world.refit, [FRICTION, STRIBECK], None)  # type: ignore[arg-type]
+    made = begun_in(world, [FRICTION, STRIBECK])
     made.known.keep(world.made((STRIBECK,)))
     rich = world.made((STRIBECK,))
-    made._simplified(rich)
+    made.laws.simplified(rich)
     assert (frozenset({FRICTION.key}) in world.retries) == again
     # A cost from which it would owe the richer law more than a nuisance may.
     owed = EVIDENCE.share * (energy(world.refit) - energy(rich))
@@ -1611,10 +1629,10 @@ def test_a_simpler_law_keeps_its_own_start_where_the_richer_one_ended_at_nothing
         return put_in(effects, parents)
 
     world.partial_fit = partial_fit  # type: ignore[method-assign]
-    made = searching._Search(world, world.refit, [FRICTION, STRIBECK], None)  # type: ignore[arg-type]
+    made = begun_in(world, [FRICTION, STRIBECK])
     rich = world.made((STRIBECK,))
     rich.fit.parameters = lambda: {f"{STRIBECK.name}.p0": 0.0}
-    made._simplified(rich)
+    made.laws.simplified(rich)
     assert begun == [{"p0": 0.1}]
 
 
@@ -1624,10 +1642,10 @@ def test_rivals_get_the_nuisances_that_fit_beside_the_best() -> None:
     left = {FRICTION.key: 300.0, offset.key: 310.0, f"{FRICTION.key} + {LAG.key}": 250.0, LAG.key: 9e5}
     left |= {f"{offset.key} + {LAG.key}": 255.0}
     world = World(by(left))
-    made: Any = searching._Search(world, world.refit, [FRICTION, offset, LAG], None)  # type: ignore[arg-type]
+    made = begun_in(world, [FRICTION, offset, LAG])
     for effects in ((FRICTION,), (offset,), (FRICTION, LAG)):
         made.known.keep(world.made(effects))
-    made._evened()
+    made.laws.evened()
     assert {offset.key, LAG.key} in world.fitted
     odds = probabilities(told_as(made.known.models, made.known.refit), made.known.tried)
     assert odds[frozenset({offset.key})] > 0.05
@@ -1642,18 +1660,18 @@ def test_a_pair_that_is_one_law_has_room_for_two_nuisances() -> None:
     world = World(
         by({rich.key: 300.0, f"{rich.key} + {nuisances}": 250.0, both: 301.0, f"{both} + {nuisances}": 251.0})
     )
-    made: Any = searching._Search(world, world.refit, [rich, FRICTION, offset, LAG, scale], None)  # type: ignore[arg-type]
+    made = begun_in(world, [rich, FRICTION, offset, LAG, scale])
     for effects in ((rich,), (FRICTION, offset), (rich, LAG, scale)):
         made.known.keep(world.made(effects))
-    made._evened()
+    made.laws.evened()
     odds = probabilities(made.known.told, made.known.tried)
     assert odds[frozenset({FRICTION.key, offset.key})] > 0.05
 
 
 def test_models_that_were_known_are_fitted_again_from_where_they_ended() -> None:
     world = World(by({FRICTION.key: 0.0}))
-    made: Any = searching._Search(world, world.refit, [], None)  # type: ignore[arg-type]
-    made.fit_known([world.made((FRICTION,))])
+    made = begun_in(world, [])
+    made.placing.fit_known([world.made((FRICTION,))])
     assert world.fitted == [frozenset({FRICTION.key})]
     assert made.known.best.effects[0].starts == ({"p0": 0.2},)
 
@@ -1662,9 +1680,9 @@ def test_beside_a_known_model_that_explains_all_other_first_effects_are_fitted_t
     """Hysteresis explained all of other recordings; in these a joint, of which nothing was known, does as well."""
     joint = effect("joint_flexibility", "joint")
     world = World(by({FRICTION.key: 10.0, joint.key: 0.0}))
-    made: Any = searching._Search(world, world.refit, [FRICTION, joint], None)  # type: ignore[arg-type]
-    made.fit_known([world.made((FRICTION,))])
-    made.begin()
+    made = begun_in(world, [FRICTION, joint])
+    made.placing.fit_known([world.made((FRICTION,))])
+    made.first.begin()
     assert made.known.best.keys == {joint.key}
 
 
@@ -1679,8 +1697,8 @@ def test_a_known_model_that_cannot_begin_where_it_ended_begins_anew_effect_by_ef
         return put_in(effects, parents)
 
     world.partial_fit = partial_fit  # type: ignore[method-assign]
-    made: Any = searching._Search(world, world.refit, [FRICTION, LAG], None)  # type: ignore[arg-type]
-    made.fit_known([world.made((FRICTION, LAG))])
+    made = begun_in(world, [FRICTION, LAG])
+    made.placing.fit_known([world.made((FRICTION, LAG))])
     assert world.fitted == [frozenset({FRICTION.key, LAG.key})]
     assert made.known.best.keys == {FRICTION.key, LAG.key}
 
@@ -1706,7 +1724,7 @@ def test_the_best_model_is_tried_again_if_its_fit_did_not_converge() -> None:
 def test_the_best_model_is_begun_again_with_its_parameters_drawn_back_where_they_are_bent(bent: bool) -> None:
     """Its parameters may make up for a delay that ended a little off."""
     world = World(by({LAG.key: 4e3}))
-    known = searching._Search(world, world.refit, [LAG], None).known  # type: ignore[arg-type]
+    known = begun_in(world, [LAG]).known
     model = world.made((LAG,))
     model.bent, model.fit.problem.free, model.fit.x = bent, (FreeParameter("a", 1.0, 0.1, True, 0.0),), (7.0,)
     known.keep(model)
@@ -1728,7 +1746,7 @@ def test_the_best_model_is_begun_again_with_its_parameters_drawn_back_where_they
 def test_a_model_that_leaves_little_but_misses_recordings_is_tried_again() -> None:
     """Contacts that bounce: half a per cent is left, three times the noise, and a second try ends at the noise."""
     world = World(by({FRICTION.key: 3e3}, otherwise=1e6))
-    made: Any = searching._Search(world, world.refit, [FRICTION], None)  # type: ignore[arg-type]
+    made = begun_in(world, [FRICTION])
     made.known.keep(world.made((FRICTION,)))
     world.excess = by({FRICTION.key: 0.0})
     made.known.confirmed(made.known.best)
@@ -1815,9 +1833,9 @@ def test_why_effects_were_refused_is_told_in_their_order(monkeypatch: pytest.Mon
     given = {(joint.key, joint.option): "no inertia there", (LAG.key, ""): "too fast", (friction.key, ""): "no speed"}
     origin: Any = SimpleNamespace(likelihood=0.0, effects=(), refused=given)
     goes: list[Any] = [SimpleNamespace(likelihood=50.0)]
-    monkeypatch.setattr(searching, "courses", lambda o, c: goes if c is same else [])
-    made: Any = searching._Search(world, world.refit, [friction, joint, same, LAG], None)  # type: ignore[arg-type]
-    made._screened([origin], made.listed)
+    seen_as(monkeypatch, lambda o, c: goes if c is same else [])
+    made = begun_in(world, [friction, joint, same, LAG])
+    made.placing.promises.screened([origin], made.board.listed)
     assert made.known.failures == [(friction.key, "no speed"), (LAG.key, "too fast")]
 
 
@@ -1826,12 +1844,12 @@ def test_what_did_far_better_alone_is_no_equal_of_the_weaker_effect_of_a_pair() 
     drag, bias = effect("quadratic_drag", "shaft"), effect("sensor_bias", "sensor")
     mimics = [effect(law, "joint") for law in ("hysteresis", "joint_flexibility", "hardening_spring")]
     world = World(by({LAG.key: 1e5, drag.key: 9e5, bias.key: 9e5} | {c.key: 1.1e5 for c in mimics}))
-    made: Any = searching._Search(world, world.refit, [], None)  # type: ignore[arg-type]
+    made = begun_in(world, [])
     for c in (LAG, drag, bias, *mimics):
         made.known.keep(world.made((c,)))
     world.excess_at_end = by({f"{LAG.key} + {drag.key}": 0.0})
     made.known.keep(pair := world.made((LAG, drag), after=world.excess_at_end))
-    made._put_in_place_of_equals(pair)
+    made.varying.put_in_place_of_equals(pair)
     assert world.fitted == [frozenset({LAG.key, bias.key})]
 
 
@@ -1893,13 +1911,13 @@ def test_a_held_out_recording_that_alone_shows_what_is_missing_is_asked_for_befo
 def test_only_models_near_the_best_go_on_in_other_recordings(monkeypatch: pytest.MonkeyPatch) -> None:
     """All others are looked at there anew, with what leads known."""
     went_on: list[list[frozenset[str]]] = []
-    own = searching._Search.fit_known
+    own = Placing.fit_known
 
     def fit_known(self: Any, models: Sequence[Any]) -> None:
         went_on.append([m.keys for m in models])
         own(self, models)
 
-    monkeypatch.setattr(searching._Search, "fit_known", fit_known)
+    monkeypatch.setattr(Placing, "fit_known", fit_known)
     world = World(by({FRICTION.key: 1e4, STRIBECK.key: 1e4 - 2, LAG.key: 5e5}))
     between_recordings(monkeypatch, lambda model: bool(model.effects), world, (FRICTION, STRIBECK, LAG))
     assert went_on[0] == []
@@ -1909,7 +1927,7 @@ def test_only_models_near_the_best_go_on_in_other_recordings(monkeypatch: pytest
 def test_that_a_search_was_cut_short_is_told_of_its_models_in_other_recordings_too(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    grow, cut = searching._Search._grow, [True]
+    grow, cut = Growing.grow, [True]
 
     def once(self: Any, most: int) -> None:
         if cut:
@@ -1917,7 +1935,7 @@ def test_that_a_search_was_cut_short_is_told_of_its_models_in_other_recordings_t
             raise OutOfTime
         grow(self, most)
 
-    monkeypatch.setattr(searching._Search, "_grow", once)
+    monkeypatch.setattr(Growing, "grow", once)
     found = between_recordings(monkeypatch, lambda model: not cut)
     assert list(found.notes) == ["rec3 was fitted too"]
     assert found.ended_early
