@@ -44,8 +44,11 @@ class Board:
         """Effects at places of the user's model; others are at places that a joint that was put in has parted."""
         self.looked = looked
         """What was seen beside the user's model alone, once that was looked at."""
-        self.order = best_ways(looked.order) if looked else []
-        """Effects, those first that promised most there."""
+
+    @property
+    def order(self) -> list[Candidate]:
+        """Effects that were looked at beside the user's model alone, those first that promised most."""
+        return best_ways(self.looked.order) if self.looked else []
 
     @property
     def explains_most(self) -> bool:

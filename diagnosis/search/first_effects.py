@@ -10,7 +10,6 @@ from diagnosis.search.partial_fit import as_ended, standing
 from diagnosis.search.placing import Placing
 from diagnosis.search.posterior import complete, misses
 from diagnosis.search.promises import Promises
-from diagnosis.search.ranking import best_ways
 from diagnosis.search.screening import Origin
 from diagnosis.search.study import Looked
 from diagnosis.search.tried_models import Values
@@ -65,7 +64,6 @@ class FirstEffects:
         ranked = self.promises.screened(origins, self.board.listed)
         refused = tuple(self.known.failures[before:])
         self.board.looked = Looked(tuple(ranked), refused, origins[0] if origins else None)
-        self.board.order = best_ways(ranked)
         able = [c for c in self.board.order if self.promises.pays(origins, c)]
         first = able[:1]
         self.known.fit([((c,), parents) for c in first], 1)

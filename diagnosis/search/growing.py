@@ -206,8 +206,10 @@ class Growing:
         system = self.fitter.scenario.system
         places |= {end.rpartition(".")[0] for flange in flanges for end in node(system, flange)}
         laws = [c for c in self.board.order if c.place in places and frozenset({c.key}) not in self.known]
-        laws += [c for c in self.board.looked_at if c.key in before.keys and c.option != before.effects[0].option]
-        self.known.fit([((c,), self.placing.alone_from()) for c in laws], len(laws))
+        ways = {c.key: c.option for c in before.effects}
+        laws += [c for c in self.board.looked_at if ways.get(c.key, c.option) != c.option]
+        parents = self.placing.alone_from()
+        self.known.fit([((c,), parents) for c in laws], len(laws))
         self._finish_waiting()
         if self.known.best is not before:
             self.varying.vary()

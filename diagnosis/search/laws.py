@@ -8,7 +8,7 @@ from dataclasses import replace
 from diagnosis.effects.effect import Candidate, Sizes, able_beside, all_beside
 from diagnosis.search.board import Board
 from diagnosis.search.equivalent_effects import lookalikes
-from diagnosis.search.partial_fit import as_ended, ended, standing
+from diagnosis.search.partial_fit import as_ended, ended, others_as_ended, standing
 from diagnosis.search.placing import Placing
 from diagnosis.search.posterior import energy, is_in, is_simpler, owes_little, prices
 from diagnosis.search.scored_model import ScoredModel
@@ -45,13 +45,13 @@ class Laws:
     def without_each(self, model: ScoredModel) -> None:
         """Take each effect of a model away, from where it ended."""
         for effect in model.effects:
-            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            kept = others_as_ended(model, effect)
             self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
 
     def simpler(self, model: ScoredModel, effect: Candidate) -> list[ScoredModel]:
         """Put simpler laws in the place of an effect of a model, from where it ended; they are given."""
         values = model.fit.parameters()
-        kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+        kept = others_as_ended(model, effect)
         same = [c for c in self.board.listed if (c.place, c.option) == (effect.place, effect.option)]
         laws = [c for c in same if c.key != effect.key and is_in(c, effect)]
         # From a stiffness that was fitted to nothing no other can grow: that one keeps its own start.
@@ -80,7 +80,7 @@ class Laws:
         order of a wave was chosen beside the simpler law: beside one that comes closer it is chosen anew.
         """
         for effect in model.effects:
-            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            kept = others_as_ended(model, effect)
             found = ended(model, effect).starts[0]
             richer = [
                 replace(c, starts=_grown_from(found, c))
@@ -124,7 +124,7 @@ class Laws:
         Those that were fitted to the end are left out.
         """
         for effect in model.effects:
-            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            kept = others_as_ended(model, effect)
             listed = [c for c in self.board.listed if (c.key, c.option) == (effect.key, effect.option)]
             ways = [way for c in able_beside(kept, listed) for way in c.choices()]
             if len(ways) > 1:

@@ -95,6 +95,11 @@ def as_ended(model: ScoredModel) -> tuple[Candidate, ...]:
     return tuple(ended(model, c) for c in model.effects)
 
 
+def others_as_ended(model: ScoredModel, effect: Candidate) -> tuple[Candidate, ...]:
+    """The effects of a model but one of them, to start only from where its fit ended."""
+    return tuple(ended(model, c) for c in model.effects if c is not effect)
+
+
 def ended_at(effect: Candidate, values: dict[str, float], sizes: Sizes) -> Candidate:
     """An effect, to start only from where a fit that began at some sizes has it."""
     there = {key: values.get(f"{effect.name}.{key}", value) for key, value in sizes.items()}

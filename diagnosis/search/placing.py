@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from diagnosis.effects.effect import Candidate, able_beside
 from diagnosis.search.board import Board
-from diagnosis.search.partial_fit import as_ended, drawn_back, ended, standing
+from diagnosis.search.partial_fit import as_ended, drawn_back, ended, others_as_ended, standing
 from diagnosis.search.posterior import strained
 from diagnosis.search.promises import Promises
 from diagnosis.search.ranking import best_ways, by_turns
@@ -144,7 +144,7 @@ class Placing:
             if m.keys not in self.known:
                 tasks: list[tuple[tuple[Candidate, ...], list[Values]]] = []
                 for effect in m.effects:
-                    kept = tuple(ended(m, c) for c in m.effects if c is not effect)
+                    kept = others_as_ended(m, effect)
                     same = [c for c in self.board.listed if (c.key, c.option) == (effect.key, effect.option)]
                     tasks += [((*kept, c), [standing(m.fit)]) for c in able_beside(kept, same)]
                 self.known.fit(tasks, 1, whole=True)

@@ -24,7 +24,7 @@ from diagnosis.search.growing import Growing
 from diagnosis.search.laws import Laws
 from diagnosis.search.nonparametric import laws
 from diagnosis.search.pairs import Pairs
-from diagnosis.search.partial_fit import ended, place_of, standing
+from diagnosis.search.partial_fit import others_as_ended, place_of, standing
 from diagnosis.search.placing import Placing
 from diagnosis.search.posterior import complete, misses, probabilities
 from diagnosis.search.promises import Promises
@@ -187,7 +187,7 @@ class _Search:
             for effect in rival.effects:
                 self.laws.simpler(rival, effect)
                 if effect.key not in self.known.best.keys and (alike := self.board.mimics(effect)):
-                    kept = tuple(ended(rival, c) for c in rival.effects if c is not effect)
+                    kept = others_as_ended(rival, effect)
                     self.placing.beside(kept, rival, SEARCH.exchanged, alike)
         self.laws.evened()
         # Those moves may have left a closer fit of a model on its way, and what takes part in the choice has an end.
@@ -195,15 +195,17 @@ class _Search:
             self.known.settled(model)
 
     def reduce(self) -> None:
-        """Fit what leads to its end, and simpler laws in the places of its own, although the time is over: it is told.
+        """Fit what takes part in the choice to its end, and simpler laws of what leads, although the time is over.
 
-        Of an end that is none no interval is told. The simpler law may do as well, and without a fit of its own it
-        could not be told in the place of the richer one.
+        It is told: of an end that is none no interval is, nor how probable it is beside another. The simpler law may do
+        as well, and without a fit of its own it could not be told in the place of the richer one.
         """
         self.known.bounded = False
         leader = self.known.settled(self.known.best)
         for effect in leader.effects:
             self.laws.simpler(leader, effect)
+        for model in self.known.taking_part:
+            self.known.settled(model)
 
     @property
     def handed_on(self) -> Looked | None:

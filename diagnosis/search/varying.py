@@ -9,7 +9,7 @@ from diagnosis.effects.effect import Candidate, able_beside, across, all_beside,
 from diagnosis.search.board import Board
 from diagnosis.search.equivalent_effects import lookalikes
 from diagnosis.search.laws import Laws
-from diagnosis.search.partial_fit import ended, standing
+from diagnosis.search.partial_fit import ended, others_as_ended, standing
 from diagnosis.search.placing import Placing
 from diagnosis.search.posterior import complete, prices
 from diagnosis.search.promises import Promises
@@ -61,7 +61,7 @@ class Varying:
         if cuts(model.effects):
             self.board.listed_beside(model)
         for effect in model.effects:
-            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            kept = others_as_ended(model, effect)
             self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
             self.placing.beside_in_every_way(kept, model, effect)
             self._put_in_place_of(kept, model, effect, best[: SEARCH.exchanged])
@@ -135,9 +135,10 @@ class Varying:
             if len(p.effects) == len(model.effects)
             and all(c.key in alike or related(c, model.effects) for c in p.effects)
         ]
-        self.known.dropped = [p for p in self.known.dropped if not any(p is other for other in akin)]
         for few in range(0, len(akin), SEARCH.few):
-            made = self.known.finished(akin[few : few + SEARCH.few])
+            some = akin[few : few + SEARCH.few]
+            self.known.dropped = [p for p in self.known.dropped if not any(p is other for other in some)]
+            made = self.known.finished(some)
             if all(self.known.worth(m) < self.known.reach for m in made):
                 return
 
@@ -147,7 +148,7 @@ class Varying:
         A frequency is found only from near it, and the one that an effect was begun from may have been a resonance's.
         """
         for effect in model.effects:
-            kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+            kept = others_as_ended(model, effect)
             found = ended(model, effect).starts[0]
             anywhere = {k.name: found[k.name] for k in effect.parameters if k.anywhere}
             same = [c for c in self.board.listed if c.effect == effect.effect and c.place != effect.place]
@@ -188,7 +189,7 @@ class Varying:
             self._cut.append(model)
             found, bent = [model], model.bent_blocks
             for effect in model.effects:
-                kept = tuple(ended(model, c) for c in model.effects if c is not effect)
+                kept = others_as_ended(model, effect)
                 same = [c for c in self.board.listed if c.effect == effect.effect]
                 near = [c for c in same if _is_moved(across(c, effect), bent)]
                 anew = [replace(c, starts=ended(model, effect).starts) for c in near]
