@@ -31,12 +31,18 @@ class Pairs:
     def at_once(self, most: int, than: ScoredModel | None = None) -> None:
         """Two effects at once, where they promise most together; so many pairs at most.
 
+        Those with an effect that leads alone, or with a law that is part of it or the other way round, are left to the
+        extension of that, unless its parameters are far off: then the two begin together, from where it has not ended.
+
         Args:
             most: number of pairs.
             than: model that they are to promise to better; none, if all are to be fitted.
         """
         parents = [standing(self.known.refit.fit), {}]
-        pairs = self._promised(self.fitter, parents[0], most, than)
+        best = self.known.best
+        alone = best.effects if len(best.effects) == 1 and not strained(best, self.known.tried) else ()
+        found = self._promised(self.fitter, parents[0], most, than)
+        pairs = [pair for pair in found if not any(is_in(c, a) or is_in(a, c) for c in pair for a in alone)]
         self.known.fit([(pair, parents) for pair in pairs], SEARCH.few)
 
     def of_beginnings(self, than: ScoredModel) -> None:
@@ -67,16 +73,9 @@ class Pairs:
     def _promised(
         self, fitter: CandidateFitter, values: Values, most: int, than: ScoredModel | None
     ) -> list[tuple[Candidate, ...]]:
-        """The pairs that promise most beside the user's model, with some parameters; other arguments as of `at_once`.
-
-        Those with an effect that leads alone, or with a law that is part of it or the other way round, are left to the
-        extension of that, unless its parameters are far off: then the two begin together, from where it has not ended.
-        """
+        """The pairs that promise most beside the user's model with some parameters; other arguments as of `at_once`."""
         origin = fitter.origin((), values)
         if origin is None or fitter.tables:
             return []
         found = [course for c in self.board.looked_at for course in courses(origin, c)[: SEARCH.sizes]]
-        best = self.known.best
-        alone = best.effects if len(best.effects) == 1 and not strained(best, self.known.tried) else ()
-        among = together(found, origin, most, fitter.likelier(than) if than is not None else -math.inf)
-        return [pair for pair in among if not any(is_in(c, a) or is_in(a, c) for c in pair for a in alone)]
+        return together(found, origin, most, fitter.likelier(than) if than is not None else -math.inf)

@@ -27,6 +27,7 @@ from diagnosis.search.patience import Patience
 from diagnosis.search.placing import Placing
 from diagnosis.search.posterior import energy, probabilities, told_as
 from diagnosis.search.scored_model import ScoredModel
+from diagnosis.search.study import Looked
 from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.errors import FlexarmError
 from engine.system import Connection
@@ -648,6 +649,53 @@ def test_what_leads_is_reduced_to_the_simpler_law_although_the_time_is_over(monk
     found = between_recordings(monkeypatch, lambda model: False, world, [FRICTION, STRIBECK, LAG])
     assert found.ended_early
     assert found.best == {FRICTION.key, LAG.key}
+
+
+def test_what_takes_part_is_fitted_to_its_end_although_the_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rival that is nearly as probable is no less likely for having had no time."""
+    world = World(by({LAG.key: 0.0, FRICTION.key: 0.0, OTHERS[0].key: 1e5}))
+    rival, far = world.made((FRICTION,)), world.made((OTHERS[0],))
+    rival.fit.converged = far.fit.converged = False
+    rival.log_evidence -= 2 * EVIDENCE.temperature
+
+    def grow(self: Any, most: int) -> None:
+        for made in (rival, far):
+            self.known._models[made.keys] = made
+        world.allowed = 0.0
+
+    monkeypatch.setattr(Growing, "grow", grow)
+    found = between_recordings(monkeypatch, lambda model: False, world, [FRICTION, LAG, *OTHERS])
+    assert found.ended_early
+    assert {FRICTION.key} in world.settlings
+    assert {OTHERS[0].key} not in world.settlings
+
+
+def test_what_is_akin_to_the_best_and_has_no_turn_is_not_lost() -> None:
+    """Of seven dropped fits at the place of what leads the first few come nowhere near, and the search goes on."""
+    world = World(by({FRICTION.key: 0.0}, otherwise=9e5))
+    made = begun_in(world, [FRICTION, *OTHERS])
+    leads = world.made((FRICTION,))
+    made.known.keep(leads)
+    akin = [world.partial_fit((effect(f"law_{k}"),), [{}]) for k in range(7)]
+    made.known.dropped = list(akin)
+    made.varying._finish_dropped(leads, set())
+    assert made.known.dropped == akin[SEARCH.few :]
+
+
+def test_other_ways_to_put_in_an_effect_are_told_from_its_own_way() -> None:
+    """A stop at both ends leads beside a joint: the same stop at one end is tried, the joint as it is cut is not."""
+    ends = [effect("end_stop", "link", option=at) for at in ("both", "upper")]
+    joints = [effect("joint_flexibility", "gear", option=at) for at in ("load", "motor")]
+    world = World(by({f"{ends[0].key} both + {joints[0].key} load": 0.0}))
+    made = begun_in(world, [*ends, *joints])
+    made.board.looked = Looked((*ends, *joints), (), None)
+    made.known.keep(world.made((ends[0], joints[0])))
+    for c in (ends[0], joints[0]):
+        made.known.keep(world.made((c,)))
+    world.options.clear()
+    made.growing._other_laws()
+    assert {"upper", "motor"} <= world.options
+    assert not {"both", "load"} & world.options
 
 
 def test_what_leads_is_fitted_to_its_end_although_the_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
