@@ -280,7 +280,7 @@ def diagnose(
             known, looked, told = found.trials[: SEARCH.finished], found.looked, found.notes
             found = study(fitter, without=how.without, progress=how.progress, told=told, known=known, looked=looked)
         fitter = fitter.again(found.recordings)
-        return judge(as_reported(fitter, settled_by_spare_channels(fitter, found)), how.seed)
+        return judge(as_reported(fitter, settled_by_spare_channels(fitter, found)))
 
 
 def plan(

@@ -25,23 +25,10 @@ def number(value: Any, unit: str, reason: str, set_by: str) -> Any:
 class Noise:
     """What is noise, and what chance does."""
 
-    piece: float = number(
-        0.2,
-        "s",
-        "Pieces of a residual whose median tells its noise: kinks of a law that is not quite right fall "
-        "into few of them.",
-        "proof of 591 cases (8b7f4d1)",
-    )
-    rows: int = number(
-        32,
-        "samples",
-        "Least number of samples in a piece, so that its mean square is known to a fifth.",
-        "proof of 591 cases (8b7f4d1)",
-    )
     fewest: int = number(
         64,
         "samples",
-        "With fewer samples second differences do not tell the noise, and the stated variance counts.",
+        "With fewer samples no frequency stands out of what is left over.",
         "the rules drawn together on 100 cases (ea5630f)",
     )
 

@@ -148,7 +148,7 @@ def match(scenario: Scenario, log: LogFile, progress: Callable[[float], None] | 
         given = _si(column, unit)[part]
         responses = {name: curve for name, curve in responses.items() if not _same(curve, given, 0.999)}
         if responses:
-            others = [s for s in log.signals if s is not column and _may_be_measured(s, unit, signals)]
+            others = [s for s in log.signals if s is not column and _may_be_measured(s, signals)]
             best = [max((abs(_likeness(s, responses[n], part)[0]) for n in responses), default=0.0) for s in others]
             strength = float(np.mean(sorted(best)[-3:])) if best else 0.0
             # Commands hold still between steps, and measurements hardly ever do.
@@ -273,7 +273,7 @@ def _likeness(signal: Signal, simulated: Vector, part: slice) -> tuple[float, fl
     return found[lag], size_y / size_s, lag
 
 
-def _may_be_measured(signal: Signal, drive_unit: str, signals: dict[str, str]) -> bool:
+def _may_be_measured(signal: Signal, signals: dict[str, str]) -> bool:
     if not signal.unit or signal.unit == "count":
         return True
     return any(unit and unit != "*" and compatible(signal.unit, unit) for unit in signals.values())

@@ -197,10 +197,6 @@ class Experiment(ABC):
         """
 
     @abstractmethod
-    def noise_levels(self, r: Array) -> list[float] | None:
-        """Variance of the white noise in residuals (samples, signals), by signal; None if too few samples tell."""
-
-    @abstractmethod
     def largest_inputs(self, count: int) -> Array:
         """Largest magnitude of each of the model's ``count`` inputs, shape (count,); empty if none was recorded."""
 

@@ -406,23 +406,6 @@ class TimeExperiment(Experiment):
         later = replace(self.drive, time=np.asarray(self.drive.time, dtype=float) + delay * self.shortest)
         return [replace(self, drive=larger), replace(self, drive=later)]
 
-    def noise_levels(self, r: Array) -> list[float] | None:
-        """Variance of each signal's white noise, from second differences of its residual.
-
-        A model's errors are smooth at the sampling rate, except for kinks of a wrong friction or contact law; so the
-        median over pieces counts. A signal without samples gives no level.
-        """
-        if len(self.time) < NOISE.fewest:
-            return None
-        levels = []
-        for column, recorded in zip(r.T, self.measured.T, strict=True):
-            there = np.flatnonzero(np.isfinite(recorded))
-            bend = np.diff(column[there], 2)[np.diff(there, 2) == 0]
-            if len(bend):
-                pieces = min(round(float(self.time[-1] - self.time[0]) / NOISE.piece), len(bend) // NOISE.rows)
-                levels.append(_typical(bend**2, pieces) / 6)
-        return levels
-
     def largest_inputs(self, count: int) -> Array:
         """Largest magnitude of each input, shape (count,); empty if none was recorded."""
         if self.drive is None:
@@ -493,15 +476,6 @@ def power_spectrum(r: Array, length: int | None = None) -> Array:
     """
     windowed = (r - r.mean(axis=0)) * np.hanning(len(r))[:, None]
     return np.asarray(np.abs(np.fft.rfft(windowed, length, axis=0)) ** 2)
-
-
-def _typical(squares: Array, pieces: int) -> float:
-    """Mean of squared second differences of white noise, from the median of the means of ``pieces`` pieces."""
-    if pieces < 3:
-        return float(squares.mean())
-    middle = float(np.median([part.mean() for part in np.array_split(squares, pieces)]))
-    # Neighbours correlate by -2/3 and 1/6, so that a mean of n is a chi-square of 18/35 n freedoms (Wilson-Hilferty).
-    return middle / (1 - 2 / (9 * len(squares) / pieces * 18 / 35)) ** 3
 
 
 def _merged(starts: Sequence[float], width: float) -> str:

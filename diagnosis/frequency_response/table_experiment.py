@@ -237,9 +237,6 @@ class TableExperiment(Experiment):
         """Nothing: the amplitude of a sine is what the table is relative to."""
         return []
 
-    def noise_levels(self, r: Array) -> None:
-        """None: a few rows do not tell their noise."""
-
     def largest_inputs(self, count: int) -> Array:
         """The largest amplitude of the sine, shape (1,)."""
         return np.array([float(np.abs(self.amplitude).max())])

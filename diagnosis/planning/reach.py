@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from diagnosis.estimation.parameters import Array, FreeParameter
 from diagnosis.estimation.problem import Problem
-from diagnosis.estimation.time_experiment import TimeExperiment, over_time
+from diagnosis.estimation.time_experiment import over_time
 from diagnosis.planning.experiment import Planned
 from diagnosis.planning.sizes import TURNS, Family
 from diagnosis.problems import resolved, variant
@@ -332,8 +332,8 @@ class Bench:
             columns = [whitening(one) for one in np.moveaxis(J[:, :k], 2, 0)]
             slopes.append(np.column_stack(columns) if columns else np.zeros((len(values[-1]), 0)))
             if further and e.measured.shape[1] > k:
-                others.append(_thinned(e, r[:, k:]))
-                other_slopes.append(_thinned(e, J[:, k:]))
+                others.append(_thinned(r[:, k:]))
+                other_slopes.append(_thinned(J[:, k:]))
         prior, weights = made.prior(x)
         own = np.array([bool(mine) and (f.name == mine or f.name.startswith(mine)) for f in made.free], dtype=bool)
         return Course(
@@ -354,7 +354,7 @@ class TooFast(FlexarmError):
     """A model moves faster than the samples of the experiment can show."""
 
 
-def _thinned(e: TimeExperiment, rows: Array) -> Array:
+def _thinned(rows: Array) -> Array:
     """Random sums of neighbouring rows (samples, ...), which keep squares and products on average."""
     edges = np.arange(0, len(rows), max(1, len(rows) // ROWS))
     signs = np.random.default_rng(1).choice([-1.0, 1.0], len(rows)).reshape(-1, *[1] * (rows.ndim - 1))

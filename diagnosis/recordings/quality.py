@@ -27,8 +27,6 @@ BETTER = 1.3
 """How many times smaller an error gets if later inputs are known, from which the input's column is late."""
 LINE = 60.0
 """Power of a line over that around it."""
-UNUSUAL = 1.5
-"""Intervals longer than this share of the usual one are dropped samples."""
 JITTERS = 0.02
 """Deviation of a sample's instant from an even clock, as a share of an interval, that is worth a word."""
 DRIFTS = 1e-4

@@ -405,11 +405,10 @@ class CandidateFitter:
                 self._origins[key] = None
         return self._origins[key]
 
-    def forget(self, effects: Sequence[Candidate]) -> None:
-        """Drop what `origin` keeps of a model with effects: its tangents take room, and it is not asked for again."""
-        if effects:
-            for key in [key for key, o in self._origins.items() if o is not None and o.effects]:
-                del self._origins[key]
+    def forget(self) -> None:
+        """Drop what `origin` keeps of models with effects: tangents take room, and these are not asked for again."""
+        for key in [key for key, o in self._origins.items() if o is not None and o.effects]:
+            del self._origins[key]
 
     def partial_fit(self, effects: tuple[Candidate, ...], parents: Sequence[dict[str, float]]) -> PartialFit:
         """Put an effect in beside others, and take a few steps from the sizes that promise most.

@@ -77,7 +77,7 @@ class Placing:
             least = max(self.known.worth(than), self.known.reach) if than.keys <= keys else self.known.reach
             if found and all(self.known.worth(m) < least for m in found):
                 break
-        self.fitter.forget(kept)
+        self.fitter.forget()
 
     def beside_in_every_way(self, kept: tuple[Candidate, ...], than: ScoredModel, effect: Candidate) -> None:
         """Put an effect in beside others at all its places, in every way: sides of a cut, orders of a wave.
@@ -98,7 +98,7 @@ class Placing:
         ways = [way for c in alike for way in c.choices()]
         able = self._screened_beside(kept, than, parents, ways)
         self.known.fit([((*kept, c), parents) for c in able[: SEARCH.fitted]], SEARCH.few, near=than)
-        self.fitter.forget(kept)
+        self.fitter.forget()
 
     def _screened_beside(
         self,

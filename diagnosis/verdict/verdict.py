@@ -125,7 +125,7 @@ ENDED_EARLY = (
 )
 
 
-def judge(study: Study, seed: int = 0) -> Diagnosis:
+def judge(study: Study) -> Diagnosis:
     """Turn a study into a verdict."""
     chosen, refit = study.chosen, study.refit
     made = with_covariance(chosen.fit, chosen.hold_out - floor(chosen))

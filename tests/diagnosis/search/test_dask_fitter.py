@@ -47,7 +47,7 @@ def test_on_this_machine_no_pool_is_opened(path: Any, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr("diagnosis.api.study", made)
     monkeypatch.setattr("diagnosis.api.as_reported", lambda _, found: found)
-    monkeypatch.setattr("diagnosis.api.judge", lambda found, seed: found.by)
+    monkeypatch.setattr("diagnosis.api.judge", lambda found: found.by)
     workers: Any = diagnose(path, workers=3)
     assert workers == 3
     with pytest.raises(FlexarmError, match="0 workers"):

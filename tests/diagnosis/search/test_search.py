@@ -143,7 +143,7 @@ class World:
     def likelier(self, model: Any) -> float:
         return float(model.left.log_likelihood - self.refit.left.log_likelihood)
 
-    def forget(self, effects: Sequence[Candidate]) -> None:
+    def forget(self) -> None:
         pass
 
     def is_over(self, share: float = 1.0) -> bool:
