@@ -34,5 +34,6 @@ def at_link(scales: OperatingScales, place: Place) -> Iterator[Candidate]:
         def loaded(values: Sizes) -> list[Edit]:
             return [Set(name, load, with_unit(values[load], block.unit_of(load)))]
 
-        sizes = combinations(**{load: shares(mass, 0.005, 0.05, 0.3)})
+        # A light link carries several times its own mass, and a course grows in proportion within a factor of three.
+        sizes = combinations(**{load: shares(mass, 0.005, 0.05, 0.3, 1.0, 3.0)})
         yield Candidate("payload", name, name, name, loaded, (EffectParameter(load, mass),), sizes)

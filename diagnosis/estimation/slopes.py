@@ -92,14 +92,14 @@ def hold(
         over: as `map`, such as that of a pool of threads.
     """
     told = _Foretold(problem, x, experiments, slopes, numbers, split, over)
-    holds, squares = told.over(FITTING.held_over)
+    holds, squares = told.within(FITTING.held_over)
     if holds:
         return True
     left = problem.unexplained(x, experiments)
     if left == 0 or problem.chi2(x, experiments) >= EVIDENCE.stated:
         return left == 0
     share = math.sqrt(2 * left / squares) if squares else 1.0
-    return share < 1 and told.over(share * FITTING.held_over)[0]
+    return share < 1 and told.within(share * FITTING.held_over)[0]
 
 
 def foretell(
@@ -119,7 +119,7 @@ def foretell(
     except SimulationError:
         return False
     told = _Foretold(problem, x, experiments, [J[..., list(numbers)] for J in slopes], numbers)
-    return told.over(distance)[0] or problem.unexplained(x, experiments) == 0.0
+    return told.within(distance)[0] or problem.unexplained(x, experiments) == 0.0
 
 
 class _Foretold:
@@ -139,7 +139,7 @@ class _Foretold:
         self.numbers = list(range(len(x)) if numbers is None else numbers)
         self.split, self.spread = split, over
 
-    def over(self, distance: float) -> tuple[bool, float]:
+    def within(self, distance: float) -> tuple[bool, float]:
         """Whether they do over a distance to either side, and the sum of the squares that they foretell."""
         after, before = sides(self.problem.free, self.x, distance, self.numbers)
         apart = (after - before)[self.numbers]

@@ -23,6 +23,7 @@ from diagnosis.effects.insertion import at_flange, in_joint, in_signal
 from diagnosis.effects.places import INPUT, SHAFT
 from diagnosis.effects.scales import operating_scales
 from diagnosis.problems import problem
+from diagnosis.thresholds import SEARCH
 from engine.block import Block, flange, parameter, signal_in
 from engine.errors import FlexarmError, ParameterError
 from engine.ports import TRANSLATIONAL
@@ -171,6 +172,11 @@ def test_another_packages_motor_spring_and_link_get_their_effects(tmp_path: Any,
     assert effects_at(found, "arm") == {"extra_mode", "centrifugal_stiffening", "payload"}
     more = next(c for c in found if (c.effect, c.place) == ("extra_mode", "arm"))
     assert more.edits({}) == [Set("arm", "modes", 2)]
+    loads = [
+        next(iter(sizes.values())) for c in found if (c.effect, c.place) == ("payload", "arm") for sizes in c.starts
+    ]
+    for mass in (0.01, 0.1, 0.9, 2.5, 8.0):  # kg, of an arm of 1 kg
+        assert any(1 / SEARCH.factor < mass / load < SEARCH.factor for load in loads), mass
 
 
 @pytest.mark.parametrize("trait", ["cut_after", "winding_parameters"])
