@@ -166,6 +166,7 @@ class _Search:
                 self.varying.vary()  # what leads may have come just before, and have rivals as good
             if not self.first.all_begun:
                 self.first.go_on()
+            self.varying.vary_what_is_new()
         for model in self.near():
             self.varying.put_in_place_of_equals(model)
         for model in self.near():

@@ -34,13 +34,21 @@ class Varying:
         self.promises, self.placing, self.laws = promises, placing, laws
         self._cut: list[ScoredModel] = []
         """Models whose nodes were cut otherwise."""
+        self._done = set[frozenset[str]]()
+        """Effects of the models that were varied, by key."""
 
     def vary(self) -> None:
         """Vary what leads, until nothing that is found so takes its place: what does was looked for beside another."""
         varied = set[frozenset[str]]()
         while (model := self.known.best).keys not in varied:
             varied.add(model.keys)
+            self._done.add(model.keys)
             self._varied(model)
+
+    def vary_what_is_new(self) -> None:
+        """Vary what leads, unless it was: what took the lead last, such as by another cut, has had no rivals yet."""
+        if self.known.best.keys not in self._done:
+            self.vary()
 
     def _varied(self, model: ScoredModel) -> None:
         """Take each effect of a model away; put it elsewhere, others in its place, a known pair in the place of one."""

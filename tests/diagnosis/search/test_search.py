@@ -28,6 +28,7 @@ from diagnosis.search.placing import Placing
 from diagnosis.search.posterior import energy, probabilities, told_as
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Looked
+from diagnosis.search.varying import Varying
 from diagnosis.thresholds import EVIDENCE, SEARCH
 from engine.errors import FlexarmError
 from engine.system import Connection
@@ -649,6 +650,22 @@ def test_what_leads_is_reduced_to_the_simpler_law_although_the_time_is_over(monk
     found = between_recordings(monkeypatch, lambda model: False, world, [FRICTION, STRIBECK, LAG])
     assert found.ended_early
     assert found.best == {FRICTION.key, LAG.key}
+
+
+@pytest.mark.parametrize("new", [True, False])
+def test_what_takes_the_lead_last_is_varied_unless_it_was(monkeypatch: pytest.MonkeyPatch, new: bool) -> None:
+    """A node that is cut otherwise may explain all, and the search ends: the same law elsewhere has had no turn."""
+    world = World(by({FRICTION.key: 5e3, LAG.key: 0.0}))
+    varied: list[frozenset[str]] = []
+
+    def grow(self: Any, most: int) -> None:
+        if new:
+            self.known.keep(world.made((LAG,)))
+
+    monkeypatch.setattr(Growing, "grow", grow)
+    monkeypatch.setattr(Varying, "_varied", lambda self, model: varied.append(model.keys))
+    run(world, [FRICTION, *OTHERS])
+    assert varied == [frozenset({FRICTION.key}), *([frozenset({LAG.key})] if new else [])]
 
 
 def test_what_takes_part_is_fitted_to_its_end_although_the_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
