@@ -92,8 +92,8 @@ class Board:
         last = [c for c in pair if (c.key, c.option) in waves][-1:]
         return (*(c for c in pair if c not in last), *(waves[c.key, c.option] for c in last))
 
-    def listed_beside(self, model: ScoredModel) -> tuple[dict[tuple[str, str], Candidate], list[Candidate]]:
-        """Effects as they are listed beside a model, by key and option, and those that were not listed before."""
+    def list_beside(self, model: ScoredModel) -> tuple[dict[tuple[str, str], Candidate], list[Candidate]]:
+        """List effects anew beside a model: they are given by key and option, and those that were not listed before."""
         beyond, listed = cuts(model.effects), self._list(model) if self._list is not None else []
         rows = [c if c.key in self._plain else replace(c, beyond=beyond) for c in listed]
         anew, known = {(c.key, c.option): c for c in rows}, {(c.key, c.option) for c in self.listed}

@@ -35,7 +35,7 @@ class FirstEffects:
         self._first_tasks: list[tuple[list[tuple[tuple[Candidate, ...], list[Values]]], int]] = []
         """First effects that are still to be fitted, and the wrong parameters among them; how many to the end."""
         self.all_begun = True
-        """Whether all first effects have had their turn: it ends after a share of the time that is allowed."""
+        """Whether all first effects have had their turn, and what led was varied, each in its share of the time."""
 
     def begin(self) -> None:
         """Add one effect, if even a perfect one would pay beside the user's own model; once.

@@ -40,7 +40,7 @@ class Placing:
         if any(parent is model for model in self._extended):
             return
         self._extended.append(parent)
-        anew, new = self.board.listed_beside(parent)
+        anew, new = self.board.list_beside(parent)
         among = [*(anew.get((c.key, c.option), c) for c in among), *new]
         kept = as_ended(parent)
         self.beside(kept, parent, SEARCH.fitted_beside, among)

@@ -331,7 +331,8 @@ def floor(model: ScoredModel) -> float:
 def relieved(refit: ScoredModel, model: ScoredModel) -> float:
     """Share of what the refitted model leaves unexplained that a model explains, or of the strain if that is bent.
 
-    A sensor's noise is no stronger than either of them shows: what a model takes away had not been noise.
+    What the refitted model leaves is measured against the noise that the other one shows, where that is weaker: what a
+    model takes away was no sensor's noise.
     """
     room = refit.left.as_quiet_as(model.left).unexplained + 0.5 * refit.strain
     shares = [1 - model.room / room] if room > 0 else [0.0]

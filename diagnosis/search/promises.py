@@ -34,9 +34,10 @@ class Promises:
         parameters that are not its own a model may run away.
         """
         near = self.fitter.near(than)
-        found = [o for o in (near.origin(kept, values) for values in parents[:-1] or parents) if o is not None]
-        last = near.origin(kept, parents[-1])
-        return found or ([last] if last is not None else [])
+        for some in (parents[:-1], parents[-1:]):
+            if found := [o for o in (near.origin(kept, values) for values in some) if o is not None]:
+                return found
+        return []
 
     def screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
         """Effects, in each way to put them in, those that promise most first."""

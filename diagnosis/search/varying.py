@@ -67,7 +67,7 @@ class Varying:
         if len(model.effects) < 2:
             return
         if cuts(model.effects):
-            self.board.listed_beside(model)
+            self.board.list_beside(model)
         for effect in model.effects:
             kept = others_as_ended(model, effect)
             self.known.fit([(kept, [standing(model.fit)])], 1, whole=True, near=model)
