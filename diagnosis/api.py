@@ -268,7 +268,7 @@ def diagnose(
         described = as_described(as_given, recorded) if found.chosen.effects else None
         if described is not None and not found.ended_early:
             again = fitter.again(described)
-            near = near_as_described(again, found)
+            near = near_as_described(again, found, how.without)
             if near is not None:
                 began = [*near, *found.trials[: SEARCH.finished]]
                 other = study(again, without=how.without, progress=how.progress, known=began, looked=found.looked)

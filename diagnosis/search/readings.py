@@ -161,7 +161,9 @@ def _described(given: Recorded, taken: Recorded) -> Recorded:
     return replace(taken, drive=given.drive, sampled=given.sampled, assumed=kept)
 
 
-def near_as_described(described: CandidateFitter, taken: Study) -> list[ScoredModel] | None:
+def near_as_described(
+    described: CandidateFitter, taken: Study, without: Sequence[str] = ()
+) -> list[ScoredModel] | None:
     """Models that follow recordings as they were described as well as with another reading of their inputs, or nearly.
 
     The readings of an input are less than a sample apart, and a delay makes up for that, whatever else is missing; what
@@ -172,6 +174,7 @@ def near_as_described(described: CandidateFitter, taken: Study) -> list[ScoredMo
     Args:
         described: of the recordings as they were described.
         taken: a study of the same with the other reading.
+        without: effects that are not to be tried, such as a delay.
 
     Returns:
         The models, empty if none can be fitted, so that a search alone can tell; None if none comes near.
@@ -179,7 +182,8 @@ def near_as_described(described: CandidateFitter, taken: Study) -> list[ScoredMo
     chosen = taken.chosen
     kept = tuple(ended(chosen, c) for c in chosen.effects)
     others = tuple(c for c in kept if c.effect != "delay")
-    late = [able for c in candidates(taken.scales) if c.effect == "delay" and (able := beside(others, c)) is not None]
+    delays = [c for c in candidates(taken.scales, without) if c.effect == "delay"]
+    late = [able for c in delays if (able := beside(others, c)) is not None]
     known = TriedModels(described, described.refit, taken.tried)
     fewer = [others, *(tuple(c for c in others if c is not left) for left in others)]
     alike = [kept, *((*some, c) for some in fewer for c in late)]

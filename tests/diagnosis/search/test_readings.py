@@ -20,6 +20,7 @@ from diagnosis.effects.effect import Candidate
 from diagnosis.problems import problem
 from diagnosis.recordings.time_axis import even_instants
 from diagnosis.recordings.types import Recorded, Recording
+from diagnosis.search import readings
 from diagnosis.search.first_effects import FirstEffects
 from diagnosis.search.fitter import CandidateFitter
 from diagnosis.search.placing import Placing
@@ -436,3 +437,35 @@ def test_of_two_readings_that_luck_parts_the_one_with_fewer_effects_counts(
         return SimpleNamespace(refit=refit, trials=(model,), chosen=model, tried=20)
 
     assert likelier(found(evidence, effects), found(0.0, 1)) is expected
+
+
+@pytest.mark.parametrize("without", [(), ("delay",)])
+def test_beside_another_reading_no_delay_is_tried_that_is_not_to_be_tried(
+    monkeypatch: pytest.MonkeyPatch, without: tuple[str, ...]
+) -> None:
+    delay, friction = (Candidate(e, "u", "u", f"found_{e}", lambda sizes: []) for e in ("delay", "coulomb_friction"))
+    fitted: list[tuple[Candidate, ...]] = []
+
+    class Known:
+        price = 5.0
+
+        def __init__(self, *_: object) -> None:
+            pass
+
+        def fit(self, wanted: Any, finish: int, **_: object) -> list[Any]:
+            fitted.extend(effects for effects, _ in wanted)
+            return []
+
+    monkeypatch.setattr(readings, "TriedModels", Known)
+    monkeypatch.setattr(readings, "candidates", lambda scales, left=(): [c for c in [delay] if c.effect not in left])
+    chosen = SimpleNamespace(
+        effects=(friction,),
+        sizes=({},),
+        fit=SimpleNamespace(parameters=dict, problem=SimpleNamespace(free=()), x=()),
+    )
+    taken: Any = SimpleNamespace(chosen=chosen, scales=None, tried=9)
+    described: Any = SimpleNamespace(refit=None)
+    assert readings.near_as_described(described, taken, without) == []
+    names = [{c.effect for c in effects} for effects in fitted]
+    late = [{"coulomb_friction", "delay"}, {"delay"}]
+    assert names == [{"coulomb_friction"}, *(late if not without else [])]
