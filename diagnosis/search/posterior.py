@@ -73,9 +73,7 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
         refit: the model without effects. For it no other speaks.
     """
     explained = explicable(refit, models)
-    if not misses(refit.left):
-        # Less than the noise is left over: slow drifts of the machine and the sensors are as large.
-        models = [m for m in models if not m.effects or relieved(refit, m) >= EVIDENCE.most]
+    models = [m for m in models if not slight(refit, m)]
     simpler = {m.keys: [s for s in models if is_simpler(s, m)] for m in models}
     refuted = {m.keys for m in models if any(worse(m, s) for s in simpler[m.keys])}
 
@@ -96,6 +94,14 @@ def told_as(models: Sequence[ScoredModel], refit: ScoredModel) -> list[tuple[Sco
 
     pairs = [(simplest(m, m), m) for m in models if m.keys not in refuted]
     return [(as_, m) for as_, m in pairs if as_.effects or as_ is m]
+
+
+def slight(refit: ScoredModel, model: ScoredModel) -> bool:
+    """Whether effects explain less than most where the user's model leaves no more than the noise.
+
+    Slow drifts of the machine and the sensors are as large.
+    """
+    return bool(model.effects) and not misses(refit.left) and relieved(refit, model) < EVIDENCE.most
 
 
 def worse(model: ScoredModel, simpler: ScoredModel) -> bool:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.posterior import credible, is_simpler, misses, strained, worse
+from diagnosis.search.posterior import credible, is_simpler, misses, slight, strained, worse
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.study import Study
 from diagnosis.thresholds import EVIDENCE
@@ -37,11 +37,13 @@ def as_reported(fitter: CandidateFitter, found: Study) -> Study:
         return closest[model.keys]
 
     def believed(model: ScoredModel) -> ScoredModel:
-        """The model, or the simpler one that follows held-out recordings better.
+        """The model, or the simpler one that follows held-out recordings better, or none for what is slight.
 
         One that leaves more than twice as much of them is not fitted for that: it would only cost time.
         """
         end = reported(model)
+        if slight(reported(found.refit), end):
+            return found.refit
         if not misses(end.unseen):
             return model
         left = float(end.unseen.energy.sum())
@@ -56,9 +58,11 @@ def as_reported(fitter: CandidateFitter, found: Study) -> Study:
         told = believed(model)
         if told is not model:
             odds[told.keys] = odds.get(told.keys, 0.0) + odds.pop(model.keys)
+            less = "the recordings that were not fitted are followed less closely with it"
+            little = "it explains little of what is no more than the noise without it"
+            why = little if slight(reported(found.refit), reported(model)) else less
             notes.append(
-                f"{model.label} is likelier than {told.label}, but at the least squared error the recordings that were "
-                "not fitted are followed less closely with it: it is not told"
+                f"{model.label} is likelier than {told.label}, but at the least squared error {why}: it is not told"
             )
     chosen = reported(max((m for m in tried.values() if m.keys in odds), key=lambda m: odds[m.keys]))
     trials = [closest.get(m.keys, m) for m in found.trials]

@@ -101,3 +101,22 @@ def test_a_model_is_not_fitted_so_closely_that_its_parameters_are_not_believed(
     said, _ = reported(rows, 2.5 * COUNT, strain, closest_strain)
     assert said.chosen.strain == (closest_strain if follows else strain)
     assert said.refit.strain == closest_strain
+
+
+@pytest.mark.parametrize(("left", "told"), [(1.4, False), (1.2, True)])
+def test_what_is_no_more_than_noise_is_told_if_most_of_it_is_explained_at_the_least_error_too(
+    left: float, told: bool
+) -> None:
+    """A little ripple of a machine that lacks nothing: half was explained as the search weighs it, and then a third."""
+    refit, ripple = model(excess=0.6 * COUNT), effect("torque_ripple")
+    found = model(ripple, excess=0.2 * COUNT, log_evidence=16.0)
+    ends = {m.keys: m for m in (refit, model(ripple, excess=(left - 1) * COUNT))}
+    study: Any = Found(refit, (found,), {found.keys: 1.0}, found)
+    fitter: Any = SimpleNamespace(closest=lambda m, richer=(): ends[m.keys])
+    said = as_reported(fitter, study)
+    assert bool(said.chosen.effects) == told
+    assert said.odds == {said.chosen.keys: 1.0}
+    assert [
+        note.endswith("it explains little of what is no more than the noise without it: it is not told")
+        for note in said.notes
+    ] == [True] * (not told)
