@@ -147,7 +147,7 @@ def judge(study: Study) -> Diagnosis:
         agree = [t for t in others if _says_the_same(t, effect)]
         odds = probability(effect.key, study.odds) + sum(study.odds[t.keys] for t in agree)
         against = [t for t in others if effect.key not in t.keys and not _says_the_same(t, effect)]
-        untold = untold_sizes(study, effect, made.intervals())
+        untold = untold_sizes(study, effect, made.intervals(), others)
         if effect.effect == "unknown" or improbable or untold or any(r.grave for r in found):
             status = "unknown"
         elif odds < EVIDENCE.probability and against:
@@ -168,19 +168,23 @@ def _says_the_same(model: ScoredModel, effect: Candidate) -> bool:
     return effect.freed.name in model.far_off
 
 
-def untold_sizes(study: Study, effect: Candidate, intervals: Sequence[Interval]) -> list[str]:
+def untold_sizes(
+    study: Study, effect: Candidate, intervals: Sequence[Interval], rivals: Sequence[ScoredModel]
+) -> list[str]:
     """Sizes without any bound of a law that contains a simpler one which was not fitted in its place.
 
     What does as well whatever makes it richer is that simpler law, or another one that contains it. Where the simpler
-    law was fitted, the evidence has told which of them it is. Where the law took the place of a spring of the user's,
-    that spring is the simpler law.
+    law was fitted, the evidence has told which of them it is; a rival that has it elsewhere, as on the other shaft of a
+    gear, is told beside the richer one. Where the law took the place of a spring of the user's, that spring is the
+    simpler law.
     """
     own = study.scenario.system.blocks.get(effect.place)
     if own is not None and is_linear_spring(own):
         return []
     simpler = {name for name, richer in NESTED.items() if effect.effect in richer}
     fitted = {c.effect for m in study.trials for c in m.effects if c.place == effect.place}
-    if not simpler or simpler & fitted:
+    told = {c.effect for m in rivals for c in m.effects}
+    if not simpler or simpler & (fitted | told):
         return []
     rows = {i.name: i.numbers() for i in intervals}
     sizes = {k.name: rows.get(f"{effect.name}.{k.name}") for k in effect.parameters}
