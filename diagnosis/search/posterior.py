@@ -350,19 +350,23 @@ def relieved(refit: ScoredModel, model: ScoredModel) -> float:
 def explained(refit: ScoredModel, model: ScoredModel) -> float:
     """Share of the held-out excess that a model explains, or of `relieved` if that is more.
 
-    What lets bent parameters return explains what these had made up for. Where more than noise is left, its share is
-    no more than that of what the user's model leaves with its parameters as given.
+    It is judged where the fit ended or where all recordings together are likeliest, whichever speaks for the model: the
+    fitted ones may leave a size open that held-out ones tell. What lets bent parameters return explains what these had
+    made up for. Where more than noise is left, its share is no more than that of what the user's model leaves with its
+    parameters as given.
     """
-    share, relief = _share_of(refit.hold_out, model), relieved(refit, model)
+    together = min(refit.hold_out, refit.together)
+    share = max(_share_of(refit.hold_out, model.hold_out, model), _share_of(together, model.together, model))
+    relief = relieved(refit, model)
     if relief > share and misses(model.unseen):
-        relief = min(relief, _share_of(refit.given, model))
+        relief = min(relief, _share_of(refit.given, model.hold_out, model))
     return min(max(share, relief, 0.0), 1.0)
 
 
-def _share_of(left: float, model: ScoredModel) -> float:
+def _share_of(before: float, after: float, model: ScoredModel) -> float:
     """Share of what is left beyond the sensors' noise that a model explains; both mean squared residuals, held out."""
-    beyond = left - floor(model)
-    return (left - model.hold_out) / beyond if beyond > 0 else 0.0
+    beyond = before - floor(model)
+    return (before - after) / beyond if beyond > 0 else 0.0
 
 
 def may_imitate(refit: ScoredModel, model: ScoredModel) -> bool:

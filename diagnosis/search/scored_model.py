@@ -83,6 +83,11 @@ class ScoredModel:
         pairs = zip(self.fit.problem.free, self.fit.x, strict=True)
         return float(sum((x / f.spread) ** 2 for f, x in pairs if f.prior and not f.recording))
 
+    @property
+    def together(self) -> float:
+        """Mean squared residual on held-out data where all recordings together are likeliest, as of `hold_out`."""
+        return float(self.unseen.energy.sum() / self.unseen.count.sum())
+
     @functools.cached_property
     def given(self) -> float:
         """Mean squared residual on held-out data with all parameters as they are given, as of `hold_out`."""

@@ -124,7 +124,9 @@ def finding_sentence(
     excess = before - floor(study.chosen)
     # Where a hair's breadth decides how a machine goes on, a run may come nearer than the right model does on average.
     share = f" ({min((before - after) / excess, 1.0):.0%} of what was unexplained)" if excess > 0 else ""
-    return f"The model lacks {what} at {place}: with it, {numbers}{share}."
+    together = study.chosen.together
+    further = f"; fitted to all recordings, it leaves {together:.3g} times" if 2 * together < after else ""
+    return f"The model lacks {what} at {place}: with it, {numbers}{share}{further}."
 
 
 def nothing_sentence(study: Study, status: str, near: Candidate | None) -> str:

@@ -111,6 +111,7 @@ class World:
             left=left,
             unseen=left,
             hold_out=float(left.energy[0]) / COUNT,
+            together=float(left.energy[0]) / COUNT,
             given=math.inf,
             log_evidence=left.log_likelihood,
             foretold=left.log_likelihood,

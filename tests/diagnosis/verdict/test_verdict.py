@@ -26,7 +26,7 @@ MASS = FreeParameter("load.mass", 1.0, 0.1, True)
 
 
 NOISE = Leftover(np.array([100.0]), np.array([100.0]), np.ones(1), ((0, 0),), np.array([[100.0]]), np.array([[100.0]]))
-REFIT = SimpleNamespace(hold_out=9.0, left=NOISE, strain=0.0, bent=False)
+REFIT = SimpleNamespace(hold_out=9.0, together=9.0, left=NOISE, strain=0.0, bent=False)
 
 
 def model(x: tuple[float, float], *effects: Candidate) -> Any:
@@ -75,7 +75,7 @@ def test_an_effect_at_an_end_of_its_range_has_no_name(x: float, named: bool) -> 
     lag = Candidate("sensor_lag", "tacho", "tacho", "found_lag", lambda sizes: [], (size,))
     fit = SimpleNamespace(problem=SimpleNamespace(free=tuple(lag.free({"corner_frequency": 300.0}))), x=(x,))
     left = SimpleNamespace(noise=np.ones(1), count=np.ones(1))
-    chosen: Any = SimpleNamespace(effects=(lag,), fit=fit, hold_out=1.0, strain=0.0, own=0, left=left)
+    chosen: Any = SimpleNamespace(effects=(lag,), fit=fit, hold_out=1.0, together=1.0, strain=0.0, own=0, left=left)
     chosen.at_an_end = ScoredModel.at_an_end.fget(chosen)  # type: ignore[attr-defined]
     assert chosen.at_an_end == ([] if named else ["corner_frequency of sensor_lag at tacho"])
     study: Any = SimpleNamespace(refit=REFIT, chosen=chosen, tried=10)
@@ -83,16 +83,20 @@ def test_an_effect_at_an_end_of_its_range_has_no_name(x: float, named: bool) -> 
     assert ("corner_frequency of sensor_lag at tacho at an end of its range" in said) != named
 
 
-@pytest.mark.parametrize("tried", ["nothing", "joint_flexibility", "elsewhere"])
+@pytest.mark.parametrize("tried", ["nothing", "joint_flexibility", "elsewhere", "rival"])
 @pytest.mark.parametrize("bounded", [True, False])
 def test_a_richer_law_whose_own_size_nothing_bounds_has_no_name_unless_the_simpler_one_was_tried(
     tried: str, bounded: bool
 ) -> None:
-    """A gap of nothing is a joint that gives: where that may not be told, it is not told as backlash."""
+    """A gap of nothing is a joint that gives: where that may not be told, it is not told as backlash.
+
+    A joint that is told as a rival may be anywhere, as on the other side of a gear.
+    """
     sizes = tuple(EffectParameter(name, 1.0) for name in ("half_gap", "stiffness"))
     backlash = Candidate("backlash", "a -> b", "a -> b", "found_backlash", lambda sizes: [], sizes)
-    spring = Candidate("joint_flexibility", "c -> d" if tried == "elsewhere" else "a -> b", "x", "y", lambda sizes: [])
-    tries = [SimpleNamespace(effects=(c,)) for c in ([backlash] if tried == "nothing" else [backlash, spring])]
+    place = "a -> b" if tried == "joint_flexibility" else "c -> d"
+    spring = Candidate("joint_flexibility", place, "x", "y", lambda sizes: [])
+    tries: Any = [SimpleNamespace(effects=(c,)) for c in ([backlash] if tried == "nothing" else [backlash, spring])]
     gap = (1e-3, 2e-3) if bounded else (-math.inf, math.inf)
     rows = [
         Interval("found_backlash.half_gap", 1.5e-3, *gap, "rad", 1e-3),
@@ -101,11 +105,14 @@ def test_a_richer_law_whose_own_size_nothing_bounds_has_no_name_unless_the_simpl
     ]
     scenario = SimpleNamespace(system=SimpleNamespace(blocks={}))
     study: Any = SimpleNamespace(scenario=scenario, trials=tries, refit=REFIT)
-    found = untold_sizes(study, backlash, rows)
-    assert found == ([] if bounded or tried == "joint_flexibility" else ["half_gap"])
+    found = untold_sizes(study, backlash, rows, tries[1:] if tried == "rival" else [])
+    assert found == ([] if bounded or tried in ("joint_flexibility", "rival") else ["half_gap"])
     if found:
         left = SimpleNamespace(noise=np.ones(1), count=np.ones(1))
-        study.chosen, study.tried = SimpleNamespace(hold_out=1.0, strain=0.0, own=0, at_an_end=[], left=left), 10
+        study.chosen, study.tried = (
+            SimpleNamespace(hold_out=1.0, together=1.0, strain=0.0, own=0, at_an_end=[], left=left),
+            10,
+        )
         said = finding_sentence(backlash, "unknown", 0.9, study, (), found)
         assert "but whatever its half_gap: a simpler law that was not tried may do as well" in said
 
@@ -120,17 +127,30 @@ def test_a_richer_law_in_the_place_of_the_users_spring_has_the_simpler_one_there
     own = SpringDamper(stiffness="40 N.m/rad") if linear else Inertia(inertia="1 kg.m2")
     scenario = SimpleNamespace(system=SimpleNamespace(blocks={"coupling": own}))
     study: Any = SimpleNamespace(scenario=scenario, trials=[SimpleNamespace(effects=(hard,))])
-    assert untold_sizes(study, hard, rows) == ([] if linear else ["cubic_stiffness"])
+    assert untold_sizes(study, hard, rows, []) == ([] if linear else ["cubic_stiffness"])
 
 
 @pytest.mark.parametrize(("after", "share"), [(2.0, "100%"), (52.0, "50%")])
 def test_no_finding_explains_more_than_there_is(after: float, share: str) -> None:
     """Where luck leaves four times the noise on average, a run may leave less."""
     left = SimpleNamespace(noise=np.array([4.0]), count=np.array([100.0]))
-    chosen = SimpleNamespace(hold_out=after, left=left)
-    study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=100.0), chosen=chosen)
+    chosen = SimpleNamespace(hold_out=after, together=after, left=left)
+    study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=100.0, together=100.0), chosen=chosen)
     lag: Any = SimpleNamespace(effect="lag", place="motor.voltage", option="")
     assert f"({share} of what was unexplained)" in finding_sentence(lag, "named", 1.0, study, [])
+
+
+@pytest.mark.parametrize(
+    ("together", "further"), [(17.0, "; fitted to all recordings, it leaves 17 times."), (9e2, ".")]
+)
+def test_what_held_out_recordings_tell_of_a_size_is_said(together: float, further: str) -> None:
+    """A limit that the fitted ones hardly reach follows the others closely, once they are fitted too."""
+    left = SimpleNamespace(noise=np.ones(1), count=np.array([100.0]))
+    chosen = SimpleNamespace(hold_out=1.2e3, together=together, left=left)
+    study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=8e3, together=9e3), chosen=chosen)
+    limit: Any = SimpleNamespace(effect="saturation", place="motor.voltage", option="")
+    said = finding_sentence(limit, "named", 1.0, study, [])
+    assert said.endswith("falls from 8e+03 to 1.2e+03 times the noise floor (85% of what was unexplained)" + further)
 
 
 def test_what_may_only_imitate_something_is_said_to() -> None:
@@ -139,9 +159,13 @@ def test_what_may_only_imitate_something_is_said_to() -> None:
     there = np.array([2e3])
     left = Leftover(there, count, noise, ((0, 0),), there[None, :], count[None, :])
     bias = Candidate("sensor_bias", "rotor.shaft.angle", "rotor", "found_bias", lambda sizes: [])
-    chosen: Any = SimpleNamespace(effects=(bias,), hold_out=20.0, left=left, unseen=left, room=1.0, at_an_end=[])
+    chosen: Any = SimpleNamespace(
+        effects=(bias,), hold_out=20.0, together=20.0, left=left, unseen=left, room=1.0, at_an_end=[]
+    )
     study: Any = SimpleNamespace(
-        refit=SimpleNamespace(hold_out=96.0, left=NOISE, strain=10.0, bent=False), chosen=chosen, tried=10
+        refit=SimpleNamespace(hold_out=96.0, together=96.0, left=NOISE, strain=10.0, bent=False),
+        chosen=chosen,
+        tried=10,
     )
     said = finding_sentence(bias, "unknown", 0.8, study, ())
     assert said == (
@@ -159,15 +183,19 @@ def test_what_may_only_imitate_something_has_no_name(
     there = after * count
     left = Leftover(there, count, noise, ((0, 0),), there[None, :], count[None, :])
     bias = Candidate("sensor_bias", "rotor.shaft.angle", "rotor", "found_bias", lambda sizes: [])
-    chosen: Any = SimpleNamespace(effects=(bias,), keys=frozenset({bias.key}), hold_out=after, left=left, unseen=left)
+    chosen: Any = SimpleNamespace(
+        effects=(bias,), keys=frozenset({bias.key}), hold_out=after, together=after, left=left, unseen=left
+    )
     chosen.fit, chosen.room, chosen.strain, chosen.own, chosen.at_an_end = None, 1.0, 0.0, 1, []
-    refit: Any = SimpleNamespace(effects=(), keys=frozenset(), hold_out=96.0, left=NOISE, strain=10.0, bent=False)
+    refit: Any = SimpleNamespace(
+        effects=(), keys=frozenset(), hold_out=96.0, together=96.0, left=NOISE, strain=10.0, bent=False
+    )
     study: Any = SimpleNamespace(chosen=chosen, refit=refit, trials=[chosen], odds={chosen.keys: 1.0}, tried=10)
     study.ended_early, study.notes = False, ()
     monkeypatch.setattr(verdicts, "with_covariance", lambda fit, excess: SimpleNamespace(intervals=list))
     monkeypatch.setattr(verdicts, "_remarks", lambda study: [])
     monkeypatch.setattr(verdicts, "warnings_of", lambda study: ())
-    monkeypatch.setattr(verdicts, "untold_sizes", lambda study, effect, intervals: [])
+    monkeypatch.setattr(verdicts, "untold_sizes", lambda *_: [])
     monkeypatch.setattr(verdicts, "place_of", lambda effect, study: ())
     monkeypatch.setattr(verdicts, "recover", lambda study: None)
     monkeypatch.setattr(verdicts, "_finding", lambda study, k, status, *rest: {"status": status})
