@@ -14,6 +14,7 @@ from benchmarks.proof.score import Score
 from benchmarks.proof.summary import (
     FLOOR_BOUND,
     SLACK,
+    Goal,
     amended,
     by_size,
     confusion,
@@ -111,13 +112,14 @@ def _frozen(about: Mapping[str, Any], rows: Sequence[Score]) -> str:
 def _goals(rows: Sequence[Score], causes: Mapping[str, str]) -> str:
     met, found = {True: "met", False: "**not met**", None: "-"}, goals(rows)
     listed = [[g.suite, g.goal, g.measured, met[g.met]] for g in found]
-    told = []
-    for g in found:
-        why = _fitting(f"goal {g.suite}: {g.goal}", causes) if g.met is False else ""
-        if why:
-            told.append(f"* *{g.suite}, {g.goal}*: {why}")
-    text = GOALS + table(["suite", "goal", "measured", ""], listed)
-    return text + ("\n**Where it falls short, and why**\n\n" + "\n".join(told) + "\n" if told else "")
+    return GOALS + table(["suite", "goal", "measured", ""], listed) + shortfalls(found, causes)
+
+
+def shortfalls(found: Sequence[Goal], causes: Mapping[str, str]) -> str:
+    """Why goals were not met, those whose cause is known."""
+    reasons = [(g, _fitting(f"goal {g.suite}: {g.goal}", causes)) for g in found if g.met is False]
+    told = [f"* *{g.suite}, {g.goal}*: {why}" for g, why in reasons if why]
+    return "\n**Where it falls short, and why**\n\n" + "\n".join(told) + "\n" if told else ""
 
 
 def _suites(rows: Sequence[Score]) -> str:

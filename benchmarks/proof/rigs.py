@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmarks.proof import frozen
 from benchmarks.proof.data import Proof
 from benchmarks.proof.figures import binned, reliability
-from benchmarks.proof.page import cause, table
+from benchmarks.proof.page import cause, shortfalls, table
 from benchmarks.proof.score import Score, wilson
 from benchmarks.proof.summary import Goal, of, rate
 from engine.files import writing
@@ -160,7 +160,7 @@ def write(proof: Proof, page: Path, causes: Mapping[str, str], hard: Mapping[str
     """
     every = of(proof.rows, "rigs")
     rows = [r for r in every if r.outcome != "not run" and r.drawn]
-    parts = [HEAD + _ran(proof, every, rows), _table(rows), _outcomes(rows), _coverage(rows)]
+    parts = [HEAD + _ran(proof, every, rows), _table(rows, causes), _outcomes(rows), _coverage(rows)]
     reliability(rows, page.with_name(FIGURE))
     parts += [_reliability(rows), _failures(rows, causes)]
     parts.append(_hard(of(proof.rows, "hard"), hard, causes))
@@ -203,10 +203,11 @@ def _spans(numbers: Sequence[int]) -> str:
     return ", ".join(str(a) if a == b else f"{a} to {b}" for a, b in parts)
 
 
-def _table(rows: Sequence[Score]) -> str:
-    met = {True: "met", False: "**not met**", None: "-"}
-    listed = [[g.suite, g.goal, g.measured, met[g.met]] for g in rig_goals(rows)]
-    return "## What must be shown\n\nRates with 95 % bounds (Wilson).\n\n" + table(["", "goal", "measured", ""], listed)
+def _table(rows: Sequence[Score], causes: Mapping[str, str]) -> str:
+    met, found = {True: "met", False: "**not met**", None: "-"}, rig_goals(rows)
+    listed = [[g.suite, g.goal, g.measured, met[g.met]] for g in found]
+    text = "## What must be shown\n\nRates with 95 % bounds (Wilson).\n\n" + table(["", "goal", "measured", ""], listed)
+    return text + shortfalls(found, causes)
 
 
 def _outcomes(rows: Sequence[Score]) -> str:

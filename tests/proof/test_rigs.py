@@ -39,6 +39,15 @@ def goal(rows: Any, what: Any, goal: Any) -> Any:
     return found
 
 
+def test_why_a_goal_was_not_met_stands_below_the_goals() -> None:
+    causes = {"goal withheld: confident wrong name*": "a twin was told", "goal nothing*": "of a goal that is met"}
+    rows = [score(["lag@u"], "wrong", [9.0], ["lag"], claimed=True), score(outcome="none")]
+    told = rigs._table(rows, causes)
+    assert told.count("* *") == 1
+    assert "* *withheld, confident wrong name <= 5 %*: a twin was told\n" in told
+    assert "falls short" not in rigs._table(rows[1:], causes)
+
+
 # -- running ----------------------------------------------------------------------------------------------------------
 
 
