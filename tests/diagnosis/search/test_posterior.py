@@ -510,7 +510,7 @@ def test_a_model_explains_its_share_of_the_held_out_excess() -> None:
 
 @pytest.mark.parametrize(("bent", "share"), [(8e6, 0.9975), (1e5, 0.8)])
 def test_what_the_fitted_recordings_leave_open_of_a_size_held_out_ones_may_tell(bent: float, share: float) -> None:
-    """A limit that the fitted recordings hardly reach is known to half a percent, held out it acts all the time.
+    """A limit that the fitted recordings hardly reach is half a percent off, and held out it acts all the time.
 
     There a model without it may come nearer by other parameters, too, which counts for that one.
     """
