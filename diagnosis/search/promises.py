@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from diagnosis.effects.effect import Candidate
 from diagnosis.search.board import Board
-from diagnosis.search.posterior import misses, price
+from diagnosis.search.posterior import price
 from diagnosis.search.ranking import cut, ranked, spoken_for
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.search.screening import Origin, courses
@@ -31,15 +31,13 @@ class Promises:
         """Where effects are screened beside others, if there are tangents: at a model's parents before the last.
 
         That is where it ended. Effects are screened there only if it is the only one, or no other has tangents: with
-        parameters that are not its own a model may run away. One that leaves but noise does not: what it lacks shows in
-        how far its parameters are bent, and from where these are not, it may leave too much for that to be seen.
+        parameters that are not its own a model may run away.
         """
         near = self.fitter.near(than)
-        found = [o for o in (near.origin(kept, values) for values in parents[:-1]) if o is not None]
-        follows = than.keys == {c.key for c in kept} and not misses(than.left)
-        if found and not follows:
-            return found
-        return [*found, *(o for o in (near.origin(kept, values) for values in parents[-1:]) if o is not None)]
+        for some in (parents[:-1], parents[-1:]):
+            if found := [o for o in (near.origin(kept, values) for values in some) if o is not None]:
+                return found
+        return []
 
     def screened(self, origins: Sequence[Origin], able: Sequence[Candidate]) -> list[Candidate]:
         """Effects, in each way to put them in, those that promise most first."""

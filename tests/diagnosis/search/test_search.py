@@ -395,32 +395,6 @@ def test_where_no_parameters_drawn_back_have_tangents_effects_are_screened_where
     assert not made.placing.promises.origins((FRICTION,), model, [{}, {}])
 
 
-@pytest.mark.parametrize(("leaves", "there"), [(100.0, True), (2e4, False)])
-def test_beside_a_model_that_leaves_but_noise_effects_are_looked_at_where_it_ended_too(
-    leaves: float, there: bool
-) -> None:
-    """A dead zone with a mass five tolerances off follows a loop that has a delay, too: the mass alone tells of it.
-
-    From the mass as given the loop runs otherwise, by so much that a delay shows nowhere.
-    """
-    ended: dict[str, float] = {"cart.mass": 1.5}
-    looked: list[dict[str, float]] = []
-
-    class Bent(World):
-        def origin(self, effects: tuple[Candidate, ...], values: Any) -> Any:
-            looked.append(values)
-            return super().origin(effects, values)
-
-    dead_zone = effect("dead_zone", "u")
-    world = Bent(by({dead_zone.key: leaves}))
-    promises = begun_in(world, [dead_zone, LAG]).placing.promises
-    looked.clear()
-    assert len(promises.origins((dead_zone,), world.made((dead_zone,)), [{}, ended])) == 1 + there
-    assert looked == [{}, ended][: 1 + there]
-    # Without the dead zone its parameters are those of another model.
-    assert len(promises.origins((), world.made((dead_zone,)), [{}, ended])) == 1
-
-
 def test_beside_bent_parameters_a_second_effect_is_looked_at_from_those_that_are_given() -> None:
     """Gravity leaves nothing with parameters six tolerances off. A part of the way back a drag looks like a delay."""
 
