@@ -147,7 +147,7 @@ def judge(study: Study) -> Diagnosis:
         agree = [t for t in others if _says_the_same(t, effect)]
         odds = probability(effect.key, study.odds) + sum(study.odds[t.keys] for t in agree)
         against = [t for t in others if effect.key not in t.keys and not _says_the_same(t, effect)]
-        untold = untold_sizes(study, effect, made.intervals(), others)
+        untold = untold_sizes(study, effect, made.intervals(), against)
         if effect.effect == "unknown" or improbable or untold or any(r.grave for r in found):
             status = "unknown"
         elif odds < EVIDENCE.probability and against:
@@ -174,7 +174,7 @@ def untold_sizes(
     """Sizes without any bound of a law that contains a simpler one which was not fitted in its place.
 
     What does as well whatever makes it richer is that simpler law, or another one that contains it. Where the simpler
-    law was fitted, the evidence has told which of them it is; a rival that has it elsewhere, as on the other shaft of a
+    law was fitted, the evidence has told which of them it is. A rival that has it instead, as on the other shaft of a
     gear, is told beside the richer one. Where the law took the place of a spring of the user's, that spring is the
     simpler law.
     """

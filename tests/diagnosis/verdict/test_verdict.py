@@ -200,3 +200,37 @@ def test_what_may_only_imitate_something_has_no_name(
     monkeypatch.setattr(verdicts, "recover", lambda study: None)
     monkeypatch.setattr(verdicts, "_finding", lambda study, k, status, *rest: {"status": status})
     assert verdicts.judge(study).verdict == status
+
+
+def test_a_rival_that_has_a_law_beside_the_richer_one_does_not_stand_for_the_simpler_law(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whether backlash is no more than a joint is answered by a joint in its place, not by one more joint elsewhere."""
+    backlash = Candidate("backlash", "a -> b", "a -> b", "found_backlash", lambda sizes: [])
+    joint = Candidate("joint_flexibility", "c -> d", "c -> d", "found_joint", lambda sizes: [])
+    rows = [((backlash,), 0.5), ((backlash, joint), 0.3), ((joint,), 0.2)]
+    trials: list[Any] = [SimpleNamespace(effects=e, keys=frozenset(c.key for c in e), left=NOISE) for e, _ in rows]
+    for trial in trials:
+        trial.fit, trial.hold_out, trial.at_an_end = SimpleNamespace(problem=SimpleNamespace(model=None)), 1.0, []
+    study: Any = SimpleNamespace(chosen=trials[0], refit=SimpleNamespace(effects=(), keys=frozenset()), trials=trials)
+    study.odds = {trial.keys: share for trial, (_, share) in zip(trials, rows, strict=True)}
+    study.refit.fit, study.tried, study.ended_early, study.notes = trials[0].fit, 10, False, ()
+    asked: list[Any] = []
+
+    def untold(study: Any, effect: Any, intervals: Any, rivals: Any) -> list[str]:
+        asked.append(rivals)
+        return []
+
+    monkeypatch.setattr(verdicts, "with_covariance", lambda fit, excess: SimpleNamespace(intervals=list))
+    monkeypatch.setattr(verdicts, "_remarks", lambda study: [])
+    monkeypatch.setattr(verdicts, "warnings_of", lambda study: ())
+    monkeypatch.setattr(verdicts, "explained", lambda refit, model: 1.0)
+    monkeypatch.setattr(verdicts, "may_imitate", lambda refit, model: False)
+    monkeypatch.setattr(verdicts, "strained", lambda model, tried: False)
+    monkeypatch.setattr(verdicts, "untold_sizes", untold)
+    monkeypatch.setattr(verdicts, "propose", lambda models, model: None)
+    monkeypatch.setattr(verdicts, "place_of", lambda effect, study: ())
+    monkeypatch.setattr(verdicts, "recover", lambda study: None)
+    monkeypatch.setattr(verdicts, "_finding", lambda study, k, status, *rest: {"status": status})
+    verdicts.judge(study)
+    assert asked == [[trials[2]]]
