@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parent
 """Folder of the scenarios that come with flexarm."""
+
+_BLOCKS = re.compile(rb"^[\"']?blocks[\"']?\s*:", re.MULTILINE)
+"""The key that every scenario has."""
 
 NAMED = 5
 """Files of a folder that are named where one of them was meant."""
@@ -264,14 +268,26 @@ def find(path_or_name: str | Path) -> Path:
         if shipped.is_file():
             return shipped
     try:
-        if path.is_dir() and (inside := sorted(str(p) for p in path.glob("*.y*ml"))):
+        if path.is_dir() and (inside := _scenarios_in(path)):
             told = ", ".join(inside[:NAMED]) + (", ..." if len(inside) > NAMED else "")
             raise ScenarioError(f"'{text}' is a folder", remedy=f"give a scenario in it: {told}")
-        around = [str(p) for p in sorted(path.parent.glob("*.y*ml"))] if path.parent.is_dir() else []
+        around = _scenarios_in(path.parent) if path.parent.is_dir() else []
         what = "is a folder" if path.is_dir() else "is no regular file" if path.exists() else "does not exist"
     except OSError as error:  # such as a name that is too long
         raise ScenarioError(f"'{text}' cannot be read: {error.strerror}", remedy="give a file name") from None
     raise ScenarioError(f"'{text}' {what}", remedy=nearest(text, [*shipped_names(), *around]))
+
+
+def _scenarios_in(folder: Path) -> list[str]:
+    """Files of a folder that have blocks: a project has other YAML files too."""
+    return [str(path) for path in sorted(folder.glob("*.y*ml")) if _has_blocks(path)]
+
+
+def _has_blocks(path: Path) -> bool:
+    try:
+        return is_file(path) and _BLOCKS.search(path.read_bytes()) is not None
+    except OSError:  # one that may not be read is not proposed
+        return False
 
 
 def shipped_names() -> list[str]:

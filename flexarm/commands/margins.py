@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -77,7 +78,6 @@ def margins(
 
 
 def _numbers(found: LoopMargins, name: str) -> dict[str, Any]:
-    import math
     from dataclasses import asdict
 
     rows = [asdict(m) for m in found.members]
@@ -91,8 +91,6 @@ def _numbers(found: LoopMargins, name: str) -> dict[str, Any]:
 
 def margins_page(found: LoopMargins, name: str) -> str:
     """Margins as text; of a family the worst and the best of each."""
-    import math
-
     from flexarm.console.text import columns, number
 
     assumed = f"; assumed: {'; '.join(found.assumed)}" if found.assumed else ""
@@ -121,8 +119,8 @@ def margins_page(found: LoopMargins, name: str) -> str:
         return [*cells, f"{number(min(best))} ... {number(max(best))}" if best else "-"] if many else cells
 
     rows = [
-        row("gain margin, upwards", "", lambda m: m.gain[1]),
-        row("gain margin, downwards", "", lambda m: m.gain[0]),
+        row("gain margin, upwards", _decibels(worst.gain[1]), lambda m: m.gain[1]),
+        row("gain margin, downwards", _decibels(worst.gain[0]), lambda m: m.gain[0]),
         row("phase margin", "deg", lambda m: m.phase),
         row("delay margin", "s", lambda m: m.delay),
         row("crossover", "rad/s", lambda m: m.crossover),
@@ -132,3 +130,8 @@ def margins_page(found: LoopMargins, name: str) -> str:
     ]
     parts.append(columns(["", "worst" if many else "value", "unit", *(["all"] if many else [])], rows))
     return "\n".join(parts)
+
+
+def _decibels(gain: float) -> str:
+    """A gain in dB, beside the factor; nothing where the loop takes any gain."""
+    return f"({20 * math.log10(gain):.1f} dB)" if 0 < gain < math.inf else ""

@@ -337,13 +337,14 @@ def test_shipped_names() -> None:
     ("files", "told"),
     [
         (["rig.yaml", "notes.txt"], "give a scenario in it: {0}/rig.yaml"),
+        ([".rig.yaml", "pipeline.yml", "rig.yaml"], "give a scenario in it: {0}/.rig.yaml, {0}/rig.yaml$"),
         ([f"{k}.yml" for k in range(7)], "give a scenario in it: {0}/0.yml, .*{0}/4.yml, ..."),
         ([], "allowed: "),
     ],
 )
 def test_of_a_folder_the_scenarios_in_it_are_named(tmp_path: Path, files: list[str], told: str) -> None:
     for name in files:
-        (tmp_path / name).write_text("", encoding="utf-8")
+        (tmp_path / name).write_text("steps: {}\n" if "pipeline" in name else "blocks: {}\n", encoding="utf-8")
     with pytest.raises(FlexarmError, match="is a folder") as caught:
         load(str(tmp_path))
     assert re.search(told.format(re.escape(str(tmp_path))), caught.value.remedy)
