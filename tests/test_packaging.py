@@ -109,4 +109,6 @@ def test_every_dependency_has_a_lower_and_an_upper_bound() -> None:
 def test_three_places_name_one_version() -> None:
     citation = (ROOT / "CITATION.cff").read_text()
     assert f"\nversion: {version()}\n" in citation
-    assert "## [Unreleased]" in (ROOT / "CHANGELOG.md").read_text()
+    changes = (ROOT / "CHANGELOG.md").read_text()
+    assert "## [Unreleased]" in changes
+    assert re.search(rf"^## \[{re.escape(version())}\] - \d{{4}}-\d{{2}}-\d{{2}}$", changes, re.MULTILINE)
