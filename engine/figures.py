@@ -9,8 +9,11 @@ from typing import Any
 origin: ContextVar[str] = ContextVar("origin", default="")
 """What a figure is of, as a short ASCII text; PNG files carry it, so that nobody takes one for another's."""
 
+DPI = 130.0
+"""Dots per inch of a picture: sharp on a screen, and small enough for a page of many."""
 
-def save(figure: Any, path: Path, dpi: float, **how: Any) -> None:
+
+def save(figure: Any, path: Path, dpi: float = DPI, **how: Any) -> None:
     """Write a Matplotlib figure whose texts are texts: a dollar sign in a name begins no formula.
 
     Tick labels are Matplotlib's own, and may be formulas.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.files import json_text
+from flexarm.console.interrupt import INTERRUPTED
 from flexarm.console.options import (
     HoldOutOption,
     RecordingsArgument,
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
 
 PROGRESS = ".progress"
 """Folder of the fits that are done, in the output folder, while a diagnosis is under way."""
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
 
 
 def diagnose(

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from engine.files import json_text
+from flexarm.console.interrupt import INTERRUPTED
 from flexarm.console.options import RecordingsArgument, ScenarioArgument, SetOption, WorkersOption
 
 if TYPE_CHECKING:
     from diagnosis.planning.plan import Plan, Row
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C."""
 
 
 def plan(

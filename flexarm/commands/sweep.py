@@ -9,6 +9,7 @@ import typer
 
 from engine.errors import FlexarmError
 from flexarm.console import completion
+from flexarm.console.interrupt import INTERRUPTED
 from flexarm.console.options import OutputsOption, ScenarioArgument, SetOption, load, names, seconds
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def sweep(
             made = run(loaded, vary or [], output, options)
     except KeyboardInterrupt:
         sys.stderr.write(f"interrupted after {at[0]} of {at[1]} runs; the same command goes on from there\n")
-        raise typer.Exit(130) from None
+        raise typer.Exit(INTERRUPTED) from None
     typer.echo(f"{loaded.name}: {plural(made.plan.total, 'run')}, {made.computed} of them computed now")
     typer.echo(_ranges(made.table, made.plan.outputs, made.plan.metrics))
     drawn: tuple[Path, ...] = ()

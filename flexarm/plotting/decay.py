@@ -166,5 +166,5 @@ def _write(path: str | Path, title: str, size: tuple[float, float], draw: Callab
         draw(figure)
         if title:
             figure.suptitle(title, fontsize=11, fontweight="bold")
-        save(figure, temporary, dpi=130)
+        save(figure, temporary)
     return Path(path)

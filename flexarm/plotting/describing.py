@@ -91,7 +91,7 @@ def plot_description(
     figure.legend(handles, labels, loc="outside lower center", ncols=ncols, fontsize=8, frameon=False)
     figure.suptitle(title, fontsize=11)
     with writing(Path(path), FIGURES) as temporary:
-        save(figure, temporary, dpi=130)
+        save(figure, temporary)
     return Path(path)
 
 

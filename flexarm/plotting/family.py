@@ -129,5 +129,5 @@ def plot_family(family: LinearFamily, path: str | Path, title: str = "") -> Path
     )
     figure.suptitle(head + few, fontsize=10)
     with writing(Path(path), FIGURES) as temporary:
-        save(figure, temporary, dpi=130)
+        save(figure, temporary)
     return Path(path)

@@ -120,7 +120,7 @@ def plot_linear(linear: LinearModel, path: str | Path, title: str = "") -> Path:
         head += "\nno output depends on an input here"
     figure.suptitle(head, fontsize=11)
     with writing(Path(path), FIGURES) as temporary:
-        save(figure, temporary, dpi=130)
+        save(figure, temporary)
     return Path(path)
 
 

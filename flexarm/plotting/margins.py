@@ -95,7 +95,7 @@ def plot_margins(found: LoopMargins, path: str | Path, title: str = "") -> Path:
     more = f"\n{len(found.members)} members, {unstable} of them unstable; the worst in red" if len(chosen) > 1 else ""
     figure.suptitle(title + more, fontsize=11)
     with writing(Path(path), FIGURES) as temporary:
-        save(figure, temporary, dpi=130)
+        save(figure, temporary)
     return Path(path)
 
 

@@ -63,7 +63,7 @@ def rank_correlation(x: Any, y: Any) -> float:
 
 def _draw(path: Path, figure: Any) -> None:
     with writing(path, (".png",)) as temporary:
-        save(figure, temporary, 130)
+        save(figure, temporary)
 
 
 def _tornado(columns: dict[str, Any], inputs: list[str], numbers: list[tuple[str, str]]) -> Any:

@@ -81,5 +81,5 @@ def plot_uncertain(found: UncertainModel, path: str | Path, title: str = "") -> 
         )
     figure.suptitle(f"{title}, {len(found.family) - 1} draws from the fit", fontsize=11)
     with writing(Path(path), FIGURES) as temporary:
-        save(figure, temporary, dpi=130)
+        save(figure, temporary)
     return Path(path)

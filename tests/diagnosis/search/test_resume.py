@@ -22,7 +22,8 @@ from diagnosis.search.search import study
 from diagnosis.verdict.verdict import judge
 from engine.errors import FlexarmError
 from engine.spread import JsonStore
-from flexarm.commands.diagnose import INTERRUPTED, PROGRESS
+from flexarm.commands.diagnose import PROGRESS
+from flexarm.console.interrupt import INTERRUPTED
 from scenarios.load import load
 from tests.diagnosis.plants import case
 from tests.robustness.killed import ROOT, wait_for_group
