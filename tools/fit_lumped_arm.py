@@ -25,7 +25,7 @@ from blocks.links.joint_tuning import tune_joint_stiffness
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-TABLE = Path(__file__).resolve().parent.parent / "scenarios" / "data" / "p001_table2_poles_zeros.csv"
+TABLE = Path(__file__).resolve().parent.parent / "scenarios" / "data" / "harmonic_drive_poles_zeros.csv"
 JOINTS = 3
 IMAGINARY, REAL = 2e-4, 1e-2
 """Relative precision that the imaginary and the real parts are given: about that of the table's digits."""

@@ -17,9 +17,9 @@ PUSH = "contact.law=push_only"
 GAP = "contact.half_gap=0.03"
 
 TABLES = {
-    "2.2": ("p002_table2_2_srv02_bare.csv", 11),
-    "A.1": ("p002_tableA1_rigid_link.csv", 33),
-    "A.2": ("p002_tableA2_flexible_link.csv", 39),
+    "2.2": ("srv02_bare_motor_sines.csv", 11),
+    "A.1": ("srv02_rigid_link_sines.csv", 33),
+    "A.2": ("srv02_flexible_link_sines.csv", 39),
 }
 
 

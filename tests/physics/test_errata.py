@@ -170,7 +170,7 @@ def test_001_2_the_inertia_is_the_total_and_the_torque_that_of_the_load_side() -
 
 
 def test_001_table_1_the_largest_torque_is_not_that_of_the_nominal_current() -> None:
-    values = {row["quantity"]: float(row["value"]) for row in table("p001_table1_actuator")}
+    values = {row["quantity"]: float(row["value"]) for row in table("harmonic_drive_actuator")}
     assert values["nominal_current"] * values["torque_per_current"] == pytest.approx(2.147, abs=5e-4)
     assert values["maximum_torque"] == 1.9
     # The row reads output per rotor; the equations take n = 100, as the encoder rows do.
@@ -179,7 +179,7 @@ def test_001_table_1_the_largest_torque_is_not_that_of_the_nominal_current() -> 
 
 
 def test_001_table_2_the_first_zero_and_the_third_mode() -> None:
-    rows = [r for r in table("p001_table2_poles_zeros") if float(r["imag_rad_per_s"]) > 0]
+    rows = [r for r in table("harmonic_drive_poles_zeros") if float(r["imag_rad_per_s"]) > 0]
     ratio = {
         (r["kind"], float(r["imag_rad_per_s"])): -float(r["real_per_s"])
         / math.hypot(float(r["real_per_s"]), float(r["imag_rad_per_s"]))
@@ -262,7 +262,7 @@ def test_003_critical_factors_are_not_those_of_the_link() -> None:
     # As printed, the product of mode 1 is consistent and that of mode 2 is ten times too small.
     assert pytest.approx(1.37e-2, abs=5e-5) == 0.198 * 6.9e-2
     assert pytest.approx(2.78e-4, abs=5e-7) == 0.0428 * 6.5e-3
-    published = {row["quantity"]: float(row["value"]) for row in table("p003_published_results")}
+    published = {row["quantity"]: float(row["value"]) for row in table("damped_links_results")}
     assert published["structural coefficient mode 2"] / (0.0428 * 6.5e-3) == pytest.approx(10, abs=0.1)
 
 
@@ -290,7 +290,7 @@ def test_003_4b_the_composite_mass_needs_the_same_propagation_on_both_sides() ->
 
 
 def test_003_table_5_the_mass_of_link_2() -> None:
-    rows = table("p003_link_tables")
+    rows = table("damped_links")
     second = rows[-1]
     assert float(second["mass_kg"]) / float(second["length_m"]) == pytest.approx(0.0895, abs=5e-5)
     assert float(second["mass_per_length_kg_per_m_printed"]) == 0.1053 == pytest.approx(0.020 / 0.19, abs=5e-5)

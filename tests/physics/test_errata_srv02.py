@@ -13,9 +13,9 @@ from scipy.optimize import least_squares
 from tests.physics.papers import column, table
 
 TABLES = {
-    "p002_table2_2_srv02_bare": 11,
-    "p002_tableA1_rigid_link": 33,
-    "p002_tableA2_flexible_link": 39,
+    "srv02_bare_motor_sines": 11,
+    "srv02_rigid_link_sines": 33,
+    "srv02_flexible_link_sines": 39,
 }
 S = sp.Symbol("s")
 PARAMETERS = sp.symbols("Jm Ja Jl da dl ka kl Ba Bl Bm a km kg", positive=True)
@@ -175,34 +175,34 @@ def counts(name: Any) -> Any:
 
 def test_002_speeds_are_quantised() -> None:
     assert (10 / 2048) / 1.5e-3 * 2 * np.pi / 60 == pytest.approx(0.34088, abs=1e-5)
-    flexible, w = counts("p002_tableA2_flexible_link"), column("p002_tableA2_flexible_link", "frequency_rad_per_s")
+    flexible, w = counts("srv02_flexible_link_sines"), column("srv02_flexible_link_sines", "frequency_rad_per_s")
     assert np.abs(flexible - np.round(flexible))[w >= 0.9].max() < 0.02
     assert (w >= 0.9).sum() == 28
     lowest = flexible[w == 10][0]
     assert lowest == pytest.approx(15, abs=1e-3)
     assert 20 * np.log10(15.5 / 15) == pytest.approx(0.285, abs=1e-3)
     # A.1 from 0.5 Hz on: integers to 0.03, except at 15 and 30 Hz. 0.4 Hz (242.07) is none.
-    rigid, hertz = counts("p002_tableA1_rigid_link"), column("p002_tableA1_rigid_link", "frequency_Hz")
+    rigid, hertz = counts("srv02_rigid_link_sines"), column("srv02_rigid_link_sines", "frequency_Hz")
     away = np.abs(rigid - np.round(rigid))
     fine = (hertz >= 0.5) & ~np.isin(hertz, (15, 30))
     assert fine.sum() == 19
     assert away[fine].max() < 0.03
     assert sorted(hertz[(hertz >= 0.4) & (away > 0.02)]) == [0.4, 1.5, 9, 15, 30]
     # The bare motor's table is read more coarsely, to 10 mV and finer; it is not quantised so.
-    assert np.abs(counts("p002_table2_2_srv02_bare") % 1 - 0.5).min() < 0.02
+    assert np.abs(counts("srv02_bare_motor_sines") % 1 - 0.5).min() < 0.02
 
 
 def test_002_suspect_rows() -> None:
-    w, speed = (column("p002_tableA2_flexible_link", h) for h in ("frequency_rad_per_s", "max_motor_speed_rad_per_s"))
+    w, speed = (column("srv02_flexible_link_sines", h) for h in ("frequency_rad_per_s", "max_motor_speed_rad_per_s"))
     assert speed[w == 200][0] == speed[w == 2][0] == 33.7477
     assert 20 * np.log10(speed[w == 150][0] / speed[w == 200][0]) > 3
-    assert column("p002_tableA1_rigid_link", "frequency_Hz").min() == 0.02  # the text says 0.01
+    assert column("srv02_rigid_link_sines", "frequency_Hz").min() == 0.02  # the text says 0.01
 
 
 def test_002_table_b1_does_not_describe_table_a1() -> None:
     # Below 4 rad/s the train turns as one: total inertia by a fit of a / (J s + W), raw gain.
     gain, total = 2.038154e-3, {}
-    for name in ("p002_tableA1_rigid_link", "p002_tableA2_flexible_link"):
+    for name in ("srv02_rigid_link_sines", "srv02_flexible_link_sines"):
         w, speed = column(name, "frequency_rad_per_s"), column(name, "max_motor_speed_rad_per_s")
         low = w < 4
         fit = least_squares(
@@ -212,13 +212,13 @@ def test_002_table_b1_does_not_describe_table_a1() -> None:
             np.log([2e-5, 1.7e-5]),
         )
         total[name] = (int(low.sum()), math.exp(fit.x[0]), math.sqrt(np.mean(fit.fun**2)))
-    rows, inertia, rms = total["p002_tableA1_rigid_link"]
+    rows, inertia, rms = total["srv02_rigid_link_sines"]
     assert rows == 14
     assert inertia == pytest.approx(1.85e-5, rel=0.01)
     assert rms == pytest.approx(0.065, abs=0.002)
-    b1 = float(table("p002_tablesB_matched_parameters")[0]["Ja_kg_m2"])
+    b1 = float(table("srv02_matched_loads")[0]["Ja_kg_m2"])
     assert (b1 + 4.606e-7) / inertia == pytest.approx(2.6, abs=0.05)
-    rows, inertia, rms = total["p002_tableA2_flexible_link"]
+    rows, inertia, rms = total["srv02_flexible_link_sines"]
     assert rows == 17
     assert inertia == pytest.approx(6.29e-5, rel=0.005)
     assert rms == pytest.approx(0.26, abs=0.01)
