@@ -1,4 +1,4 @@
-"""The scenario in the README is one that runs."""
+"""The scenario in the README is one that runs, and its diagnosis is that of the tutorial, whose commands are run."""
 
 from __future__ import annotations
 
@@ -39,3 +39,10 @@ def test_every_command_of_the_readme_exists() -> None:
     assert named >= {"run", "check", "linearise", "export", "compare"}
     group: Any = get_command(app)
     assert named <= set(group.commands)
+
+
+def test_the_readme_shows_the_diagnosis_of_the_tutorial() -> None:
+    shown = re.search(r"(?m)^    my-arm: named\n(?:    .*\n)+", README.read_text(encoding="utf-8"))
+    assert shown is not None
+    tutorial = (README.parent / "docs" / "tutorial" / "first-diagnosis.md").read_text(encoding="utf-8")
+    assert textwrap.dedent(shown.group(0)) in tutorial
