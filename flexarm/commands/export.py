@@ -134,7 +134,7 @@ def _refuse_with_split(further: bool, backend: str) -> None:
 
 
 def _split(made: Cut, path: Path, groups: list[str], platforms: list[str] | None, settings: dict[str, Any]) -> None:
-    from flexarm.split import split
+    from flexarm.splitting.split import split
 
     if platforms is not None:
         settings |= {"platforms": tuple(platforms)}

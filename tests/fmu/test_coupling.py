@@ -18,7 +18,7 @@ from fmpy import read_model_description
 from engine.errors import FlexarmError
 from engine.simulate import Drive, simulate
 from flexarm.cut import cut
-from flexarm.split import split
+from flexarm.splitting.split import split
 from fmu import archive
 from fmu.host import Host, host
 from fmu.ssp import Structure, read

@@ -21,7 +21,7 @@ import fmu
 from engine.model import Model
 from engine.simulate import Drive, simulate
 from flexarm.cut import cut
-from flexarm.split import split
+from flexarm.splitting.split import split
 from fmu.ssp import read
 from fmu.verify import reference, references
 from scenarios.load import load

@@ -17,7 +17,7 @@ import fmu
 from engine.errors import FlexarmError
 from engine.simulate import Drive, simulate
 from flexarm.cut import cut
-from flexarm.split import split
+from flexarm.splitting.split import split
 from fmu.ssp import cosim_ssp, read
 from scenarios.load import load
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from engine.errors import FlexarmError
 from engine.simulate import Drive, simulate
 from flexarm.cut import cut
-from flexarm.split import split
+from flexarm.splitting.split import split
 from fmu import archive
 from fmu.host import host
 from fmu.ssp import read
