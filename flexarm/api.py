@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from engine.linearise import LinearModel
     from engine.trim import Equilibrium
     from flexarm.design.describing import Description
-    from flexarm.design.uncertainty import UncertainModel
+    from flexarm.design.uncertainty.results import UncertainModel
 
 
 def simulate(
@@ -310,10 +310,10 @@ def uncertain(
         progress: told the fraction of the held-out simulations done.
 
     Raises:
-        FlexarmError: no recordings, or as of `diagnosis.api.fit` and `flexarm.design.uncertainty.uncertain`.
+        FlexarmError: no recordings, or as of `diagnosis.api.fit` and `flexarm.design.uncertainty.uncertain.uncertain`.
     """
     from diagnosis.api import fit
-    from flexarm.design.uncertainty import uncertain as run
+    from flexarm.design.uncertainty.uncertain import uncertain as run
 
     made = cut(source, "uncertain", analysis, inputs=inputs, outputs=outputs)
     options = made.settings.options

@@ -26,7 +26,7 @@ from flexarm.console.options import (
 )
 
 if TYPE_CHECKING:
-    from flexarm.design.uncertainty import UncertainModel
+    from flexarm.design.uncertainty.results import UncertainModel
 
 
 def uncertain(
@@ -55,7 +55,7 @@ def uncertain(
     from engine.files import check_suffix
     from flexarm.api import uncertain as run
     from flexarm.console.progress import Progress
-    from flexarm.design.uncertainty import write
+    from flexarm.design.uncertainty.files import write
 
     for path in output or []:
         check_suffix(path, (".json", ".mat", ".m"))

@@ -13,7 +13,7 @@ from flexarm.plotting.axes import FLOOR, clean, phase
 from flexarm.plotting.results import COLOURS, FIGURES
 
 if TYPE_CHECKING:
-    from flexarm.design.uncertainty import UncertainModel
+    from flexarm.design.uncertainty.results import UncertainModel
 
 MOST_BANDS = 4
 

@@ -11,7 +11,10 @@ import pytest
 from engine.errors import FlexarmError
 from flexarm.api import uncertain
 from flexarm.design.margins import margins_of
-from flexarm.design.uncertainty import Weight, _calibrated, _Piece, write
+from flexarm.design.uncertainty.calibration import calibrated
+from flexarm.design.uncertainty.files import write
+from flexarm.design.uncertainty.results import Weight
+from flexarm.design.uncertainty.spectra import Piece
 
 RIG = """\
 schema: 1
@@ -118,12 +121,12 @@ def test_complex_normal_residuals_are_held_in_95_of_100_bins() -> None:
     predicted = 1 / np.hypot(1 - (omega / 30) ** 2, 0.1 * omega / 30)
     random = np.random.default_rng(0)
 
-    def piece(name: str) -> _Piece:
+    def piece(name: str) -> Piece:
         deviation = np.hypot(0.2 * np.hypot(1, omega / 20) / np.hypot(1, omega / 100) * predicted, 1e-3)
         left = deviation * np.sqrt(random.exponential(1.0, len(omega)))
-        return _Piece(name, "y", "rad", (0, 1), omega, predicted, predicted, left, np.zeros(len(omega)))
+        return Piece(name, "y", "rad", (0, 1), omega, predicted, predicted, left, np.zeros(len(omega)))
 
-    fitted = _calibrated([piece("a"), piece("b")])
+    fitted = calibrated([piece("a"), piece("b")])
     other = piece("c")
     share = float(np.mean(other.left <= fitted.bound(other)))
     assert 0.93 <= share <= 0.985
@@ -142,10 +145,10 @@ def test_what_does_not_go_with_the_response_is_covered_where_it_dies_out() -> No
     predicted = 1 / np.hypot(1 - (omega / 30) ** 2, 0.1 * omega / 30)
     random = np.random.default_rng(3)
 
-    def piece(name: str, size: float) -> _Piece:
+    def piece(name: str, size: float) -> Piece:
         left = np.hypot(0.05 / np.hypot(1, omega / 40) ** 2, 1e-4) * np.sqrt(random.exponential(1.0, len(omega)))
-        return _Piece(name, "y", "rad", (0, 1), omega, size * predicted, size * predicted, left, np.zeros(len(omega)))
+        return Piece(name, "y", "rad", (0, 1), omega, size * predicted, size * predicted, left, np.zeros(len(omega)))
 
     other = piece("c", 1e-3)
-    share = float(np.mean(other.left <= _calibrated([piece("a", 1.0), piece("b", 1.0)]).bound(other)))
+    share = float(np.mean(other.left <= calibrated([piece("a", 1.0), piece("b", 1.0)]).bound(other)))
     assert 0.92 <= share <= 0.985
