@@ -79,6 +79,10 @@ class SimulationError(FlexarmError):
     """A simulation could not be carried to its end."""
 
 
+class TrimError(FlexarmError):
+    """There is no equilibrium, or more than one and nothing says which."""
+
+
 class CompilerUnavailable(FlexarmError):
     """No C compiler could be run."""
 

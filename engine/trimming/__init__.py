@@ -1,0 +1,1 @@
+"""Trimming: the search for equilibria; see `engine.trim`."""
