@@ -73,7 +73,7 @@ class Scenario:
         system: blocks and connections.
         simulation: how to simulate, None if the file does not say.
         analyses, recordings: by name.
-        tolerances: shares by which a fit or a draw may move parameters, as the file states them.
+        tolerances: shares by which a fit or a draw may move parameters; of a vector, one for each of its values.
         digest: identifies the content of every file read and the overrides.
         document: the file as a tree with line numbers, overrides included.
         overrides: the ``key=value`` texts applied.
@@ -253,6 +253,23 @@ def _share(given: Any, where: Where) -> float:
     return share
 
 
+def _tolerances(document: Node, file: ScenarioFile, system: System) -> dict[str, float]:
+    """Tolerances by parameter: that of a vector holds for each of its values that has none of its own."""
+    stated = {name: _share(given, document.where("tolerances", name)) for name, given in file.tolerances.items()}
+    values = {name: _values(system, name) for name in stated}
+    spread = {one: stated[name] for name, each in values.items() for one in each}
+    return spread | {name: share for name, share in stated.items() if not values[name]}
+
+
+def _values(system: System, name: str) -> list[str]:
+    """Names of a vector's values, if a block has a vector of that name."""
+    block, _, parameter = name.rpartition(".")
+    declared = system.blocks[block].parameters.get(parameter) if block in system.blocks else None
+    if declared is None or not declared.size:
+        return []
+    return [f"{name}[{k}]" for k in range(1, 1 + len(system.blocks[block].values[parameter]))]
+
+
 def find(path_or_name: str | Path) -> Path:
     """The file of a scenario, given its path or the name of a shipped one.
 
@@ -323,7 +340,7 @@ def load(path_or_name: str | Path, overrides: Iterable[str] = (), *, text: str |
         simulation=_simulation(document, file, flat),
         analyses={name: _analysis(document, name, made, flat) for name, made in file.analyses.items()},
         recordings=dict(file.recordings),
-        tolerances={name: _share(given, document.where("tolerances", name)) for name, given in file.tolerances.items()},
+        tolerances=_tolerances(document, file, flat.system),
         digest=_digest(flat.files, texts, {} if text is None else {path: text}),
         document=document,
         overrides=texts,

@@ -445,7 +445,8 @@ class ScenarioFile(Section):
     )
     tolerances: dict[str, Quantity] = Field(
         default_factory=dict,
-        description="share by which a fit may move a parameter, in place of the library's tolerance; 0: it is known",
+        description="share by which a fit may move a parameter, or each value of a vector, in place of the library's "
+        "tolerance; 0: it is known",
     )
     simulate: Simulate | None = Field(default=None, description="how `flexarm run` simulates")
     analyses: dict[Name, AnyAnalysis] = Field(

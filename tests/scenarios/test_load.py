@@ -348,3 +348,14 @@ def test_of_a_folder_the_scenarios_in_it_are_named(tmp_path: Path, files: list[s
     with pytest.raises(FlexarmError, match="is a folder") as caught:
         load(str(tmp_path))
     assert re.search(told.format(re.escape(str(tmp_path))), caught.value.remedy)
+
+
+def test_the_tolerance_of_a_vector_is_that_of_each_value_without_one_of_its_own(tmp_path: Path) -> None:
+    arm = "{type: SerialArm, links: 3, modes: 0, length: 0.2 m, mass: [20 g, 15 g, 10 g]}"
+    stated = "tolerances: {arm.mass: 5 %, 'arm.mass[2]': 20 %, arm.payload: 0}"
+    blocks = f"blocks: {{s: {{type: Step, height: 1}}, t: {{type: Torque}}, arm: {arm}}}"
+    wires = "connect: [[s.out, t.torque], [t.shaft, arm.joint1]]"
+    made = load(small(tmp_path, f"{blocks}\n{wires}\n{stated}\n"))
+    payload = {f"arm.payload[{k}]": 0.0 for k in (1, 2, 3)}
+    expected = {"arm.mass[1]": 0.05, "arm.mass[2]": 0.2, "arm.mass[3]": 0.05, **payload}
+    assert made.tolerances_of(made.build()) == pytest.approx(expected)
