@@ -15,8 +15,9 @@ def page() -> str:
         "# Numbers in the rules of the diagnosis",
         "",
         "Every number that decides something, as it stands in `diagnosis/thresholds.py`.",
-        "[How diagnosis decides](../explanation/diagnosis.md) says what they are for. A commit in parentheses set the",
-        "value; suites are those of [the proof](../proof.md). Tolerances of numerical methods stand beside the method.",
+        "[How diagnosis decides](../explanation/diagnosis/index.md) says what they are for. A commit in parentheses",
+        "set the value; suites are those of [the proof](../proof.md). Tolerances of numerical methods stand beside",
+        "the method.",
     ]
     for group in thresholds.GROUPS:
         rows = [
