@@ -23,6 +23,8 @@ from engine.forms import LANES, STAGES, Lanes
 from engine.model import FRICTION, SWITCH, TIME, Model
 from engine.operations import BINARY, COSTLY, UNARY, literal
 from engine.ports import Expression
+from engine.roundings import has_rounding
+from engine.roundings import jacobian as relaxed_jacobian
 from engine.sharing import Jacobian, expressions, shared_nodes
 from engine.statements import Shelf, Statements
 
@@ -499,16 +501,17 @@ def tangent_emitter(model: Model, parameters: tuple[int, ...]) -> tuple[Emitter,
     e = model.equations
     emitter = run_emitter(model)
     arguments = [*e.arguments, e.fire]
-    directions = [e.p[i] for i in parameters]
+    directions, moved = [e.p[i] for i in parameters], ca.vertcat(e.x, e.d)
     found = {}
     for name in ("derivative", "guards", "update", "outputs", "following", *(["entering"] if model.lines else [])):
         results, seeds = getattr(e, name), ca.vertcat(e.x, e.t, e.u, e.d, *directions)
         width, shared, plain = seeds.numel(), ca.SX(0, 1), ca.SX(0, 1)
-        if name == "derivative":
+        # Steps of a source or of a recorded input are as they are; those of a motion stand for the line through them.
+        if name == "derivative" and not has_rounding(results, moved):
             results, shared, plain = _by_way_of_shared(arguments, results, parameters)
-        jacobian = ca.jacobian(results, ca.vertcat(seeds, shared))
-        values = ca.substitute(jacobian.nz[:], shared, plain)
-        row, column = (list(part) for part in jacobian.sparsity().get_triplet())
+        slopes = relaxed_jacobian(results, ca.vertcat(seeds, shared), moved)
+        values = ca.substitute(slopes.nz[:], shared, plain)
+        row, column = (list(part) for part in slopes.sparsity().get_triplet())
         emitter.add(f"{name}_values", arguments, values, anew=values.numel() if name == "derivative" else 0)
         found[name] = Jacobian(getattr(e, name).numel(), row, column, width)
     return emitter, found
