@@ -379,7 +379,8 @@ def fit(
     """Fit the free parameters to the training recordings, from the nominal ones and from further starts.
 
     Every start is first fitted to the beginning of each recording, then to all of it: over a short horizon the phase of
-    a lightly damped oscillation cannot slip by a whole cycle.
+    a lightly damped oscillation cannot slip by a whole cycle. Where whole recordings are followed less closely after
+    that than before, they are fitted from the start.
 
     Args:
         problem: what to fit.
@@ -404,9 +405,11 @@ def fit(
         for number, x in enumerate(begin):
             if progress:
                 progress(f"start {number + 1} of {len(begin)}")
-            x, *_ = descend(
+            short, *_ = descend(
                 problem, x, [e.cut(FITTING.first_horizon) for e in training], pool, least_gain=least_gain, noise=first
             )
+            # What follows the beginnings may run away later, as where it makes a loop unstable.
+            x = min(short, x, key=lambda at: problem.cost(at, training, noise=noise))
             end = descend(problem, x, training, pool, least_gain=least_gain, noise=noise)
             if best is None or end[1] < best[0]:
                 best = (end[1], end[0], end[2])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
+from diagnosis.estimation import least_squares
 from diagnosis.estimation.least_squares import _LocalModel, descend
 from diagnosis.estimation.parameters import FreeParameter, prior
 from diagnosis.thresholds import FITTING
@@ -350,3 +352,35 @@ def test_factoring_a_jacobian_counts_by_its_numbers_and_columns() -> None:
     with counted() as work:
         _LocalModel(np.ones(500), np.random.default_rng(0).normal(size=(500, 3)), [])
     assert work.done == round(FACTORED * 500 * 4 * 3)
+
+
+@pytest.mark.parametrize(("after", "begun"), [(3.0, 1.0), (30.0, 0.0)])
+def test_whole_recordings_are_fitted_from_where_they_are_followed_best(
+    monkeypatch: pytest.MonkeyPatch, after: float, begun: float
+) -> None:
+    """What follows the beginnings of a servo's recordings made its loop unstable: the rest ran away.
+
+    Args:
+        after: cost of the whole recordings after the fit to their beginnings; before it they cost 10.
+        begun: where the fit to the whole is to begin: 0 is the start, 1 the end of the fit to the beginnings.
+    """
+    whole = SimpleNamespace(cut=lambda share: "beginning")
+    starts: list[float] = []
+
+    def descended(problem: Any, x: Array, experiments: Sequence[Any], *_: Any, **__: Any) -> tuple[Array, float, bool]:
+        if list(experiments) == ["beginning"]:
+            return np.ones(1), 0.1, True
+        starts.append(float(x[0]))
+        return x, 1.0, True
+
+    problem: Any = SimpleNamespace(
+        training=(whole,),
+        held_out=(),
+        free=(plain("a"),),
+        cost=lambda x, experiments, noise: after if x[0] else 10.0,
+        chi2=lambda x, experiments: 1.0,
+    )
+    monkeypatch.setattr(least_squares, "descend", descended)
+    monkeypatch.setattr(least_squares, "with_covariance", lambda made, left: made)
+    least_squares.fit(problem, workers=1)
+    assert starts == [begun]
