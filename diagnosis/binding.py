@@ -131,7 +131,7 @@ def bind(scenario: Scenario, recording: Recording, like: Binding | None = None) 
         model = like.model
     else:
         with _placed(scenario, recording.name, "measurements", recording.measurements):
-            model = scenario.build(driven, [channel.name for channel in recording.measurements])
+            model = scenario.build(driven, [channel.name for channel in recording.measurements], smooth_readings=True)
     drive = None
     if driven:
         columns = []

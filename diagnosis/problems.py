@@ -146,7 +146,40 @@ def problem(scenario: Scenario, recordings: Sequence[Recorded]) -> Problem:
         model, experiments = _over_time(scenario, [r for r in recordings if isinstance(r, Recording)])
     reference = bool(plant_inputs(scenario.system, [v.name for v in model.inputs]))
     posed = replace(_pose(scenario, model, experiments, scenario.tolerances_of(model)), reference=reference)
-    return followed(posed, np.zeros(len(posed.free)))
+    return counted_as_noise(followed(posed, np.zeros(len(posed.free))))
+
+
+def counted_as_noise(made: Problem) -> Problem:
+    """The problem with what the steps of encoders do in their loops counted as noise of the other sensors.
+
+    A controller that reads an encoder passes its steps on to the machine. The model reads the line through them, since
+    when they come hangs on a hair: how far they move the outputs, with the parameters given, nobody can foretell. What
+    a recorded reading is rounded by is in its own noise already.
+    """
+    model, scenario = made.model, made.scenario
+    if not model.smoothed:
+        return made
+    names = [v.name for v in model.outputs]
+    stepping = scenario.build([v.name for v in model.inputs], names)
+    read = np.array([_is_reading(scenario, name) for name in names])
+    rows: list[Experiment] = []
+    for e in over_time(made.experiments):
+        values, starts = made.values(np.zeros(len(made.free)), e)
+        try:
+            steps, line = (e.outputs(m, values, starts, made.internal_step) for m in (stepping, model))
+        except (ParameterError, SimulationError):
+            rows.append(e)  # with the parameters given it runs away
+            continue
+        moved = np.nan_to_num(np.std(e.sampled(steps) - e.sampled(line), axis=0))
+        rows.append(replace(e, sigma=np.where(read, np.maximum(e.sigma, moved), np.hypot(e.sigma, moved))))
+    return replace(made, experiments=tuple(rows))
+
+
+def _is_reading(scenario: Scenario, name: str) -> bool:
+    """Whether a signal comes from a block that rounds what it reads."""
+    block, _, port = scenario.resolve(name).rpartition(".")
+    made = scenario.system.blocks.get(block)
+    return made is not None and port in made.ports and "rounding" in made.options
 
 
 def variant(

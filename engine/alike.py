@@ -94,7 +94,7 @@ class _Same:
         return id(self._it)
 
 
-def form(system: System, inputs: list[str], outputs: list[str] | None, energy: bool) -> Hashable:
+def form(system: System, inputs: list[str], outputs: list[str] | None, energy: bool, smooth_readings: bool) -> Hashable:
     """Equal for systems that differ in the values of parameters alone, of the same arguments as `engine.assemble`."""
     shared = [
         (block, name, _Same(given) if isinstance(given, Formula) else given)
@@ -102,7 +102,7 @@ def form(system: System, inputs: list[str], outputs: list[str] | None, energy: b
         for name, given in names.items()
     ]
     return (
-        (system.name, system.description, energy),
+        (system.name, system.description, energy, smooth_readings),
         tuple((name, block._form) for name, block in system.blocks.items()),
         tuple(connection.ends for connection in system.connections),
         tuple(shared),

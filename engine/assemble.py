@@ -48,6 +48,7 @@ def build(
     *,
     energy: bool = False,
     variant: bool = False,
+    smooth_readings: bool = False,
 ) -> Model:
     """The model of a system.
 
@@ -59,6 +60,7 @@ def build(
             ``energy.dissipated`` and ``energy.residual`` (J). The residual is zero except for the integration error.
         variant: one of many systems that are alike: what is worked out from equations is shared by those that differ in
             the values of parameters alone. For as long as laws stay what they are: see `engine.alike`.
+        smooth_readings: encoders tell a motion by the straight line through their steps: see `Net.rounded`.
 
     Raises:
         FlexarmError: a wrong connection, an algebraic loop, a massless motion, a closed loop of ties or frictions.
@@ -70,10 +72,10 @@ def build(
     ):
         check_text(f"the system's {what}" if what != "block" else f"the block name {text!r}", text)
     driven = list(inputs or [])
-    key = form(system, driven, outputs, energy) if variant else None
+    key = form(system, driven, outputs, energy, smooth_readings) if variant else None
     if key is not None and (found := known(key, system)) is not None:
         return found
-    made = _Assembly(system, driven, outputs, energy)
+    made = _Assembly(system, driven, outputs, energy, smooth_readings)
     model = made.model()
     if key is not None and not model.externals:  # what Python does may depend on any value
         decisive = {name: made.net.parameters[name].value for name in made.looked.parameters}
@@ -82,10 +84,12 @@ def build(
 
 
 class _Assembly:
-    def __init__(self, system: System, inputs: list[str], outputs: list[str] | None, energy: bool) -> None:
+    def __init__(
+        self, system: System, inputs: list[str], outputs: list[str] | None, energy: bool, smooth_readings: bool
+    ) -> None:
         self.system = bypass(system, inputs, outputs or ())[0] if inputs else system
         self.free_names, self.wanted, self.energy = inputs, outputs, energy
-        self.net = Net()
+        self.net = Net(smooth_readings)
         self.parameters = Parameters(self.system)
         self.net.parameters = self.parameters.entries
         self.looked = Looked()
@@ -293,6 +297,7 @@ class _Assembly:
             relations=self._relations(parameters),
             externals=self._externals([(entry.name, given.numel()) for entry, given in calls]),
             lines=self._lines(),
+            smoothed=net.smoothed,
         )
 
     def _relations(self, parameters: list[ModelParameter]) -> tuple[tuple[int, Relation, int], ...]:

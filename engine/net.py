@@ -38,7 +38,9 @@ from engine.stamps import (
 class Net:
     """Collects what blocks stamp. Blocks see only this class."""
 
-    def __init__(self) -> None:
+    def __init__(self, smooth_readings: bool = False) -> None:
+        self.smooth_readings = smooth_readings
+        self.smoothed = False
         self.motions: list[Motion] = []
         self.velocities: list[Velocity] = []
         self.masses: dict[tuple[int, int], Expression] = {}
@@ -271,6 +273,16 @@ class Net:
         if name in self.outputs:
             raise StructureError(f"'{name}' is given a value twice")
         self.outputs[name] = Output(name, unit, ca.SX(value), self._physical, doc)
+
+    def rounded(self, value: Expression) -> Expression:
+        """The whole number below a reading, such as an encoder's count.
+
+        Beside recordings (``smooth_readings``) it is the straight line through these steps, half a step below the
+        value. The steps count as noise there. In a loop they make runs that begin a hair apart differ at random, which
+        no recording repeats, and no fit would end.
+        """
+        self.smoothed = self.smooth_readings
+        return value - 0.5 if self.smooth_readings else ca.floor(value)
 
     def state(self, name: str, unit: str, *, start: Expression = 0.0, doc: str = "") -> Expression:
         """A continuous state; give its derivative with `derivative`."""

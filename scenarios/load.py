@@ -124,6 +124,7 @@ class Scenario:
         energy: bool = False,
         system: System | None = None,
         variant: bool = False,
+        smooth_readings: bool = False,
     ) -> Model:
         """The model: see `engine.assemble.build`.
 
@@ -133,6 +134,7 @@ class Scenario:
             energy: also keep the energy balance.
             system: build this variant of the scenario's system instead.
             variant: this is one of many that are alike.
+            smooth_readings: encoders tell a motion by the straight line through their steps.
 
         Raises:
             FlexarmError: a wrong connection; the place in the file is named.
@@ -144,7 +146,14 @@ class Scenario:
         wanted = None if outputs is None else [*self.resolved(outputs)]
         free = [*self.resolved(inputs)]
         try:
-            model = build(system or self.system, inputs=free, outputs=wanted, energy=energy, variant=variant)
+            model = build(
+                system or self.system,
+                inputs=free,
+                outputs=wanted,
+                energy=energy,
+                variant=variant,
+                smooth_readings=smooth_readings,
+            )
         except FlexarmError as error:
             self._check_ends()
             raise error.at(self._named(error.signal, free, wanted or []) or Where(self.document.file)) from None

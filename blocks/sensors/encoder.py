@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from blocks.symbolic import floor
 from engine.block import Block, flange, option, parameter, signal_out
 
 if TYPE_CHECKING:
@@ -17,7 +16,8 @@ class Encoder(Block):
 
     ``rounding: floor`` counts edges passed, ``round`` gives the nearest count, ``none`` an ideal sensor. ``period`` > 0
     reads the angle at sample instants and holds it. N counts every edge: 4096 for 1024 lines read fourfold. Adds no
-    inertia. In linear models the rounding counts as a gain of 1.
+    inertia. In linear models the rounding counts as a gain of 1; beside recordings the motion is told by the line
+    through its steps, and these count as noise.
     """
 
     counts_per_revolution = parameter("1", ..., "counts per revolution N", gt=0)
@@ -38,7 +38,7 @@ class Encoder(Block):
         scale = self._scale
         count = self.shaft.angle * scale
         if self.rounding != "none":
-            count = floor(count + (0.5 if self.rounding == "round" else 0.0))
+            count = net.rounded(count + (0.5 if self.rounding == "round" else 0.0))
         if self.period > 0:
             reading = net.memory("reading", "1", net.clock(self.period, self.sample_offset), held=True)
             net.update(reading, count)

@@ -341,7 +341,7 @@ class TimeExperiment(Experiment):
         Raises:
             FlexarmError: the variant has no meaning, or lost a state that recordings start from.
         """
-        model = scenario.build(inputs, outputs, variant=True)
+        model = scenario.build(inputs, outputs, variant=True, smooth_readings=True)
         if len(model.outputs) < len(outputs):
             twice = next(name for k, name in enumerate(outputs) if name in outputs[:k])
             raise FlexarmError(f"two sensors would both read '{twice}'")

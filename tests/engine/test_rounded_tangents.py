@@ -64,3 +64,17 @@ def test_only_what_is_moved_is_read_by_a_line() -> None:
     kept, every = (np.asarray(m) for m in slopes(0.7, 0.5))
     assert kept == pytest.approx(np.array([[3.0, 0.0], [2.0, 0.0], [0.5, 0.7]]))
     assert every == pytest.approx(np.array([[3.0, 2.0], [2.0, 3.5], [0.5, 0.7]]))
+
+
+@pytest.mark.parametrize(("rounding", "below"), [("floor", 0.5), ("round", 0.0), ("none", 0.0)])
+def test_beside_recordings_an_encoder_tells_the_line_through_its_steps(
+    tmp_path: Path, rounding: str, below: float
+) -> None:
+    path = tmp_path / "servo.yaml"
+    path.write_text(SERVO.format(rounding=rounding, period="0 s", friction="0 N.m"), encoding="utf-8")
+    model = load(path).build(outputs=["encoder.out", "encoder.count", "rotor.shaft.angle"], smooth_readings=True)
+    run = simulate(model, 0.5, 1e-3)
+    assert np.ptp(run["encoder.count"]) > 1e4
+    step = 2 * np.pi / 65536
+    assert run["encoder.out"] == pytest.approx(run["rotor.shaft.angle"] - below * step, abs=1e-12)
+    assert run["encoder.count"] == pytest.approx(run["encoder.out"] / step)
