@@ -276,9 +276,11 @@ def diagnose(
                     fitter, found = again, other
         fitter = fitter.again(found.recordings)  # the search may have read them anew, or fitted a held-out one
         if (anew := taken_otherwise(fitter, found.chosen)) is not None:
-            fitter = fitter.again(anew)
+            again = fitter.again(anew)
             known, looked, told = found.trials[: SEARCH.finished], found.looked, found.notes
-            found = study(fitter, without=how.without, progress=how.progress, told=told, known=known, looked=looked)
+            other = study(again, without=how.without, progress=how.progress, told=told, known=known, looked=looked)
+            if not other.ended_early or likelier(other, found):  # what had no time tells less than what was found
+                fitter, found = again, other
         fitter = fitter.again(found.recordings)
         return judge(as_reported(fitter, settled_by_spare_channels(fitter, found)))
 

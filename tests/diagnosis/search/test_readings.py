@@ -246,6 +246,28 @@ def test_what_was_found_is_fitted_again_where_a_reading_turns_out_to_be_another_
     assert begun == [1]
 
 
+def test_a_search_that_had_no_time_takes_no_place_of_what_was_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The time was over before anything was fitted in the other reading: the friction that was found was lost."""
+    path = jerked(tmp_path, first=False)
+    path.write_text(path.read_text(encoding="utf-8").replace("0.48 N.s/m", "1 mN.s/m"), encoding="utf-8")
+    studies: list[Study] = []
+
+    def studied(fitter: CandidateFitter, **given: Any) -> Study:
+        if not studies:
+            studies.append(study(fitter, **given))
+        else:
+            studies.append(replace(studies[0], chosen=studies[0].refit, trials=(), ended_early=True))
+        return studies[-1]
+
+    monkeypatch.setattr("diagnosis.api.study", studied)
+    monkeypatch.setattr("diagnosis.api.taken_otherwise", lambda fitter, model: list(fitter.recordings))
+    found = diagnose(path, workers=1, without=sorted(set(EFFECTS) - {"viscous_friction", "coulomb_friction"}))
+    assert len(studies) == 2
+    assert found.study.chosen.effects
+
+
 @pytest.fixture
 def searched(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[Recorded]]:
     """The recordings of each search of a diagnosis."""
