@@ -31,7 +31,8 @@ UNDETERMINED = 100.0
 class Interval:
     """A fitted parameter with its 95 % interval, whose ends are infinite where the recordings set no bound.
 
-    Where the ends are more than two decades apart, or the fit has not converged, the recordings set none.
+    Where the ends are more than two decades apart, or the fit has not converged, the recordings set none. The decades
+    count for what is known by its logarithm: an angle from -0.3 to -0.002 rad is determined.
     """
 
     name: str
@@ -40,11 +41,12 @@ class Interval:
     high: float
     unit: str
     start: float
+    logarithmic: bool = True
 
     def numbers(self) -> dict[str, Any]:
         """As it stands in JSON: an end without bound is None."""
         low, high = (end if math.isfinite(end) else None for end in (self.low, self.high))
-        if low and high and low * high > 0 and max(low / high, high / low) > UNDETERMINED:
+        if self.logarithmic and low and high and low * high > 0 and max(low / high, high / low) > UNDETERMINED:
             low = high = None
         return {"value": self.value, "low": low, "high": high, "unit": self.unit}
 
@@ -96,7 +98,8 @@ class Fit:
             low, high = sorted(_end_value(f, end) for end in ends)
             if not self.converged:
                 low, high = -math.inf, math.inf
-            rows.append(Interval(f.name, f.value(self.x[i]), low, high, units.get(f.name, ""), f.start))
+            unit = units.get(f.name, "")
+            rows.append(Interval(f.name, f.value(self.x[i]), low, high, unit, f.start, f.logarithmic))
         return rows
 
 

@@ -122,6 +122,8 @@ def test_a_limit_that_is_never_reached_is_bounded_on_one_side_alone(tmp_path: Pa
 
 def test_an_interval_in_words() -> None:
     assert interval_in_words(Interval("a", 1.0, 0.5, 2.0, "V", 1.0).numbers()) == "0.5 to 2"
+    assert interval_in_words(Interval("a", 1.0, 0.01, 2.0, "V", 1.0).numbers()) == "not determined by these recordings"
+    assert interval_in_words(Interval("a", -0.1, -0.3, -0.002, "rad", 0.0, False).numbers()) == "-0.3 to -0.002"
     assert interval_in_words(Interval("a", 1.0, -math.inf, 2.0, "V", 1.0).numbers()) == "at most 2"
     assert (
         interval_in_words(Interval("a", 1.0, -math.inf, math.inf, "V", 1.0).numbers())
