@@ -34,7 +34,7 @@ def _multiplied_out(jacobian: Jacobian, values: Vector) -> Vector:
 
 @pytest.mark.parametrize("name", shipped_names())
 def test_the_jacobian_of_every_shipped_model(name: str) -> None:
-    model = load(name).build()
+    model = load(name).build(smooth_readings=True)  # as fits take it; a rounding has no derivative to compare with
     parameters = tuple(range(min(9, len(model.parameters))))
     emitter, jacobians = tangent_emitter(model, parameters)
     e, jacobian = model.equations, jacobians["derivative"]
