@@ -84,8 +84,15 @@ def finding_sentence(
     effect, place = found.effect, found.place + (f" ({found.option})" if found.option else "")
     what = name_of(effect)
     before, after = study.refit.hold_out, study.chosen.hold_out
+    # Bent parameters may follow as closely: then what they return to speaks for the effect.
+    falls = float(f"{after:.3g}") < float(f"{before:.3g}")
     numbers = f"the held-out error falls from {before:.3g} to {after:.3g} times the noise floor"
-    if status == "wrong_parameter" and f"{before:.3g}" == f"{after:.3g}":
+    if not falls:
+        numbers = (
+            f"parameters stay closer to their values, and the held-out error is {after:.3g} times the noise floor "
+            f"({before:.3g} without)"
+        )
+    if status == "wrong_parameter" and not falls:
         return f"Parameter {place} lies outside its tolerance: with it freed, the others stay closer to their values."
     if status == "wrong_parameter":
         return f"Parameter {place} lies outside its tolerance: with it freed, {numbers}."
@@ -123,7 +130,7 @@ def finding_sentence(
         )
     excess = before - floor(study.chosen)
     # Where a hair's breadth decides how a machine goes on, a run may come nearer than the right model does on average.
-    share = f" ({min((before - after) / excess, 1.0):.0%} of what was unexplained)" if excess > 0 else ""
+    share = f" ({min((before - after) / excess, 1.0):.0%} of what was unexplained)" if excess > 0 and falls else ""
     together = study.chosen.together
     further = f"; fitted to all recordings, it leaves {together:.3g} times" if 2 * together < after else ""
     return f"The model lacks {what} at {place}: with it, {numbers}{share}{further}."

@@ -121,7 +121,7 @@ def page(found: Diagnosis) -> str:
     parts = [f"{study.scenario.name}: {found.verdict.replace('_', ' ')}"]
     for finding in found.findings:
         parts.append(f"  {finding['sentence']}")
-        heights = [name for name in finding["parameters"] if "[" in name]
+        heights = [name for name in finding["parameters"] if finding["effect"] == "unknown" and "[" in name]
         if heights:
             parts.append(
                 f"    a curve of {plural(len(heights), 'point')}; its values are in diagnosis.json and amended.yaml"

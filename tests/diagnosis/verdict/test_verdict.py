@@ -141,6 +141,26 @@ def test_no_finding_explains_more_than_there_is(after: float, share: str) -> Non
 
 
 @pytest.mark.parametrize(
+    ("status", "said"),
+    [
+        ("wrong_parameter", "Parameter arm lies outside its tolerance: with it freed, the others stay closer to"),
+        (
+            "named",
+            "with it, parameters stay closer to their values, and the held-out error is 0.871 times the noise floor "
+            "(0.853 without).",
+        ),
+    ],
+)
+def test_no_error_is_said_to_fall_that_rises(status: str, said: str) -> None:
+    """A payload that is three times as heavy bends the other masses, which follow the recordings as well."""
+    left = SimpleNamespace(noise=np.ones(1) / 2, count=np.array([100.0]))
+    chosen = SimpleNamespace(hold_out=0.871, together=0.871, left=left)
+    study: Any = SimpleNamespace(refit=SimpleNamespace(hold_out=0.853, together=0.853), chosen=chosen)
+    effect: Any = SimpleNamespace(effect="payload", place="arm", option="")
+    assert said in finding_sentence(effect, status, 1.0, study, [])
+
+
+@pytest.mark.parametrize(
     ("together", "further"), [(17.0, "; fitted to all recordings, it leaves 17 times."), (9e2, ".")]
 )
 def test_what_held_out_recordings_tell_of_a_size_is_said(together: float, further: str) -> None:
