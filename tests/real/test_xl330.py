@@ -133,7 +133,7 @@ def test_the_diagnosis_asks_the_duty_which_of_two_loads_is_right(logs: Path) -> 
 @pytest.mark.slow
 def test_friction_that_grows_with_the_load_halves_the_error(logs: Path) -> None:
     refit, loaded = held_out("xl330"), held_out("xl330-loaded")
-    assert refit == pytest.approx(0.0573, abs=0.003)
+    assert refit == pytest.approx(0.0534, abs=0.003)
     assert loaded < 0.032
     # A share that grows with the load itself does what the published law M6 does, which squares it too.
     squared = ("limit.current_limit=100 A", "loaded.quadratic_coefficient=0.15 1/(N.m)")
