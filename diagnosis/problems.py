@@ -157,11 +157,11 @@ def counted_as_noise(made: Problem) -> Problem:
     a recorded reading is rounded by is in its own noise already.
     """
     model, scenario = made.model, made.scenario
-    if not model.smoothed:
+    if not model.readings:
         return made
     names = [v.name for v in model.outputs]
     stepping = scenario.build([v.name for v in model.inputs], names)
-    read = np.array([_is_reading(scenario, name) for name in names])
+    read = np.array([scenario.resolve(name).rpartition(".")[0] in model.readings for name in names])
     rows: list[Experiment] = []
     for e in over_time(made.experiments):
         values, starts = made.values(np.zeros(len(made.free)), e)
@@ -173,13 +173,6 @@ def counted_as_noise(made: Problem) -> Problem:
         moved = np.nan_to_num(np.std(e.sampled(steps) - e.sampled(line), axis=0))
         rows.append(replace(e, sigma=np.where(read, np.maximum(e.sigma, moved), np.hypot(e.sigma, moved))))
     return replace(made, experiments=tuple(rows))
-
-
-def _is_reading(scenario: Scenario, name: str) -> bool:
-    """Whether a signal comes from a block that rounds what it reads."""
-    block, _, port = scenario.resolve(name).rpartition(".")
-    made = scenario.system.blocks.get(block)
-    return made is not None and port in made.ports and "rounding" in made.options
 
 
 def variant(

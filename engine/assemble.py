@@ -297,7 +297,7 @@ class _Assembly:
             relations=self._relations(parameters),
             externals=self._externals([(entry.name, given.numel()) for entry, given in calls]),
             lines=self._lines(),
-            smoothed=net.smoothed,
+            readings=tuple(net.readings),
         )
 
     def _relations(self, parameters: list[ModelParameter]) -> tuple[tuple[int, Relation, int], ...]:

@@ -232,7 +232,7 @@ class Model:
         externals: Python functions called at sample instants, in the order of the calls; a model that has some has no
             tangents and cannot be exported as C.
         lines: delay lines.
-        smoothed: whether readings, as of an encoder, are told by the line through their steps: see `Net.rounded`.
+        readings: blocks, such as encoders, whose steps are left out for the line through them: see `Net.rounded`.
         equations: the SX expressions.
         motions: flange name -> row of the transform.
         initial: starting values by name, SI units; see `engine.start.start_values`.
@@ -257,7 +257,7 @@ class Model:
     relations: tuple[tuple[int, Relation, int], ...] = ()
     externals: tuple[External, ...] = ()
     lines: tuple[DelayLine, ...] = ()
-    smoothed: bool = False
+    readings: tuple[str, ...] = ()
 
     def count(self, kind: str) -> int:
         """How many modes there are of a kind."""

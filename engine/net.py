@@ -40,7 +40,7 @@ class Net:
 
     def __init__(self, smooth_readings: bool = False) -> None:
         self.smooth_readings = smooth_readings
-        self.smoothed = False
+        self.readings: list[str] = []
         self.motions: list[Motion] = []
         self.velocities: list[Velocity] = []
         self.masses: dict[tuple[int, int], Expression] = {}
@@ -281,8 +281,10 @@ class Net:
         value. The steps count as noise there. In a loop they make runs that begin a hair apart differ at random, which
         no recording repeats, and no fit would end.
         """
-        self.smoothed = self.smooth_readings
-        return value - 0.5 if self.smooth_readings else ca.floor(value)
+        if not self.smooth_readings:
+            return ca.floor(value)
+        self.readings.append(self._owner)
+        return value - 0.5
 
     def state(self, name: str, unit: str, *, start: Expression = 0.0, doc: str = "") -> Expression:
         """A continuous state; give its derivative with `derivative`."""
