@@ -1,4 +1,4 @@
-"""When a search gives up: once it has gained nothing for as long again as it took to find what leads, or a minute.
+"""When a search gives up: once it has gained nothing for as long again as it took to find what leads, or half a minute.
 
 How long to look for what may not be there, no threshold of evidence tells: machines that are far from any listed effect
 leave much over whatever is tried. What came to lead soon, where nothing has been gained for long, is seldom bettered.
