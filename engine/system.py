@@ -60,6 +60,12 @@ class System:
         ends = ((f"{name}.{port}", made) for name, block in self.blocks.items() for port, made in block.ports.items())
         return [end for end, made in ends if made.role == "flange" and end not in wired]
 
+    def followed(self, parameter: str) -> list[str]:
+        """The common parameters that a block's parameter, such as ``gear.ratio``, follows; none if it is one itself."""
+        block, _, name = parameter.rpartition(".")
+        law = self.shared.get(block, {}).get(name)
+        return [law] if isinstance(law, str) else list(law.arguments) if law is not None else []
+
     def place(self, block: str) -> Where | None:
         """Where a block stands in the user's file."""
         return self.places.get(block)

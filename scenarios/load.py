@@ -225,10 +225,16 @@ class Scenario:
         """
         known = [parameter.name for parameter in model.parameters]
         for name in self.tolerances:
-            if name not in known:
+            if name in known:
+                continue
+            if common := self.system.followed(name):
+                shown = " and ".join(f"'{each}'" for each in common)
                 raise ParameterError(
-                    f"the model has no parameter '{name}'", self.where("tolerances", name), nearest(name, known)
+                    f"'{name}' follows {shown}", self.where("tolerances", name), f"state the tolerance of {shown}"
                 )
+            raise ParameterError(
+                f"the model has no parameter '{name}'", self.where("tolerances", name), nearest(name, known)
+            )
         return self.tolerances
 
     def system_observable(self, name: str) -> tuple[str, str, int] | None:

@@ -171,6 +171,9 @@ def make_axes(
                     raise FlexarmError(f"'{key}' is varied twice", remedy="give all its values in one --vary")
                 axes.append(_axis(model, key, value, rebuild))
             else:
+                if common := scenario.system.followed(key):
+                    shown = ", ".join(f"--vary '{name}~{value}'" for name in common)
+                    raise ParameterError(f"'{key}' follows {' and '.join(common)}", remedy=f"draw that: {shown}")
                 for made in _samples(model, key, value, stated):
                     samples[made.name] = made
         except FlexarmError as error:

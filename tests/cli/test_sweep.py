@@ -486,6 +486,7 @@ def _group(group: int) -> list[int]:
         (["wheel.inertia=1,2", "wheel.inertia=3,4"], "varied twice"),
         (["wheel.inertia=1,2", "wheel.inertia~10%"], "is on an axis and is drawn as well"),
         (["wheel.nothing~10%"], "no parameter 'wheel.nothing' that can be drawn"),
+        (["source.height~10%"], "'source.height' follows push\\n.*--vary 'push~10%'"),
         (["wheel.inertia~wide"], "'wide' is no range to draw from"),
         (["wheel.inertia~2:1"], "is empty"),
         (["law.viscous_friction~10%"], "is 0, and a share of it as well"),

@@ -298,6 +298,23 @@ def test_a_tolerance_of_what_is_no_parameter_is_named_with_its_place(tmp_path: P
         made.tolerances_of(made.build())
 
 
+@pytest.mark.parametrize(
+    ("inertia", "told"),
+    [
+        ("$own", "'m.inertia' follows 'own'\n  state the tolerance of 'own'"),
+        ("$own * $n^2 / 2", "'m.inertia' follows 'own' and 'n'\n  state the tolerance of 'own' and 'n'"),
+    ],
+)
+def test_a_tolerance_of_what_follows_common_parameters_names_these(tmp_path: Path, inertia: str, told: str) -> None:
+    blocks = f"blocks: {{s: {{type: Step, height: 1}}, t: {{type: Torque}}, m: {{type: Inertia, inertia: {inertia}}}}}"
+    wires = "connect: [[s.out, t.torque], [t.shaft, m.shaft]]"
+    common = "parameters: {own: 1 kg.m2, n: 2}"
+    made = load(small(tmp_path, f"{common}\n{blocks}\n{wires}\ntolerances: {{m.inertia: 5 %}}\n"))
+    with pytest.raises(FlexarmError) as caught:
+        made.tolerances_of(made.build())
+    assert str(caught.value).endswith(f"small.yaml:6: tolerances.m.inertia: {told}")
+
+
 @pytest.mark.parametrize(("given", "share"), [("5 %", 0.05), ("0.2", 0.2), ("1", 1.0), ("300 %", 3.0), ("0", 0.0)])
 def test_tolerances_are_shares(tmp_path: Path, given: str, share: float) -> None:
     path = small(tmp_path, f"blocks: {{m: {{type: Inertia, inertia: 1.0}}}}\ntolerances: {{m.inertia: {given}}}\n")
