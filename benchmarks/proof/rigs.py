@@ -172,10 +172,8 @@ def _ran(proof: Proof, every: Sequence[Score], rows: Sequence[Score]) -> str:
     seeds = sorted(r.spec["seed"] for r in rows)
     asked = sorted(r.spec["seed"] for r in every)
     none = [f"`{r.plant}`" for r in every if not r.drawn]
-    chosen = "development seeds, chosen" if asked and asked[-1] < 1000 else "seeds"
     states = ", ".join(f"`{s}` ({n} cases)" for s, n in Counter(r.code for r in rows if r.code).most_common())
-    told = f"{len(rows)} of the {len(every)} rigs that were asked for have run ({chosen}: "
-    told += f"{asked[0]} to {asked[-1]}; run: {_spans(seeds)}). " if asked else "none). "
+    told = f"{len(rows)} of the {len(every)} rigs that were asked for have run ({_which(every, asked, seeds)}). "
     if none:
         told += (
             f"{len(none)} cannot be drawn, since no effect of those that were drawn can be seen: {', '.join(none)}. "
@@ -191,6 +189,18 @@ def _ran(proof: Proof, every: Sequence[Score], rows: Sequence[Score]) -> str:
         listing = ", ".join(f"`{name}`" for name in generator)
         told += f"\nThe truth generator has changed since, and a seed may draw another rig now: {listing}.\n"
     return told
+
+
+def _which(every: Sequence[Score], asked: Sequence[int], ran: Sequence[int]) -> str:
+    """The seeds: those that follow from the frozen commit are named by it, since nobody chose them."""
+    if not asked:
+        return "none"
+    commits = {r.frozen for r in every}
+    if len(commits) == 1 and (commit := commits.pop()) and sorted(frozen.seeds(commit, "rigs", len(asked))) == asked:
+        drawn = f"run rigs --frozen --count {len(asked)}"
+        return f"seeds: the {len(asked)} that follow from the frozen commit `{commit[:12]}`, `{drawn}`"
+    chosen = "development seeds, chosen" if asked[-1] < 1000 else "seeds"
+    return f"{chosen}: {asked[0]} to {asked[-1]}; run: {_spans(ran)}"
 
 
 def _spans(numbers: Sequence[int]) -> str:

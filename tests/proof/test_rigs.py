@@ -13,7 +13,7 @@ import pytest
 from benchmarks.concealed.named import plant as named_plant
 from benchmarks.concealed.rigs.hidden import drawn
 from benchmarks.concealed.sites import find
-from benchmarks.proof import data, rigs
+from benchmarks.proof import data, frozen, rigs
 from benchmarks.proof import run as runner
 from benchmarks.proof.__main__ import main
 from benchmarks.proof.drives import DATA as DRIVES
@@ -175,6 +175,15 @@ def test_a_page_of_rules_that_have_changed_says_so(tmp_path: Path, since: list[s
     page = (tmp_path / "page.md").read_text(encoding="utf-8")
     told = "The rules have changed since; what they would tell now was not measured: `diagnosis/"
     assert (told in page) == bool(since)
+
+
+def test_seeds_of_a_frozen_commit_are_named_by_it() -> None:
+    drawn = frozen.seeds("0a1b2c3d4e5f6071", "rigs", 3)
+    rows = [replace(score(), spec=score().spec | {"seed": seed}, frozen="0a1b2c3d4e5f6071") for seed in drawn]
+    told = "seeds: the 3 that follow from the frozen commit `0a1b2c3d4e5f`, `run rigs --frozen --count 3`"
+    assert rigs._which(rows, sorted(drawn), sorted(drawn)) == told
+    chosen = [replace(row, spec=row.spec | {"seed": seed}) for row, seed in zip(rows, (2001, 2002, 2005), strict=True)]
+    assert rigs._which(chosen, [2001, 2002, 2005], [2001, 2002]) == "seeds: 2001 to 2005; run: 2001 to 2002"
 
 
 def test_a_page_of_a_generator_that_has_changed_says_that_seeds_may_draw_other_rigs(tmp_path: Path) -> None:
