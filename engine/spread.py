@@ -30,8 +30,9 @@ from engine.threads import Threads
 Task = TypeVar("Task")
 Answer = TypeVar("Answer")
 
-AHEAD = 4
-"""Tasks under way for each worker, so that none waits while the oldest is not finished."""
+AHEAD = 8
+"""Tasks under way for each worker, so that none waits while the oldest is not finished: one diagnosis in twenty takes
+ten times as long as the next ones."""
 
 MOST_WORKERS = 256
 """Workers of one machine: each process takes some 100 MB."""
