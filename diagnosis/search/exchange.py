@@ -6,36 +6,40 @@ from dataclasses import replace
 
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.posterior import misses
+from diagnosis.search.posterior import loudest, misses
 from diagnosis.search.scored_model import ScoredModel
-from diagnosis.thresholds import SEARCH
+from diagnosis.thresholds import EVIDENCE, SEARCH
 
 
-def exchanged(fitter: CandidateFitter, model: ScoredModel, price: float) -> tuple[list[Recorded], str] | None:
+def exchanged(
+    fitter: CandidateFitter, model: ScoredModel, price: float, *, searched: bool = False
+) -> tuple[list[Recorded], str] | None:
     """The recordings with a held-out one moved to training, where only held-out data show a mismatch.
 
     An effect that no training recording excites cannot be fitted, such as an amplifier that saturates in the held-out
     recordings alone. The one that shows most is fitted, or, where no other shows it, every other part of it.
 
     Nuisances are in all recordings. Where the fitted ones show some, they must leave no more than a sensor's noise may
-    be taken for. A held-out recording then counts if more than that is left of it, by the user's model, too: what only
-    the model misses refutes it.
+    be taken for, unless the search for what they show is over. A held-out recording then counts if much more than that
+    is left of it, by the user's model, too: what only the model misses refutes it.
 
     Args:
         fitter: of the study.
         model: the best one.
         price: what a further effect costs.
+        searched: whether no effect that is listed explains more of the fitted recordings.
     """
     x, problem = model.fit.x, model.fit.problem
     fitted = problem.leftover(x, problem.training)
     noisy = fitted.unexplained > price
-    if noisy and misses(fitted):
+    if noisy and misses(fitted) and not searched:
         return None
+    beyond = EVIDENCE.stated * (loudest(fitted) if misses(fitted) else 1.0)
     refit, shown = fitter.refit.fit, dict[str, float]()
     given = {e.name: e for e in refit.problem.held_out}
     for e in problem.held_out:
         left, before = problem.leftover(x, [e]), refit.problem.leftover(refit.x, [given[e.name]])
-        if not noisy or (misses(before) and misses(left)):
+        if not noisy or min(loudest(before), loudest(left)) > beyond:
             shown[e.name] = left.unexplained
     worst = max(shown, key=lambda name: shown[name], default="")
     if not worst or shown[worst] < price + SEARCH.effort:

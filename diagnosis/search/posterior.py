@@ -195,12 +195,17 @@ def complete(model: ScoredModel, refit: ScoredModel) -> bool:
 
 def misses(left: Leftover) -> bool:
     """Whether more is left over of a signal of any recording than a sensor's noise may be taken for."""
+    return loudest(left) > EVIDENCE.stated
+
+
+def loudest(left: Leftover) -> float:
+    """The largest mean square that is left over of a signal of a recording, in units of its sensor's noise."""
+    found = 0.0
     for signal in {k for k, _ in left.names}:
         own = [i for i, (k, _) in enumerate(left.names) if k == signal]
         energy, noise = left.energies[:, own].sum(axis=1), (left.noise * left.counts)[:, own].sum(axis=1)
-        if (energy > EVIDENCE.stated * noise).any():
-            return True
-    return False
+        found = max([found, *(energy[noise > 0] / noise[noise > 0])])
+    return found
 
 
 def strained(model: ScoredModel, tried: int) -> bool:

@@ -94,7 +94,7 @@ def study(
         swapped = _exchanged(board, told)
         if not swapped:
             search.run(most)
-            swapped = _exchanged(board, told)
+            swapped = _exchanged(board, told, searched=not search.ended_early)
         if swapped:
             return study(
                 fitter.again(swapped[0]),
@@ -113,7 +113,7 @@ def study(
         return search.study(before, scales, told)
 
 
-def _exchanged(board: Board, told: Sequence[str]) -> tuple[list[Recorded], str] | None:
+def _exchanged(board: Board, told: Sequence[str], *, searched: bool = False) -> tuple[list[Recorded], str] | None:
     """The recordings with a held-out one moved to training, once; see `exchanged`.
 
     What is missing in held-out recordings alone may hide there what training recordings have shown. It is asked after
@@ -122,7 +122,8 @@ def _exchanged(board: Board, told: Sequence[str]) -> tuple[list[Recorded], str] 
     fitter, found = board.fitter, board.known
     if told or fitter.tables:
         return None
-    return exchanged(fitter, found.best, found.price) or exchanged(fitter, found.best_fitted, found.price)
+    models = (found.best, found.best_fitted)
+    return next((e for m in models if (e := exchanged(fitter, m, found.price, searched=searched))), None)
 
 
 def _seen_beside(scales: OperatingScales, model: ScoredModel) -> OperatingScales:

@@ -246,9 +246,20 @@ def test_the_only_held_out_recording_is_fitted_in_part(tmp_path: Path, monkeypat
 def test_where_fitted_recordings_leave_more_than_noise_no_other_is_fitted_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A hum of twice the noise's power is to be explained first."""
+    """A hum of twice the noise's power is to be explained first, if any effect does; once none does, no longer."""
     fitter = limited_beside_a_hum(tmp_path, monkeypatch, 0.6)
     assert exchanged(fitter, fitter.refit, math.log(40)) is None
+    exchange = exchanged(fitter, fitter.refit, math.log(40), searched=True)
+    assert exchange is not None
+    assert "'large' shows a mismatch that the training recordings do not show" in exchange[1]
+
+
+def test_what_held_out_recordings_show_no_more_of_than_fitted_ones_is_not_fitted_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hum of 80 rad/s is in all of them, and the large input's limit leaves less than that."""
+    fitter = limited_beside_a_hum(tmp_path, monkeypatch, 80.0)
+    assert exchanged(fitter, fitter.refit, math.log(40), searched=True) is None
 
 
 def test_beside_a_hum_none_is_fitted_that_only_the_model_misses(

@@ -1936,7 +1936,7 @@ def between_recordings(
     world.base = SimpleNamespace(free=(), training=(), held_out=(), chi2=lambda x, e: 1.0)
     world.again = lambda recordings: world
 
-    def exchanged(fitter: Any, model: Any, price: float) -> Any:
+    def exchanged(fitter: Any, model: Any, price: float, *, searched: bool) -> Any:
         return ([], "rec3 was fitted too") if asked(model) else None
 
     monkeypatch.setattr(searching, "operating_scales", lambda base: None)
