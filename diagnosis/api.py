@@ -23,6 +23,7 @@ from diagnosis.planning.experiment import own_run, recorded
 from diagnosis.planning.plan import MULTIPLES, Plan
 from diagnosis.planning.plan import plan as judge_plan
 from diagnosis.problems import problem
+from diagnosis.recordings.checks import check_moving
 from diagnosis.recordings.types import Recorded, Recording
 from diagnosis.search.allowance import Spent
 from diagnosis.search.dask_fitter import DaskFitter
@@ -53,7 +54,7 @@ def gather(
     """Recordings by name or file with their roles; all that the scenario describes if none are named.
 
     Raises:
-        FlexarmError: none at all, or no training data.
+        FlexarmError: none at all, no training data, or a measurement that never changes.
     """
     chosen = list(names) or [n for n in scenario.recordings if n not in hold_out]
     rows: list[Recorded] = []
@@ -62,6 +63,7 @@ def gather(
         rows.append(replace(found, role=role) if role else found)
     if not any(r.role in ("train", "repeat") for r in rows):
         raise FlexarmError("no recording to fit to", remedy="name one, or give one the role 'train'")
+    check_moving(rows)
     return rows
 
 

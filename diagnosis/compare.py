@@ -15,6 +15,7 @@ from diagnosis.estimation.held_out_starts import with_held_out_starts
 from diagnosis.estimation.time_experiment import over_time
 from diagnosis.frequency_response.periodic_solver import PeriodicSolver
 from diagnosis.problems import problem
+from diagnosis.recordings.checks import check_moving
 from diagnosis.recordings.columns import Vector
 from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
 from engine.simulate import simulate
@@ -107,9 +108,13 @@ def compare(
         progress: called with the fraction done, from 0 to 1.
 
     Raises:
-        FlexarmError: the recording does not fit the model, or the simulation fails.
+        FlexarmError: the recording does not fit the model, a measurement of one that is given by name or file never
+            changes, or the simulation fails.
     """
-    found = find_recording(scenario, recording) if isinstance(recording, str | Path) else recording
+    found = recording
+    if isinstance(found, str | Path):
+        found = find_recording(scenario, found)
+        check_moving([found])
     if isinstance(found, FrequencyTable):
         return _compare_table(scenario, found, progress)
     return _compare_time(scenario, found)

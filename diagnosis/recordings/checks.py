@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from diagnosis.recordings.columns import RecordingError, Vector
 from diagnosis.recordings.reader import Reader
 from diagnosis.recordings.time_axis import even_time
-from diagnosis.recordings.types import Channel, Recording
+from diagnosis.recordings.types import Channel, Recorded, Recording
 from engine.errors import Where
 from engine.simulate import SHORTEST
 
@@ -119,6 +119,30 @@ def _check_time(time: Vector, reader: Reader, column: str, rows: NDArray[np.int6
         )
 
 
+def check_moving(rows: Sequence[Recorded]) -> None:
+    """Refuse measurements that are constant in every recording; in some, friction or a brake may hold the machine.
+
+    Raises:
+        RecordingError: there is such a measurement.
+    """
+    moving, still = set[str](), dict[str, tuple[Recording, Channel]]()
+    for recording in [r for r in rows if isinstance(r, Recording)]:
+        for channel in recording.measurements:
+            if np.nanmax(channel.values) - np.nanmin(channel.values) > 1 / LARGEST:
+                moving.add(channel.name)
+            else:
+                still.setdefault(channel.name, (recording, channel))
+    for name, (recording, channel) in still.items():
+        if name not in moving:
+            known = channel.values[np.isfinite(channel.values)]
+            raise RecordingError(
+                f"column '{channel.column}' is constant ({known[0]:g} {channel.unit} in all {len(known)} rows), "
+                "so there is nothing to compare",
+                Where(recording.file),
+                f"leave '{name}' out of the measurements, or add a recording in which it moves",
+            )
+
+
 def _measurement(channel: Channel, reader: Reader, keep: NDArray[np.bool_]) -> Channel:
     """The kept rows of a measurement, NaN where it holds no number; gaps are noted."""
     values = channel.values[keep]
@@ -131,11 +155,9 @@ def _measurement(channel: Channel, reader: Reader, keep: NDArray[np.bool_]) -> C
             f"leave '{channel.name}' out of the measurements",
         )
     if np.ptp(finite) <= 1 / LARGEST:
-        raise RecordingError(
-            f"column '{channel.column}' is constant ({finite[0]:g} {channel.unit} in all {len(finite)} rows), "
-            "so there is nothing to compare",
-            Where(reader.columns.file),
-            f"leave '{channel.name}' out of the measurements",
+        reader.notes.append(
+            f"column '{channel.column}' is constant ({finite[0]:g} {channel.unit} in all {len(finite)} rows): "
+            "was the machine held still, or is it another column?"
         )
     if gaps.any():
         marked = np.zeros(len(keep), dtype=bool)

@@ -34,6 +34,7 @@ def compare(
     What 'flexarm diagnose' would warn of is told first.
     """
     from diagnosis.binding import find_recording
+    from diagnosis.recordings.checks import check_moving
     from diagnosis.verdict.examination import warnings_about
     from flexarm.api import compare as compare_one
     from flexarm.console.progress import Progress
@@ -49,6 +50,7 @@ def compare(
             f"{loaded.name} describes no recordings", remedy="name a file, or add a section 'recordings:'"
         )
     found = [find_recording(loaded, given) for given in recordings or loaded.recordings]
+    check_moving(found)
     warnings = warnings_about(loaded, found)
     if not as_json:
         for text in warnings:

@@ -220,7 +220,10 @@ def comparison_page(comparison: Comparison, rows: bool = False) -> str:
         ]
     else:
         heads = ["signal", "rmse", "unit", "fit [%]"]
-        table = [[e.name, number(e.rmse), e.unit, f"{e.nrmse:.3f}"] for e in comparison.signals.values()]
+        table = [
+            [e.name, number(e.rmse), e.unit, f"{e.nrmse:.3f}" if math.isfinite(e.nrmse) else "-"]
+            for e in comparison.signals.values()
+        ]
     parts.append(columns(heads, table))
     if rows and comparison.kind == "frequency_response":
         for error in comparison.signals.values():

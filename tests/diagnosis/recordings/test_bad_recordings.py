@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.api import diagnose
+from diagnosis.api import diagnose, gather
 from diagnosis.binding import find_recording
 from diagnosis.estimation.time_experiment import TimeExperiment
 from diagnosis.problems import problem
@@ -127,11 +127,22 @@ def test_empty_and_short_files(bench: Path) -> None:
         assert caught.value.remedy
 
 
-def test_a_constant_column(bench: Path) -> None:
-    rows = table(bench.parent, "steps")
-    store(bench.parent, "steps", np.column_stack([rows[:, :2], np.full(len(rows), 3.0)]))
-    with pytest.raises(FlexarmError, match="'speed' is constant"):
+def test_a_column_that_is_constant_in_all_recordings(bench: Path) -> None:
+    spoil(bench, lambda rows: np.column_stack([rows[:, :2], np.full(len(rows), 3.0)]))
+    with pytest.raises(FlexarmError, match="'speed' is constant") as caught:
         diagnose(bench)
+    assert "add a recording in which it moves" in caught.value.remedy
+
+
+def test_a_machine_that_is_held_still_in_some_recordings_is_fitted(bench: Path) -> None:
+    """Friction holds it where the voltage is small; that it does not move is evidence of it."""
+    rows = table(bench.parent, "steps")
+    store(bench.parent, "steps", np.column_stack([rows[:, 0], 1e-3 * rows[:, 1], np.zeros(len(rows))]))
+    scenario = load(bench)
+    found = gather(scenario, [], [])
+    (still,) = [r for r in found if isinstance(r, Recording) and r.name == "steps"]
+    assert any("'speed' is constant (0 rad/s in all" in note for note in still.notes)
+    assert all("is constant" not in " ".join(r.notes) for r in found if r.name != "steps")
 
 
 def test_time_that_runs_backwards(bench: Path) -> None:
