@@ -106,7 +106,7 @@ def margins_of(loop: control.StateSpace) -> Margins:
     keep = np.isfinite(response)
     omega, response = omega[keep], response[keep]
     with np.errstate(all="ignore"):
-        gain, phase, delay, crossover = _classical(omega, response)
+        gain, phase, delay, crossover = _classical(omega, response, _ends(loop))
         s = 1 / (1 + response)
         disk = float(control.disk_margins(loop, omega, skew=0.0)[0])
     poles = np.atleast_1d(control.feedback(loop, 1).poles())
@@ -168,15 +168,33 @@ def frequencies_of_a_loop(loop: Any) -> Vector:
     return np.asarray(found[(found > 0) & (found <= high)])
 
 
-def _classical(omega: Vector, response: Any) -> tuple[tuple[float, float], float, float, float]:
-    """Gain margins below and above 1, smallest phase (deg) and delay margin (s), highest crossover (rad/s)."""
+def _ends(loop: Any) -> list[float]:
+    """The loop at rest, and at half its rate of samples or at frequencies without end: real, where no pole is there."""
+    A, B, C, D = (np.asarray(m, dtype=float) for m in (loop.A, loop.B, loop.C, loop.D))
+    found = [] if loop.dt else [float(D[0, 0])]
+    for z in (1.0, -1.0) if loop.dt else (0.0,):
+        away = np.abs(np.atleast_1d(loop.poles()) - z)
+        if (away > 1e-7 * max(1.0, away.max(initial=0.0))).all():  # no integrator, as rounding leaves it
+            found.append(float((D + C @ np.linalg.solve(z * np.eye(len(A)) - A, B))[0, 0]))
+    return found
+
+
+def _classical(
+    omega: Vector, response: Any, ends: Sequence[float] = ()
+) -> tuple[tuple[float, float], float, float, float]:
+    """Gain margins below and above 1, smallest phase (deg) and delay margin (s), highest crossover (rad/s).
+
+    Between the frequencies the Nyquist curve is followed across the axis; at its ``ends`` it only meets it.
+    """
     import control
 
     gains, phases, _, _, crossings, _ = control.stability_margins(
         control.frd(response, omega, smooth=True), returnall=True
     )
-    low = max((float(g) for g in gains if 0 < g < 1), default=0.0)
-    high = min((float(g) for g in gains if g >= 1), default=math.inf)
+    least = 1e-9 * float(np.abs(response).max(initial=0.0))  # what is zero but for rounding
+    every = [*map(float, gains), *(-1 / end for end in ends if end < -least)]
+    low = max((g for g in every if 0 < g < 1), default=0.0)
+    high = min((g for g in every if g >= 1), default=math.inf)
     around = [float(p) % 360.0 for p in phases]
     delays = [math.radians(p) / float(w) for p, w in zip(around, crossings, strict=True)]
     phase = min((min(p, 360.0 - p) for p in around), default=math.inf)

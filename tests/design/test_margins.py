@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import control
 import numpy as np
@@ -45,6 +46,55 @@ def test_a_third_order_loop(k: float) -> None:
     gm, pm, *_ = control.stability_margins(control.tf([k], [1, 2, 1, 0]))
     assert found.gain[0 if k > 2 else 1] == pytest.approx(gm, rel=1e-4)
     assert found.phase == pytest.approx(abs(pm), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("loop", "gain"),
+    [
+        (control.tf([1, 3], [1, 0, -1]), (1 / 3, math.inf)),  # upright: -3 at rest
+        (control.tf([0.5], [1, -0.9], 0.01), (0.0, 3.8)),  # 0.9 - 0.5 k is -1
+        (control.tf([1.5], [1, -1.2], 0.01), (0.2 / 1.5, 2.2 / 1.5)),
+        (control.tf([0.1], [1, -1], 0.01), (0.0, 20.0)),
+        (control.tf([1, -0.4], [2, 1]), (0.0, 2.5)),  # 1 - 0.4 k, and 2 + k stays above 0
+        (control.tf([1, 0], [1, 3, 2]), (0.0, math.inf)),
+        (control.tf([1], [1, 2, 0]), (0.0, math.inf)),
+    ],
+)
+def test_loops_that_meet_minus_one_at_an_end(loop: control.TransferFunction, gain: tuple[float, float]) -> None:
+    """At rest, at half the rate of samples: the Nyquist curve ends on the axis there and crosses nothing."""
+    found = margins_of(control.ss(loop))
+    assert found.stable
+    assert found.gain == pytest.approx(gain, rel=1e-6)
+    for k, there in zip(gain, (0.999, 1.001), strict=True):
+        if 0 < k < math.inf:  # beyond the margin it is unstable
+            assert not margins_of(control.ss(there * k * loop)).stable
+
+
+UPRIGHT = """\
+schema: 1
+name: upright
+blocks:
+  up: {type: Constant, value: 180 deg}
+  pid: {type: PID, proportional_gain: 20 V/rad, derivative_gain: 2 V.s/rad, derivative_corner: 1000 rad/s, unit: V}
+  motor: {type: DCMotor, resistance: 1 ohm, torque_constant: 0.1 N.m/A, rotor_inertia: 1e-3 kg.m2}
+  weight: {type: GravityTorque, mass: 0.5 kg, radius: 0.2 m, gravity: 9.81 m/s2}
+connect:
+  - [up.out, pid.reference]
+  - [motor.shaft.angle, pid.measurement]
+  - [pid.out, motor.voltage]
+  - [motor.shaft, weight.shaft]
+initial: {motor.shaft.angle: 180 deg}
+simulate: {stop: 1 s}
+"""
+
+
+def test_the_gain_that_holds_a_pendulum_upright(tmp_path: Path) -> None:
+    """20 V/rad make 2 N.m/rad, against the 0.981 N.m/rad of the weight: with half of it the pendulum falls."""
+    path = tmp_path / "upright.yaml"
+    path.write_text(UPRIGHT)
+    found = margins(path, loop="motor.voltage").members[0]
+    assert found.stable
+    assert found.gain == pytest.approx((0.5 * 9.81 * 0.2 / 2, math.inf), rel=1e-3)
 
 
 @pytest.mark.parametrize("period", [0.0, 0.01])
