@@ -16,6 +16,7 @@ from typing import Any
 
 from engine.errors import FlexarmError
 from scenarios.document import parse
+from scenarios.patch import located
 
 
 @dataclass(frozen=True)
@@ -207,6 +208,28 @@ def _give(document: Any, name: str, value: str | float) -> None:
     if not isinstance(given, list):
         raise FlexarmError(f"'{name}': one value stands for all", remedy="write one for each")
     given[number] = value
+
+
+def with_overrides(text: str, overrides: Sequence[str]) -> str:
+    """The scenario's text with ``key=value`` texts, as ``--set`` takes them, written where they change it.
+
+    Raises:
+        FlexarmError: the scenario has no such place.
+    """
+
+    def change(document: Any) -> None:
+        tree = parse(text)
+        for override in overrides:
+            (*above, last), given = located(tree, override)
+            tree, inner = tree.put([*above, last], given), document
+            for key in above:
+                if not isinstance(inner.get(key), dict):
+                    inner[key] = {}
+                inner = inner[key]
+            value = given.plain()
+            inner[last] = _flow(value) if isinstance(value, dict | list) else value
+
+    return _changed(text, change) if overrides else text
 
 
 def with_readings(text: str, readings: Mapping[tuple[str, ...], str | tuple[str, ...]]) -> str:

@@ -28,6 +28,12 @@ def override(document: Node, text: str) -> Node:
     Raises:
         ScenarioError: no such place; names the nearest.
     """
+    path, given = located(document, text)
+    return document.put(path, given)
+
+
+def located(document: Node, text: str) -> tuple[list[str], Node]:
+    """The keys that lead to what a ``key=value`` changes, and the value; see `override`."""
     key, equals, value = text.partition("=")
     shown = f"--set {text}"
     if not equals or not key.strip():
@@ -40,7 +46,8 @@ def override(document: Node, text: str) -> Node:
         raise ScenarioError(f"cannot read the value: {error.message}", Where(shown)) from None
     if given.value == {} and not value.strip().startswith("{"):
         given = Node(None)
-    return patch(document, key.strip(), _moved(given, shown))
+    moved = _moved(given, shown)
+    return _path(document, key.strip(), moved), moved
 
 
 def _moved(node: Node, file: str) -> Node:

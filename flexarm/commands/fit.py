@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -84,7 +83,7 @@ def _write(path: Path, made: Fit, source: Path, overrides: Sequence[str]) -> Non
     """The scenario with the fitted values in their places, and what is known of them as a comment on top."""
     from diagnosis.estimation.least_squares import interval_in_words
     from engine.files import writing
-    from scenarios.amend import relocated, with_readings, with_values
+    from scenarios.amend import relocated, with_overrides, with_readings, with_values
 
     known = {p.name: p.unit for p in made.problem.model.parameters}
     rows = [i for i in made.intervals() if i.name in known]
@@ -94,11 +93,8 @@ def _write(path: Path, made: Fit, source: Path, overrides: Sequence[str]) -> Non
     }
     head = [f"{source.name}, fitted{' with ' + ' '.join(overrides) if overrides else ''}; 95 % intervals:"]
     head += [f"  {i.name}: {interval_in_words(i.numbers(), 6)} {i.unit.strip('*1')}".rstrip() for i in rows]
-    said: dict[str, str | float] = {}
-    for override in overrides:
-        key, _, value = override.partition("=")
-        said[re.sub(r"^(parameters|blocks)\.", "", key.strip())] = value.strip()
-    text = with_values(source.read_text(encoding="utf-8"), said | values, "\n".join(head))
+    text = with_overrides(source.read_text(encoding="utf-8"), overrides)
+    text = with_values(text, values, "\n".join(head))
     text = with_readings(text, made.problem.assumed)
     with writing(path, (".yaml", ".yml")) as temporary:
         temporary.write_text(relocated(text, source.parent, path.parent), encoding="utf-8")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from flexarm.cut import Source, as_scenario
-from scenarios.amend import Edit, Feed, Wire, amended, relocated
+from scenarios.amend import Edit, Feed, Wire, amended, relocated, with_overrides
 from scenarios.load import Scenario, load
 
 Matrix = NDArray[np.float64]
@@ -139,7 +139,8 @@ def closed(
         Feed(name, "DiscreteStateSpace" if own else "StateSpace", end, settings),
         *(Wire(name, (signal, port)) for signal, port in zip(ends, ports, strict=True)),
     ]
-    return amended(scenario.path.read_text(encoding="utf-8"), edits, {}, scenario.resolve)
+    text = with_overrides(scenario.path.read_text(encoding="utf-8"), scenario.overrides)
+    return amended(text, edits, {}, scenario.resolve)
 
 
 def close(source: Source, controller: Any, path: str | Path, **settings: Any) -> Scenario:

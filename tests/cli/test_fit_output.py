@@ -87,6 +87,18 @@ def test_values_are_written_where_they_stand() -> None:
         with_values(text, {"width": 1.0})
 
 
+def test_what_was_set_is_written_with_what_was_fitted(wheel: Path, command: Any) -> None:
+    """A fit of a run of another length ended in 'no place to write simulate.stop', and was lost."""
+    settings = ["-s", "radius=0.1 m", "-s", "simulate.stop=2 s", "-s", "tolerances.mass=40 %"]
+    answer = command("fit", wheel, *settings, "-o", "fitted.yaml")
+    assert answer.code == 0, answer.err
+    fitted = flexarm.load("fitted.yaml")
+    assert fitted.simulation is not None
+    assert fitted.simulation.stop == 2.0
+    assert fitted.tolerances["mass"] == pytest.approx(0.4)
+    assert "# weighed" in Path("fitted.yaml").read_text()
+
+
 @pytest.mark.parametrize(
     ("low", "high", "words"),
     [(1.8e-8, 9.2e7, "not determined"), (1.0, 2.0, "1 to 2"), (-3.0, 5.0, "-3 to 5"), (1.0, np.inf, "at least 1")],

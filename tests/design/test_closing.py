@@ -14,6 +14,7 @@ from engine.errors import FlexarmError
 from flexarm.api import simulate
 from flexarm.design.closing import close, closed, sampled
 from flexarm.design.margins import margins
+from scenarios.load import load
 
 AXIS = """\
 schema: 1
@@ -101,6 +102,17 @@ def test_a_file_without_period_is_continuous(axis: Path) -> None:
     file = axis.parent / "k.json"
     file.write_text(json.dumps({"D": [[1000.0]], "dt": None}))
     assert "DiscreteStateSpace" not in closed(axis, file, **CARRIAGE)
+
+
+def test_values_that_were_set_stay_set(axis: Path) -> None:
+    """The controller was made for that plant: 120 kg were loaded, and 95 kg written."""
+    loaded = load(axis, ["carriage.mass=120 kg", "simulate.stop=0.2 s", "initial.carriage.flange.position=1 mm"])
+    made = close(loaded, LEAD, axis.parent / "closed.yaml", **CARRIAGE)
+    assert made.overrides == ()
+    assert made.system.blocks["carriage"].values["mass"] == 120.0
+    run = simulate(made)
+    assert run.time[-1] == pytest.approx(0.2)
+    assert run.values[0, 0] == pytest.approx(1e-3)
 
 
 def test_bad_input(axis: Path) -> None:

@@ -11,9 +11,22 @@ from ruamel.yaml import YAML
 
 import flexarm
 from engine.errors import FlexarmError
-from scenarios.amend import AtFlange, Between, Feed, InSignal, OnSensor, Replace, Set, amended, relocated, without
+from scenarios.amend import (
+    AtFlange,
+    Between,
+    Feed,
+    InSignal,
+    OnSensor,
+    Replace,
+    Set,
+    amended,
+    relocated,
+    with_overrides,
+    without,
+)
 from scenarios.document import parse as read_scenario
 from scenarios.load import load
+from scenarios.patch import override as put
 
 BENCH = """\
 schema: 1
@@ -195,6 +208,30 @@ def test_recordings_that_share_are_written_out_where_they_change() -> None:
     assert document(alone)["recordings"] == document(SHARED)["recordings"]
     sharing = SHARED.replace("blocks:", "extra: &extra {type: Gain, gain: 1}\nblocks:\n  d: *extra")
     assert document(without(sharing, "extra"))["blocks"]["d"] == {"type": "Gain", "gain": 1}
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["gain.gain=2", "supply=3 V", "simulate.stop=0.2 s", "initial.motor.shaft.speed=1", "blocks.motor.resistance=3 ohm",
+     "source={type: Sine, amplitude: 1 V, frequency: 2 Hz}", "tolerances.gain.gain=5 %", "simulate.record=[meter.out]"],
+)  # fmt: skip
+def test_an_override_is_written_as_it_is_read(override: str) -> None:
+    written = with_overrides(BENCH, [override])
+    assert read_scenario(written).plain() == put(read_scenario(BENCH), override).plain()
+    assert comments(written) == comments(BENCH)
+    with pytest.raises(FlexarmError, match=r"'gian\.gain' leads nowhere"):
+        with_overrides(BENCH, ["gian.gain=2"])
+
+
+def test_overrides_are_written_in_their_order() -> None:
+    """The second one changes the block of the first; an anchor changed in one place stays in the other."""
+    written = with_overrides(BENCH, ["gain={type: Saturation, lower: -1, upper: 1}", "gain.upper=2", "gain.upper=3"])
+    assert read_scenario(written).plain()["blocks"]["gain"] == {"type": "Saturation", "lower": -1, "upper": 3}
+    shared = BENCH.replace("{type: Gain, gain: 0.5}", "&g {type: Gain, gain: 0.5}").replace(
+        "{type: Gain, gain: 10}", "*g"
+    )
+    blocks = read_scenario(with_overrides(shared, ["gain.gain=2"])).plain()["blocks"]
+    assert (blocks["gain"]["gain"], blocks["meter"]["gain"]) == (2, 0.5)
 
 
 @pytest.mark.parametrize(
