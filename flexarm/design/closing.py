@@ -20,11 +20,15 @@ Matrix = NDArray[np.float64]
 METHODS = ("tustin", "zoh", "foh", "impulse", "matched", "euler")
 
 
-def matrices(controller: Any) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
+def matrices(controller: Any, period: float = 0.0) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
     """A, B, C, D and the sample period (0: continuous) of a python-control system, a linear model or a file.
 
+    Args:
+        controller: one of these.
+        period: that of a sampled controller that does not say its own (dt is True, or -1 as in MATLAB).
+
     Raises:
-        FlexarmError: a file that holds no such matrices.
+        FlexarmError: a file that holds no such matrices, or a sampled controller that says no period.
     """
     if isinstance(controller, str | Path):
         from blocks.controllers.matrices import collect, system
@@ -36,14 +40,30 @@ def matrices(controller: Any) -> tuple[Matrix, Matrix, Matrix, Matrix, float]:
             A, B, C, D = system(found)
         except ParameterError as error:
             raise error.at(Where(str(controller))) from None
-        return A, B, C, D, float(found["dt"].ravel()[0]) if "dt" in found else 0.0
+        return A, B, C, D, _own(float(found["dt"].ravel()[0]) if "dt" in found else 0.0, period, str(controller))
     import control
 
     plain = controller if hasattr(controller, "A") else control.ss(controller)
     A, B, C, D = (np.atleast_2d(np.asarray(getattr(plain, key), dtype=float)) for key in "ABCD")
-    period = getattr(plain, "dt", None)
+    own = getattr(plain, "dt", None)
     n = A.shape[0] if A.size else 0
-    return A.reshape(n, n), B.reshape(n, D.shape[1]), C.reshape(D.shape[0], n), D, float(period or 0.0)
+    B, C = B.reshape(n, D.shape[1]), C.reshape(D.shape[0], n)
+    return A.reshape(n, n), B, C, D, _own(-1.0 if own is True else float(own or 0.0), period)
+
+
+def _own(dt: float, period: float, file: str = "") -> float:
+    """The sample period that a controller states, 0 if it is continuous; ``period`` where it says only that it is not.
+
+    Raises:
+        ParameterError: it says no period, and none is given; or one that cannot be.
+    """
+    place = Where(file) if file else None
+    if dt == -1.0 and not period:
+        remedy = "give the period, such as --period '1 ms', or dt in seconds"
+        raise ParameterError("the controller is sampled, and does not say how often", place, remedy)
+    if dt != -1.0 and not (math.isfinite(dt) and dt >= 0):
+        raise ParameterError(f"a sample period of {dt:g} s cannot be", place, "dt is in seconds, 0 if continuous")
+    return period if dt == -1.0 else dt
 
 
 def sampled(controller: Any, period: float, method: str = "tustin", delay: int = 0) -> Any:
@@ -66,16 +86,40 @@ def sampled(controller: Any, period: float, method: str = "tustin", delay: int =
         raise ParameterError(f"there is no method '{method}'", remedy=nearest(method, METHODS))
     if delay < 0:
         raise ParameterError(f"a delay of {delay} periods cannot be", remedy="give 0 or more")
-    A, B, C, D, own = matrices(controller)
+    A, B, C, D, own = matrices(controller, period)
     if own and not math.isclose(own, period, rel_tol=1e-9):
         raise ParameterError(f"the controller is sampled every {own:g} s, not {period:g} s")
-    made = control.ss(A, B, C, D, period) if own else control.sample_system(control.ss(A, B, C, D), period, method)
+    made = control.ss(A, B, C, D, period) if own else _discrete(control.ss(A, B, C, D), period, method)
     for _ in range(delay):
         n, (p, m) = made.nstates, made.D.shape
         A = np.block([[made.A, np.zeros((n, p))], [made.C, np.zeros((p, p))]])
         made = control.ss(
             A, np.vstack([made.B, made.D]), np.hstack([np.zeros((p, n)), np.eye(p)]), np.zeros((p, m)), period
         )
+    return made
+
+
+def _discrete(system: Any, period: float, method: str) -> Any:
+    """A continuous system sampled by a method.
+
+    Raises:
+        ParameterError: the method cannot sample this system.
+    """
+    import control
+
+    remedy = "take --method tustin, or zoh"
+    if method == "matched":
+        if not system.issiso():
+            raise ParameterError("'matched' samples a controller of one measured signal alone", remedy=remedy)
+        system = control.ss2tf(system)
+    try:
+        with np.errstate(all="ignore"):
+            made = control.ss(control.sample_system(system, period, method))
+    except (ValueError, ZeroDivisionError, np.linalg.LinAlgError) as error:
+        raise ParameterError(f"'{method}' cannot sample this controller: {error}", remedy=remedy) from None
+    if not all(np.isfinite(m).all() for m in (made.A, made.B, made.C, made.D)):
+        what = "it matches the gain at rest, and this one integrates" if method == "matched" else "it gives no numbers"
+        raise ParameterError(f"'{method}' cannot sample this controller: {what}", remedy=remedy)
     return made
 
 
@@ -100,7 +144,7 @@ def closed(
         feed: the input that it drives.
         measure: the signals y.
         reference: the signal r, compared with the first of y; zero if None.
-        period: sample period (s); continuous if 0 and the controller is.
+        period: sample period (s); that of the controller if 0, which is then continuous if it states none.
         method: how it is sampled; see `sampled`.
         delay: of the computation, in whole periods.
         name: of the new block.
@@ -113,6 +157,7 @@ def closed(
     end = scenario.resolve(feed)
     if end not in known:
         raise FlexarmError(f"'{feed}' is not an input", remedy=nearest(feed, known))
+    period = period or matrices(controller)[4]
     if delay and not period:
         raise ParameterError(
             "a delay of whole periods needs a sample period", remedy="give one, such as --period '1 ms'"

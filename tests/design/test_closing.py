@@ -10,7 +10,7 @@ import control
 import numpy as np
 import pytest
 
-from engine.errors import FlexarmError
+from engine.errors import FlexarmError, ParameterError
 from flexarm.api import simulate
 from flexarm.design.closing import close, closed, sampled
 from flexarm.design.margins import margins
@@ -113,6 +113,45 @@ def test_values_that_were_set_stay_set(axis: Path) -> None:
     run = simulate(made)
     assert run.time[-1] == pytest.approx(0.2)
     assert run.values[0, 0] == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(
+    ("method", "system", "said"),
+    [
+        ("matched", control.tf([1, 10], [1, 0]), "matches the gain at rest, and this one integrates"),
+        ("matched", control.ss(-1, [[1, 2]], 1, [[0, 0]]), "one measured signal alone"),
+        ("impulse", control.tf([1, 10], [1, 1]), "'impulse' cannot sample this controller: .*strictly proper"),
+    ],
+)
+def test_a_method_that_cannot_sample_a_controller(method: str, system: Any, said: str) -> None:
+    with pytest.raises(ParameterError, match=said):
+        sampled(system, 1e-3, method)
+
+
+def test_poles_and_zeros_matched() -> None:
+    """(s + 20)/(s + 5) has the zero and the pole exp(-20 T) and exp(-5 T), and keeps its gain at rest."""
+    made = sampled(control.tf([1, 20], [1, 5]), 0.01, "matched")
+    assert made.poles() == pytest.approx(np.exp([-0.05]))
+    assert made.zeros() == pytest.approx(np.exp([-0.2]))
+    assert complex(made(1.0)) == pytest.approx(4.0)
+
+
+def test_a_controller_that_says_no_period(axis: Path) -> None:
+    """Sampled, but how often is open: python-control's True was taken for a second."""
+    K = control.ss(0.5, 1.0, 1.0, 0.0, True)
+    with pytest.raises(ParameterError, match="does not say how often"):
+        closed(axis, K, **CARRIAGE)
+    assert "period: 0.002 s" in closed(axis, K, **CARRIAGE, period=2e-3)
+    file = axis.parent / "k.json"
+    for dt, said in ((-1, "k.json: the controller is sampled, and does not say how often"), (-2, "-2 s cannot be")):
+        file.write_text(json.dumps({"A": [[0.5]], "B": [[1]], "C": [[1]], "D": [[0]], "dt": dt}))
+        with pytest.raises(ParameterError, match=said):
+            closed(axis, file, **CARRIAGE)
+
+
+def test_a_delay_in_periods_of_the_controller(axis: Path) -> None:
+    K = sampled(LEAD, 2e-3)
+    assert closed(axis, K, **CARRIAGE, delay=1) == closed(axis, K, **CARRIAGE, delay=1, period=2e-3)
 
 
 def test_bad_input(axis: Path) -> None:
