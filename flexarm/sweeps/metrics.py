@@ -6,7 +6,7 @@ import hashlib
 import importlib.util
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import FlexarmError, ParameterError, nearest
+from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.quantity import convert, number_or_text
 
 if TYPE_CHECKING:
@@ -125,21 +125,30 @@ class Metric:
         return _PLAIN[self.function](time, y)
 
 
-def read_metrics(texts: Sequence[str], outputs: Mapping[str, str]) -> tuple[Metric, ...]:
+def read_metrics(texts: Sequence[str], outputs: Mapping[str, str], taken: Container[str] = ()) -> tuple[Metric, ...]:
     """The metrics of ``--metric`` texts.
 
     Args:
         texts: as `USAGE` says.
         outputs: signal -> unit, of those the runs record.
+        taken: names of the table's other columns.
 
     Raises:
-        ParameterError: a text that cannot be read, a signal that is not recorded, or two of one name.
+        ParameterError: a text that cannot be read, a signal that is not recorded, or two columns of one name.
     """
     made: dict[str, Metric] = {}
     for text in texts:
-        metric = _from_file(text) or _from_call(text, outputs)
+        where = Where(f"--metric {text}")
+        try:
+            metric = _from_file(text) or _from_call(text, outputs)
+        except FlexarmError as error:
+            raise error.at(where) from None
         if metric.name in made:
-            raise ParameterError(f"two metrics are called '{metric.name}'", remedy="name one: NAME=...")
+            raise ParameterError(f"two metrics are called '{metric.name}'", where, "name one: NAME=...")
+        if metric.name in taken:
+            raise ParameterError(
+                f"the table has a column '{metric.name}' already", where, "give the metric another name: NAME=..."
+            )
         made[metric.name] = metric
     return tuple(made.values())
 

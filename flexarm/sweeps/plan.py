@@ -157,6 +157,7 @@ def make_axes(
         FlexarmError: a text that cannot be read, a key that leads nowhere, a value that does not fit.
     """
     axes: list[Axis] = []
+    places: dict[str, str] = {}
     samples: dict[str, Sample] = {}
     stated = scenario.tolerances_of(model)
     for text in vary:
@@ -167,8 +168,11 @@ def make_axes(
         key, sign, value = found.groups()
         try:
             if sign == "=":
-                if any(axis.key == key for axis in axes):
-                    raise FlexarmError(f"'{key}' is varied twice", remedy="give all its values in one --vary")
+                for place in parameters_of(model, key) or (_plain(key),):  # one place has several keys
+                    other = places.setdefault(place, key)
+                    if other != key or any(axis.key == key for axis in axes):
+                        also = f", as '{other}' too" if other != key else ""
+                        raise FlexarmError(f"'{key}' is varied twice{also}", remedy="give all its values in one --vary")
                 axes.append(_axis(model, key, value, rebuild))
             else:
                 if common := scenario.system.followed(key):
@@ -218,9 +222,14 @@ def _axis(model: Model, key: str, value: str, rebuild: Any) -> Axis:
 
 def parameters_of(model: Model, key: str) -> tuple[str, ...]:
     """The model's parameters that a ``--set`` key names: one, those of a vector, or none."""
-    plain = re.sub(r"^(parameters|blocks)\.", "", key)
+    plain = _plain(key)
     names = [parameter.name for parameter in model.parameters]
     return tuple(name for name in names if name == plain or re.fullmatch(re.escape(plain) + r"\[\d+\]", name))
+
+
+def _plain(key: str) -> str:
+    """A key without the name of its section."""
+    return re.sub(r"^(parameters|blocks)\.", "", key)
 
 
 def _probes(texts: tuple[str, ...], numbers: tuple[float, ...]) -> list[str]:
@@ -348,6 +357,11 @@ def _samples(model: Model, key: str, text: str, stated: Mapping[str, float]) -> 
             made.append(Sample(name, *ends, declared.unit, False, *bounds))
         if made[-1].relative and own == 0:
             raise ParameterError(f"'{name}' is 0, and a share of it as well", remedy=f"give bounds: {name}~LOW:HIGH")
+        if not bounds[0] <= made[-1].at(0.5, own) <= bounds[1]:
+            unit = "" if declared.unit in ("1", "*") else f" {declared.unit}"
+            raise ParameterError(
+                f"'{text}' gives no value that '{name}' may have", remedy=f"it must be {declared.limits}{unit}"
+            )
     if not made:
         raise ParameterError(f"none of the parameters '{key}' has a tolerance", remedy="give one: KEY~10%")
     return made

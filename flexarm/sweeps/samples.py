@@ -51,7 +51,10 @@ class Sample:
     spread: float = 0.0
 
     def at(self, share: float, own: float) -> float:
-        """The value below which a share of the law lies, for a model whose own value is ``own``."""
+        """The value below which a share of the law lies, for a model whose own value is ``own``.
+
+        NaN where a normal or log-normal law has nothing between the bounds.
+        """
         scale = own if self.relative else 1.0
         if self.law == "normal":
             mean, deviation = self.centre * scale, self.spread * abs(scale)
@@ -59,8 +62,9 @@ class Sample:
         if self.law == "lognormal":
             median = self.centre * scale
             floor, ceiling = sorted(end / median for end in (self.floor, self.ceiling))
-            ends = (math.log(floor) / self.spread if floor > 0 else -math.inf, math.log(ceiling) / self.spread)
-            low, high = ndtr(ends[0]), ndtr(ends[1])
+            low, high = (ndtr(math.log(end) / self.spread) if end > 0 else 0.0 for end in (floor, ceiling))
+            if not low < high:
+                return math.nan
             return float(median * math.exp(self.spread * ndtri(low + (high - low) * share)))
         ends_here = sorted((self.low * scale, self.high * scale))
         if self.law == "triangular":
@@ -71,6 +75,8 @@ class Sample:
     def _within(self, share: float, standard: Callable[[float], float]) -> float:
         """The standard normal number at a share of what lies between the bounds."""
         low, high = (float(ndtr(standard(end))) for end in (self.floor, self.ceiling))
+        if not low < high:
+            return math.nan
         return float(ndtri(low + (high - low) * share))
 
     def _triangular(self, share: float, low: float, high: float, peak: float) -> float:

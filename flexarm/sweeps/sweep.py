@@ -17,7 +17,7 @@ from flexarm.sweeps.metrics import read_metrics
 from flexarm.sweeps.plan import MOST_RUNS, SweepPlan, inside, make_axes
 from flexarm.sweeps.samples import from_fit
 from flexarm.sweeps.store import SweepStore
-from flexarm.sweeps.work import Span, build, compute, digest
+from flexarm.sweeps.work import SUMMARIES, Span, build, compute, digest
 from scenarios.files import packed
 from scenarios.load import Scenario, load
 
@@ -219,7 +219,9 @@ def make_plan(
         if twice:
             raise ParameterError(f"'{twice}' is drawn from the fit and varied as well", remedy="leave out that --vary")
         samples = (*fitted, *samples)
-    metrics = read_metrics(tuple(o.metrics), dict(chosen))
+    taken = {"run", "failure", *(axis.key for axis in axes), *(sample.name for sample in samples)}
+    taken |= {f"{name}.{kind}" for name, _ in chosen for kind in SUMMARIES}
+    metrics = read_metrics(tuple(o.metrics), dict(chosen), taken)
     if o.scheduler and any(metric.digest for metric in metrics):
         raise ParameterError("a Python function is not sent to a cluster", remedy="use --workers, or a named metric")
     if samples and o.runs is None:

@@ -484,6 +484,11 @@ def _group(group: int) -> list[int]:
         (["wheel.inertia=0:2:3:log"], "no logarithmic spacing"),
         (["wheel.inertia=1,"], "a value is missing"),
         (["wheel.inertia=1,2", "wheel.inertia=3,4"], "varied twice"),
+        (
+            ["wheel.inertia=1,2", "blocks.wheel.inertia=3,4"],
+            "'blocks.wheel.inertia' is varied twice, as 'wheel.inertia'",
+        ),
+        (["parameters.push=1,2", "push=3,4"], "'push' is varied twice, as 'parameters.push' too"),
         (["wheel.inertia=1,2", "wheel.inertia~10%"], "is on an axis and is drawn as well"),
         (["wheel.nothing~10%"], "no parameter 'wheel.nothing' that can be drawn"),
         (["source.height~10%"], "'source.height' follows push\\n.*--vary 'push~10%'"),

@@ -85,6 +85,10 @@ def test_a_triangle_is_cut_at_a_bound() -> None:
         ("triangular(3, 2, 1)", "do not rise"),
         ("normal(3 m)", "unit 'm' does not fit"),
         ("12", "is no range to draw from"),
+        ("normal(-5, 0.1)", "'normal(-5, 0.1)' gives no value that 'wheel.inertia' may have\n  it must be > 0 kg.m2"),
+        ("lognormal(-5, 10%)", "gives no value that 'wheel.inertia' may have"),
+        ("triangular(-3, -2, -1)", "gives no value that 'wheel.inertia' may have"),
+        ("uniform(-3, -1)", "gives no value that 'wheel.inertia' may have"),
     ],
 )
 def test_laws_that_do_not_fit(swing: Path, text: str, message: str) -> None:
@@ -170,11 +174,17 @@ def test_metrics_of_lines() -> None:
         ("rms(law.out, band=2%)", "'band=2%' is no setting of rms"),
         ("none.py:f", "there is no file 'none.py'"),
         ("law.out", "'law.out' is no metric"),
+        ("rms(law.out, after=1 V)", "--metric rms(law.out, after=1 V): '1 V': unit 'V' does not fit"),
+        ("run=rms(law.out)", "--metric run=rms(law.out): the table has a column 'run' already"),
+        ("failure=rms(law.out)", "the table has a column 'failure' already"),
+        ("bias=rms(law.out)", "the table has a column 'bias' already"),
     ],
 )
 def test_metrics_that_do_not_fit(swing: Path, text: str, message: str) -> None:
+    shared = swing.with_name("shared.yaml")
+    shared.write_text(SWING.replace("blocks:", "parameters: {bias: 2}\nblocks:").replace("gain: 2}", "gain: $bias}"))
     with pytest.raises(FlexarmError) as caught:
-        make_plan(load(swing), ["gain.gain=1,2"], metrics=[text])
+        make_plan(load(shared), ["bias=1,2"], metrics=[text])
     assert message in str(caught.value)
 
 
