@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from engine.errors import FlexarmError
+from engine.errors import FlexarmError, Where
 from flexarm.console.options import (
     AnalysisOption,
     InputsOption,
@@ -33,7 +33,8 @@ def describe(
     inputs: InputsOption = None,
     outputs: OutputsOption = None,
     amplitude: Annotated[
-        list[str] | None, typer.Option("--amplitudes", metavar="A,B,...", help="Of the sine, such as '0.5 V,2 V'.")
+        list[str] | None,
+        typer.Option("--amplitudes", metavar="A,B,...", help="Of the sine, such as '0.5 V,2 V', or START:STOP:N."),
     ] = None,
     frequencies: Annotated[
         str | None, typer.Option(metavar="START:STOP:N:log", help="Such as '0.1 Hz:10 Hz:20:log', or A,B,C.")
@@ -111,7 +112,12 @@ def _points(table: Any, found: Description) -> dict[str, Any]:
 
 
 def _listed(given: list[str] | None) -> list[str] | None:
-    return None if given is None else [one.strip() for text in given for one in text.split(",") if one.strip()]
+    from flexarm.sweeps.plan import texts_of
+
+    try:
+        return None if given is None else [one for text in given for one in texts_of(text)]
+    except FlexarmError as error:
+        raise error.at(Where("--amplitudes")) from None
 
 
 def describe_page(found: Description) -> str:

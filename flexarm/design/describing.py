@@ -20,7 +20,7 @@ from diagnosis.frequency_response.sine_model import settling_time, sine_model
 from diagnosis.recordings.types import Channel, FrequencyTable
 from engine.errors import FlexarmError, ParameterError, Where
 from engine.linear_modes import audible, hearing
-from engine.linearise import LinearModel, linearise
+from engine.linearise import LinearModel, linearise, linearise_at, operating_point
 from engine.model import Vector
 from engine.quantity import convert
 from engine.simulate import simulate
@@ -218,12 +218,16 @@ def _fourier(y: NDArray[np.float64], count: int, shift: float) -> tuple[NDArray[
 
 
 def _linear(made: Cut, amplitude: float, frequency: float, count: int) -> tuple[NDArray[np.complex128], Vector]:
-    """The same of a model that meets no switch at this amplitude."""
-    linear = linearise(made.model)
+    """The same of a model that meets no switch at this amplitude: about where it would come to rest."""
+    model, point = made.model, operating_point(made.model)
+    linear = linearise_at(model, point)
+    rates, rest = (np.array(model.functions[key](*point.arguments).full()).ravel() for key in ("derivative", "outputs"))
+    if len(rates):
+        rest = rest + linear.C @ np.linalg.lstsq(linear.A, -rates, rcond=1e-12)[0]
     gain = linear.gain(frequency)[:, 0]
-    made_ = np.zeros((len(gain), count), dtype=complex)
-    made_[:, 0] = gain * amplitude
-    return made_, np.zeros(len(gain))
+    found = np.zeros((len(gain), count), dtype=complex)
+    found[:, 0] = gain * amplitude
+    return found, rest
 
 
 def _beside(made: Cut) -> dict[str, LinearModel]:

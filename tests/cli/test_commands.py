@@ -275,3 +275,15 @@ def test_the_commands_are_all_there_whichever_is_called() -> None:
     one = typer.main.get_command(application(["run", "x.yaml"]))
     assert list(one.commands) == ["run"]  # type: ignore[attr-defined]
     assert [p.name for p in one.commands["run"].params] == [p.name for p in whole.commands["run"].params]  # type: ignore[attr-defined]
+
+
+def test_amplitudes_of_sines_as_a_range(base: Path, command: Callable[..., Any]) -> None:
+    """As frequencies are given; '0.5:1.5:3' was a number with the unknown unit ':1.5:3'."""
+    asked = ["describe", base, "-u", "motor.voltage", "-y", "motor.shaft.speed", "--frequencies", "1"]
+    answer = command(*asked, "--amplitudes", "0.5 V:1500 mV:3")
+    assert answer.code == 0, answer.err
+    rows = answer.out.splitlines()
+    assert [float(row.split()[0]) for row in rows[-3:]] == pytest.approx([0.5, 1.0, 1.5])
+    answer = command(*asked, "--amplitudes", "0.5:1")
+    assert answer.code == 1
+    assert "--amplitudes: '0.5:1' is no range" in answer.err

@@ -161,3 +161,31 @@ def test_bad_input(tmp_path: Path) -> None:
         describe("two-link-flexible", amplitudes=[1.0], frequencies=[1.0])
     with pytest.raises(FlexarmError, match="'V'"):
         describe("two-link-flexible", inputs=["drive1.torque"], amplitudes=["1 V"], frequencies=[1.0])
+
+
+LOADED = """\
+schema: 1
+name: loaded
+blocks:
+  weight: {type: Constant, value: 2 N.m}
+  load: {type: Torque}
+  push: {type: Torque}
+  spring: {type: GroundSpring, stiffness: 10 N.m/rad, damping: 0.5 N.m.s/rad, rest_angle: 0.3 rad}
+  body: {type: Inertia, inertia: 0.1 kg.m2}
+connect:
+  - [weight.out, load.torque]
+  - [load.shaft, push.shaft, body.shaft, spring.shaft]
+"""
+
+
+def test_the_mean_of_a_linear_model_is_where_it_rests(tmp_path: Path) -> None:
+    """A spring at rest at 0.3 rad gives way by 2 N.m / 10 N.m/rad; the speed has no mean."""
+    path = tmp_path / "loaded.yaml"
+    path.write_text(LOADED)
+    outputs = ["body.shaft.angle", "body.shaft.speed", "spring.torque"]
+    found = describe(path, inputs=["push.torque"], outputs=outputs, amplitudes=[0.5, 1.0], frequencies=[1.0, 8.0])
+    assert np.abs(found.mean[..., 0] - 0.5).max() < 1e-9
+    assert np.abs(found.mean[..., 1]).max() < 1e-9
+    assert np.abs(found.mean[..., 2] + 2.0).max() < 1e-9
+    expected = 1 / (10 - 0.1 * 64 + 0.5j * 8)
+    assert abs(found.gain[0, 1, 0] - expected) < 1e-9
