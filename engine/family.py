@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 import scipy.linalg
@@ -98,11 +98,24 @@ class LinearFamily:
     def __iter__(self) -> Iterator[LinearModel]:
         return (self[index] for index in np.ndindex(self.shape))
 
-    def __getitem__(self, index: int | tuple[int, ...]) -> LinearModel:
-        """One member, with all states; an int counts along the flattened array."""
-        place = np.unravel_index(index, self.shape) if isinstance(index, int) else tuple(index)
-        flat = int(np.ravel_multi_index(place, self.shape))
+    def __getitem__(self, index: SupportsIndex | Sequence[SupportsIndex]) -> LinearModel:
+        """One member, with all states; an int counts along the flattened array, from its end if negative.
+
+        Raises:
+            IndexError: there is no such member.
+        """
+        flat = self._number(index)
+        place = np.unravel_index(flat, self.shape)
         return self._model(tuple(getattr(self, k)[place] for k in _ARRAYS), self.modes[flat], self.held[flat])
+
+    def _number(self, index: SupportsIndex | Sequence[SupportsIndex]) -> int:
+        """The place of a member in the flattened array."""
+        if not isinstance(index, Sequence):
+            return range(len(self))[index]
+        if len(index) != len(self.shape):
+            raise IndexError(f"a family over {len(self.shape)} axes has no member {tuple(index)}")
+        places = [range(length)[k] for length, k in zip(self.shape, index, strict=True)]
+        return int(np.ravel_multi_index(places, self.shape))
 
     def _model(self, arrays: tuple[Any, ...], modes: dict[str, str], held: frozenset[str] = frozenset()) -> LinearModel:
         A, B, C, D, x0, u0, _, dx0 = arrays
@@ -112,10 +125,10 @@ class LinearFamily:
         rate = float(np.abs(dx0).max(initial=0.0))
         return LinearModel(A, B, C, D, self.states, self.inputs, self.outputs, self.units, modes, point, rate, moving)
 
-    def kept(self, index: int | tuple[int, ...]) -> LinearModel:
+    def kept(self, index: SupportsIndex | Sequence[SupportsIndex]) -> LinearModel:
         """One member without the states that stuck joints hold, as `engine.linearise.linearise` gives it."""
-        whole = self[index]
-        flat = index if isinstance(index, int) else int(np.ravel_multi_index(index, self.shape))
+        flat = self._number(index)
+        whole = self[flat]
         keep = [i for i, name in enumerate(self.states) if name not in self.held[flat]]
         return LinearModel(
             whole.A[np.ix_(keep, keep)],

@@ -124,6 +124,17 @@ def test_xarray_and_control_hold_the_same(over_angles: LinearFamily) -> None:
     np.testing.assert_array_equal(systems[5, 10].A, over_angles[5, 10].A)
 
 
+def test_members_by_any_whole_number(over_angles: LinearFamily) -> None:
+    """As of a sequence and of an array: a number of numpy's, such as argmax gives, and one from the end."""
+    last = over_angles[10, 10]
+    for index in (-1, np.int64(120), (-1, -1), (np.int64(10), 10)):
+        np.testing.assert_array_equal(over_angles[index].A, last.A)
+        np.testing.assert_array_equal(over_angles.kept(index).A, over_angles.kept((10, 10)).A)
+    for wrong in (121, -122, (0, 11), (0,)):
+        with pytest.raises(IndexError):
+            over_angles[wrong]
+
+
 def test_every_combination_of_modes_keeps_one_order_of_states() -> None:
     """Friction and a gap: nine combinations; a stuck joint's states stay, and do not move."""
     model = load("srv02-backlash").build(["motor.voltage"], ["motor.shaft.speed", "load.shaft.speed"])
