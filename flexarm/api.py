@@ -98,7 +98,7 @@ def trim(
         modes: mode name -> label, over those of the analysis: held whatever follows; the others are found.
         at: where the search begins, and the values of inputs that are not free: SI numbers or texts with a unit.
         fix: values that motions, states, inputs or outputs must have, over those of the analysis.
-        free: inputs that are searched for, in place of those of the analysis.
+        free: inputs that are searched for, in place of those of the analysis; one may be a plain text.
         bounds: state or free input -> least and greatest value, over those of the analysis.
 
     Raises:
@@ -107,7 +107,7 @@ def trim(
     from flexarm.design.point import equilibrium
 
     made = source if isinstance(source, Cut) else cut(source, "trim", analysis, inputs=inputs, outputs=outputs)
-    chosen = None if free is None else tuple(free)
+    chosen = None if free is None else (free,) if isinstance(free, str) else tuple(free)
     return equilibrium(made, modes=modes, at=at, fix=fix, free=chosen, bounds=bounds)
 
 
@@ -224,6 +224,12 @@ def linear_family(
     if grid:
         return families.grid(made, grid, modes=modes, at=at, trim=trim)
     if snapshots:
+        own = [name for name, given in (("modes", modes), ("at", at), ("trim", trim)) if given]
+        if own:
+            raise ParameterError(
+                f"snapshots are at the points of the run, and '{own[0]}' asks for another",
+                remedy="leave it out, or take a grid",
+            )
         return families.snapshots(made, snapshots)
     return families.every_mode(made, modes=modes, at=at, trim=trim)
 

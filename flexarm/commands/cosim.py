@@ -38,7 +38,12 @@ def cosim(
     if file.suffix.lower() not in (".fmu", ".ssp"):
         raise FlexarmError(f"'{file}' is neither FMU nor SSP", remedy="its name ends in .fmu or .ssp")
     loaded = load(scenario, overrides) if scenario is not None else None
-    for option, given in (("--set", overrides), ("--inputs", inputs), ("--outputs", outputs)):
+    for option, given in (
+        ("--set", overrides),
+        ("--analysis", analysis),
+        ("--inputs", inputs),
+        ("--outputs", outputs),
+    ):
         if loaded is None and given:
             raise ParameterError(f"{option} is of a scenario, and none is given", Where(option), "add --scenario NAME")
     found = run(

@@ -101,7 +101,8 @@ def export(
     made = cut(loaded, "export", analysis, inputs=names(inputs), outputs=names(outputs))
     say_bypassed(made.bypassed, ", ".join(made.settings.inputs))
     if split:
-        _refuse_with_split(linear_twin or variable_step is not None or bool(results) or arrays, backend)
+        further = linear_twin or variable_step is not None or bool(results) or arrays or bool(mode) or bool(at)
+        _refuse_with_split(further, backend)
         _split(made, path, split, names(platforms), {"version": fmi, "bare": bare})
         return
     options = ExportOptions(
@@ -127,9 +128,9 @@ def export(
 def _refuse_with_split(further: bool, backend: str) -> None:
     if further or backend != "c":
         raise ParameterError(
-            "an SSP holds FMUs of compiled C with a fixed step, outputs alone, no arrays and no linear twin",
+            "an SSP holds FMUs of compiled C with a fixed step, outputs alone, no arrays and no linear model",
             Where("--split"),
-            "leave out --linear-twin, --variable-step, --results, --arrays and --backend",
+            "leave out --linear-twin, --variable-step, --results, --arrays, --backend, --mode and --at",
         )
 
 
@@ -143,6 +144,12 @@ def _split(made: Cut, path: Path, groups: list[str], platforms: list[str] | None
     wanted = {}
     for text in groups:
         name, _, blocks = text.partition("=")
+        if name.strip() in wanted:
+            raise ParameterError(
+                f"two FMUs are called '{name.strip()}'",
+                Where(f"--split {text}"),
+                "name all its blocks at once: NAME=A,B",
+            )
         wanted[name.strip()] = names([blocks or name]) or []
     split(made, path, wanted, **settings)
     typer.echo(f"written: {path}")

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from engine.errors import ParameterError, Where
 from flexarm.console.options import (
     AnalysisOption,
     AtOption,
@@ -86,6 +87,12 @@ def linearise(
         from flexarm.console.text import family_page
         from flexarm.output import write_family
 
+        if reduce is not None:
+            raise ParameterError(
+                "a family is not reduced: its members have one order of states",
+                Where("--reduce"),
+                "leave it out, or reduce one model",
+            )
         family = linear_family(
             made,
             grid=pairs(grid, "--grid") if grid else None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -125,6 +126,8 @@ def _axis(made: Cut, key: str, values: str | Sequence[float]) -> Axis:
             numbers = [si(number_or_text(text), units, name) for text in texts_of(values)] if name in units else []
         else:
             numbers = [float(v) for v in values]
+            if not numbers:
+                raise ParameterError(f"no values are given for '{key}'", remedy="give at least one")
         return scheduling_axis(model, name, numbers)
     except FlexarmError as error:
         raise error.at(where) from None
@@ -199,12 +202,13 @@ def snapshots(made: Cut, every: float, *, stop: float | None = None) -> LinearFa
     end = stop if stop is not None else planned.stop if planned is not None else None
     if end is None:
         raise FlexarmError("the scenario does not say how long to simulate", remedy="add 'simulate: {stop: 4 s}'")
-    step = min(every, planned.step if planned is not None else 1e-3, end)
+    # Rows are as close as those of the scenario's run, and every so many of them are at the interval.
+    stride = math.ceil(every / min(planned.step if planned is not None else 1e-3, end) * (1 - 1e-9))
+    step = every / stride
     whole = scenario.build((), list(dict.fromkeys(feeding.values())))
     run = simulate(whole, end, step, record_states=True)
     assert run.states is not None
     assert run.modes is not None
-    stride = max(1, round(every / step))
     rows = set(range(0, len(run.time), stride))
     rows |= {int(k) + 1 for k in np.flatnonzero((np.diff(run.modes, axis=0) != 0).any(axis=1))}
     if len(rows) > MOST_SNAPSHOTS:

@@ -68,6 +68,8 @@ def test_refusals_write_nothing(base: Path, command: Callable[..., Any]) -> None
         (["--inputs", "motor.volt"], "motor.voltage"),
         (["--outputs", "load.shaft.angel"], "load.shaft.angle"),
         (["-o", "nowhere/arm.fmu"], "no folder"),
+        (["--split", "a=motor", "--split", "a=load"], "--split a=load: two FMUs are called 'a'"),
+        (["--split", "a=load", "--at", "motor.shaft.angle=1"], "--at"),
     ):
         answer = command("export", base.name, *bad)
         assert answer.code == 1, (bad, answer.out)
@@ -90,6 +92,7 @@ def test_cosim_refusals(base: Path, command: Callable[..., Any]) -> None:
         (["arm.fmu", "--input", "motor.voltage=1 rad"], "rad"),
         (["arm.fmu", "--scenario", "lumped-arm-pulse"], "inputs are"),
         (["arm.fmu", "-s", "load.inertia=1"], "--scenario"),
+        (["arm.fmu", "--analysis", "plant"], "--analysis is of a scenario, and none is given"),
     ):
         answer = command("cosim", *arguments)
         assert answer.code == 1, arguments
@@ -176,3 +179,11 @@ def test_a_block_with_one_mode_gives_it_its_name(base: Path, command: Callable[.
     assert short.code == 0, short.err
     assert short.out == whole.out
     assert "above" in short.out
+
+
+def test_a_family_is_not_reduced(base: Path, command: Callable[..., Any]) -> None:
+    """It was written whole, and nothing said so."""
+    answer = command("linearise", base.name, "--grid", "load.inertia=1e-3:2e-3:2", "--reduce", 1, "-o", "f.json")
+    assert answer.code == 1
+    assert "--reduce: a family is not reduced" in answer.err
+    assert not (base.parent / "f.json").exists()

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import flexarm
 from engine.errors import FlexarmError
+from scenarios.load import load
 
 SLIDE = """\
 schema: 1
@@ -68,3 +70,27 @@ def test_an_input_that_is_fixed_is_no_longer_free_as_the_file_has_it(tmp_path: P
     assert found.states["motor.shaft.angle"] == pytest.approx(math.asin(0.1 * 0.3 / 0.5 / (9.80665 * 0.2)), rel=1e-6)
     with pytest.raises(FlexarmError, match="both fixed and free"):
         flexarm.trim(path, fix={"motor.voltage": "0.3 V"}, free=["motor.voltage"])
+
+
+def test_one_free_input_as_a_plain_text(tmp_path: Path) -> None:
+    path = written(tmp_path, HELD)
+    found = flexarm.trim(path, fix={"motor.shaft.angle": "30 deg"}, free="motor.voltage")
+    assert found.inputs["motor.voltage"] == pytest.approx(9.80665 * 0.2 * math.sin(math.pi / 6) * 0.5 / 0.1, rel=1e-6)
+
+
+def test_snapshots_are_at_their_interval(tmp_path: Path) -> None:
+    """A falling arm, rows every 10 ms: every 15 ms was every 20 ms. The weight's slope is -m g r cos(angle) / J."""
+    path = written(tmp_path, HELD.replace("simulate:", "initial: {motor.shaft.angle: 2 rad}\nsimulate:"))
+    loaded = load(path, ["simulate.step=10 ms", "simulate.stop=0.3 s"])
+    found = flexarm.linear_family(loaded, snapshots=0.015, inputs=["motor.voltage"], outputs=["motor.shaft.speed"])
+    (axis,) = found.axes
+    assert axis.values == pytest.approx(0.015 * np.arange(21), abs=1e-12)
+    run = flexarm.simulate(loaded, step=7.5e-3)
+    angle = run["motor.shaft.angle"][::2]
+    assert found.x0[:, 0] == pytest.approx(angle, abs=1e-6)
+    assert found.A[:, 1, 0] == pytest.approx(-9.80665 * 0.2 * np.cos(angle) / 1e-4, rel=1e-5)
+    for given in ({"trim": "auto"}, {"at": {"motor.shaft.angle": 1.0}}):
+        with pytest.raises(FlexarmError, match="snapshots are at the points of the run"):
+            flexarm.linear_family(loaded, snapshots=0.015, **given)
+    with pytest.raises(FlexarmError, match=r"no values are given for 'motor\.resistance'"):
+        flexarm.linear_family(loaded, grid={"motor.resistance": []})
