@@ -247,6 +247,45 @@ def _is_same(model: Model, names: tuple[str, ...], text: str, built: Model) -> b
     return bool(np.array_equal(tuned, built.parameter_values))
 
 
+def check_draws(scenario: Scenario, model: Model, samples: Sequence[Sample], rebuild: Any) -> None:
+    """Refuse to draw a parameter of the scenario that also gives what no draw changes, such as a value in a list.
+
+    Args:
+        scenario: what is drawn from.
+        model: of the scenario.
+        samples: what is drawn.
+        rebuild: returns the model of the scenario with one further override.
+
+    Raises:
+        ParameterError: the model with the value drawn is another than that of the scenario with this value.
+    """
+    laws = [law for keys in scenario.system.shared.values() for law in keys.values()]
+    common = {name for law in laws for name in ([law] if isinstance(law, str) else law.arguments)}
+    for sample in samples:
+        if sample.name not in common:
+            continue
+        own = model.parameters[model.parameter_index(sample.name)].value
+        value = next((v for v in (sample.at(0.3, own), sample.at(0.8, own)) if v != own), own)
+        text = f"{value!r}{'' if sample.unit in ('1', '*') else f' {sample.unit}'}"
+        try:
+            built = rebuild(f"{sample.name}={text}")
+        except FlexarmError:  # a value that something refuses fails in its own run
+            continue
+        if shape(built) != shape(model):
+            left = "the shape of the model"
+        else:
+            tuned = model.parameter_vector({sample.name: value})
+            changed = np.flatnonzero(~np.isclose(tuned, built.parameter_values, rtol=1e-12, atol=0.0))
+            if not len(changed):
+                continue
+            left = f"'{model.parameters[int(changed[0])].name}'"
+        raise ParameterError(
+            f"'{sample.name}' gives {left} too, which a draw does not change",
+            Where(f"--vary {sample.name}"),
+            f"put it on an axis, for which models are built: {sample.name}=A,B,C",
+        )
+
+
 def shape(model: Model) -> str:
     """Hash of a model without its parameters' values."""
     digest = hashlib.sha256()

@@ -14,7 +14,7 @@ from engine.spread import MOST_WORKERS, Spread
 from flexarm._version import version
 from flexarm.output import provenance
 from flexarm.sweeps.metrics import read_metrics
-from flexarm.sweeps.plan import MOST_RUNS, SweepPlan, inside, make_axes
+from flexarm.sweeps.plan import MOST_RUNS, SweepPlan, check_draws, inside, make_axes
 from flexarm.sweeps.samples import from_fit
 from flexarm.sweeps.store import SweepStore
 from flexarm.sweeps.work import SUMMARIES, Span, build, compute, digest
@@ -219,6 +219,7 @@ def make_plan(
         if twice:
             raise ParameterError(f"'{twice}' is drawn from the fit and varied as well", remedy="leave out that --vary")
         samples = (*fitted, *samples)
+    check_draws(scenario, model, samples, rebuild)
     taken = {"run", "failure", *(axis.key for axis in axes), *(sample.name for sample in samples)}
     taken |= {f"{name}.{kind}" for name, _ in chosen for kind in SUMMARIES}
     metrics = read_metrics(tuple(o.metrics), dict(chosen), taken)

@@ -67,6 +67,30 @@ def test_laws_are_those_of_their_names(swing: Path, text: str, law: Any) -> None
     np.testing.assert_allclose(found, law.ppf(shares), rtol=1e-9)
 
 
+POINTS = "points: 2, breakpoints: [0, 1]"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "left"),
+    [
+        ("type: Gain, gain: 2", f"type: LookupTable, {POINTS}, heights: [0, $share]", "'gain.heights[2]'"),
+        ("shaft.speed: 2}", "shaft.speed: 20 * $share}", "the shape of the model"),
+    ],
+)
+def test_a_draw_that_would_change_half_of_what_it_gives(swing: Path, old: str, new: str, left: str) -> None:
+    """A value in a list, or a start, keeps the value that it was built with: only an axis changes both."""
+    text = SWING.replace("blocks:", "parameters: {share: 0.1}\nblocks:").replace(
+        "friction: 0.1 N", "friction: $share * 1 N"
+    )
+    swing.write_text(text)
+    make_plan(load(swing), ["share~10%"], runs=1)
+    swing.write_text(text.replace(old, new))
+    with pytest.raises(FlexarmError) as caught:
+        make_plan(load(swing), ["share~10%"], runs=1)
+    assert f"'share' gives {left} too, which a draw does not change" in str(caught.value)
+    assert make_plan(load(swing), ["share=0.1,0.2"]).total == 2
+
+
 def test_a_triangle_is_cut_at_a_bound() -> None:
     sample = Sample("x", 0.0, 1.0, "1", False, floor=0.2, ceiling=0.7, law="triangular", centre=0.4)
     whole = scipy.stats.triang(0.4, 0.0, 1.0)
