@@ -98,13 +98,15 @@ def pairs(given: list[str] | None, option: str) -> dict[str, str]:
     """NAME=VALUE texts as a mapping.
 
     Raises:
-        FlexarmError: a text without an equals sign.
+        FlexarmError: a text without an equals sign, or a name twice.
     """
     found: dict[str, str] = {}
     for text in given or []:
         name, equals, value = text.partition("=")
         if not equals:
             raise FlexarmError(f"'{text}' sets nothing", Where(option), "write NAME=VALUE")
+        if name.strip() in found:
+            raise FlexarmError(f"'{name.strip()}' is given twice", Where(option), "give it once, with all it takes")
         found[name.strip()] = value.strip()
     return found
 

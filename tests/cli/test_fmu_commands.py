@@ -187,3 +187,11 @@ def test_a_family_is_not_reduced(base: Path, command: Callable[..., Any]) -> Non
     assert answer.code == 1
     assert "--reduce: a family is not reduced" in answer.err
     assert not (base.parent / "f.json").exists()
+
+
+@pytest.mark.parametrize("option", ["--grid load.inertia=1e-3:2e-3:2", "--at load.shaft.speed=1", "--mode zone=inside"])
+def test_a_name_is_given_once(option: str, base: Path, command: Callable[..., Any]) -> None:
+    """The last one counted, and a grid of two became one of one."""
+    answer = command("linearise", base.name, *option.split(), *option.split())
+    assert answer.code == 1
+    assert f"{option.split()[0]}: '{option.split()[1].partition('=')[0]}' is given twice" in answer.err
