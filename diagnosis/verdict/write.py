@@ -12,7 +12,8 @@ from diagnosis.estimation.least_squares import interval_in_words
 from diagnosis.verdict.experiment_design import Proposal
 from diagnosis.verdict.verdict import Diagnosis
 from engine.files import folder_made, json_text, writing
-from scenarios.amend import Edit, Feed, Set, amended, relocated, with_readings, with_values, without
+from scenarios.amend import Edit, Feed, Set, amended, relocated, with_overrides, with_readings, with_values, without
+from scenarios.load import Scenario
 
 EXPERIMENT = "next_experiment"
 """Name of the block that plays the proposed input."""
@@ -24,10 +25,15 @@ THINNED = 5
 """Every fifth row of the rivals' predictions is written."""
 
 
+def given_text(scenario: Scenario) -> str:
+    """The user's scenario with the values that were set for this run."""
+    return with_overrides(scenario.path.read_text(encoding="utf-8"), scenario.overrides)
+
+
 def amended_text(found: Diagnosis) -> str:
-    """The user's scenario with what was missing put in and every parameter fitted; unchanged if nothing was found."""
+    """The user's scenario with what was missing put in and every parameter fitted; as given if nothing was found."""
     study = found.study
-    original = with_readings(study.scenario.path.read_text(encoding="utf-8"), study.refit.fit.problem.assumed)
+    original = with_readings(given_text(study.scenario), study.refit.fit.problem.assumed)
     if not study.chosen.effects:
         return original
     values = study.chosen.fit.parameters()
@@ -112,7 +118,7 @@ def experiment_text(found: Diagnosis, proposal: Proposal, folder: Path) -> str:
     """The user's scenario with the proposed input in place of its own source, for the rig and for the simulation."""
     path = found.study.scenario.path
     text = relocated(
-        without(path.read_text(encoding="utf-8"), "recordings", "analyses", "simulate"), path.parent, folder
+        without(given_text(found.study.scenario), "recordings", "analyses", "simulate"), path.parent, folder
     )
     source = {
         "file": "next-experiment.csv",

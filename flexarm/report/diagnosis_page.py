@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from diagnosis.verdict.verdict import fit_table
-from diagnosis.verdict.write import amended_text
+from diagnosis.verdict.write import amended_text, given_text
 from flexarm.plotting.wiring.diagram import diagram
 from flexarm.report.evidence import evidence_charts
 from flexarm.report.fit_page import fitted_starts
@@ -51,7 +51,7 @@ def page(found: Diagnosis, folder: Path, *, seed: int | None = None, command: st
     picture = diagram(study.scenario, lit)
     evidence = evidence_charts(found.evidence)
     after = before_after(found)
-    given = study.scenario.path.read_text(encoding="utf-8")
+    given = given_text(study.scenario)
     units = {v.name: v.unit for v in study.refit.fit.problem.model.outputs}
     # An input on which rivals hardly differ is not one to apply.
     useful = found.proposal is not None and found.proposal.separating

@@ -45,7 +45,7 @@ def tied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any, set[Any]]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plants, "inputs", forwards)
         path = plants.case(tmp_path_factory.mktemp("tied"), coulomb=4.0e-4, seed=3)
-    found = diagnose(path, without=OTHERS)
+    found = diagnose(path, without=OTHERS, overrides=["source.height=2 V", "simulate.stop=1.5 s"])
     folder = path.parent / "out"
     return found, folder, {p.name for p in write(found, folder)}
 
@@ -93,6 +93,17 @@ def test_the_scenario_says_what_for_and_keeps_what_the_user_wrote(tied: tuple[An
     assert sentence[:1].upper() + sentence[1:] in text, "units keep their capitals"
     blocks = load(folder / "next-experiment.yaml").system.blocks
     assert set(blocks) == {"source", "motor", EXPERIMENT}
+
+
+def test_what_was_set_is_written_though_nothing_fits_it(tied: tuple[Any, Any, set[Any]]) -> None:
+    """The model was found with a source of 2 V over 1.5 s; the files had that of 1 V over 2 s."""
+    _, folder, _ = tied
+    amended = load(folder / "amended.yaml")
+    assert set(amended.system.blocks) > {"source", "motor"}
+    assert amended.system.blocks["source"].values["height"] == 2.0
+    assert amended.simulation is not None
+    assert amended.simulation.stop == 1.5
+    assert load(folder / "next-experiment.yaml").system.blocks["source"].values["height"] == 2.0
 
 
 def test_the_experiment_drives_the_motor(tied: tuple[Any, Any, set[Any]]) -> None:
