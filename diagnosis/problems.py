@@ -22,7 +22,7 @@ from diagnosis.recordings.feedback import plant_inputs
 from diagnosis.recordings.noise import noise, spikes
 from diagnosis.recordings.types import FrequencyTable, Recorded, Recording
 from diagnosis.thresholds import FITTING
-from engine.errors import FlexarmError, ParameterError, SimulationError
+from engine.errors import FlexarmError, ParameterError, SimulationError, Where
 from engine.model import Model
 from engine.ports import MOTION
 from engine.start import start_values
@@ -213,6 +213,13 @@ def _pose(
         for f in named.values()
         if f.name in bounds and f.name not in held
     ]
+    for f in free:
+        try:
+            model.parameters[model.parameter_index(f.name)].check_free(
+                "a fit", f"hold it: 'tolerances: {{{f.name}: 0}}', or declare a parameter for each"
+            )
+        except ParameterError as error:
+            raise error.at(Where(scenario.document.file)) from None
     starts = [start for e in experiments for start in free_starts(e)]
     whole = Problem(scenario, model, tuple(experiments), (*free, *starts), steps=steps)
     return resolved(whole, np.zeros(len(whole.free))) or whole

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -23,6 +24,8 @@ from engine.quantity import Parameter
 from engine.relations import Relation
 from engine.stamps import ModelParameter
 
+REBUILD = "set it where the model is built: --set KEY=VALUE, or overrides of load"
+"""What to do where a built model cannot follow."""
 MOST_VECTORS = 8
 """Parameter vectors that a model keeps: those of the runs under way."""
 
@@ -56,16 +59,34 @@ class ParameterVariable:
     value: float
     declared: Parameter
     users: tuple[str, ...]
+    fixed: tuple[str, ...] = ()
 
     @property
     def unit(self) -> str:
         """Coherent SI unit."""
         return self.declared.unit
 
+    def check_free(self, by: str, remedy: str) -> None:
+        """Refuse to change it if something else that it gives would stay as it is.
+
+        Args:
+            by: what would change it, such as ``a draw``.
+            remedy: what to do instead.
+
+        Raises:
+            ParameterError: something would stay.
+        """
+        if self.fixed:
+            raise ParameterError(
+                f"'{self.name}' gives {' and '.join(self.fixed)} too, which {by} does not change", None, remedy
+            )
+
 
 def parameter_variables(entries: Iterable[ModelParameter]) -> tuple[ParameterVariable, ...]:
     """Parameters as a model has them."""
-    return tuple(ParameterVariable(entry.name, entry.value, entry.declared, tuple(entry.users)) for entry in entries)
+    return tuple(
+        ParameterVariable(entry.name, entry.value, entry.declared, tuple(entry.users), entry.fixed) for entry in entries
+    )
 
 
 @dataclass(frozen=True)
@@ -299,7 +320,9 @@ class Model:
         for name, value in changes.items():
             index = self.parameter_index(name)
             try:
-                values[index] = self.parameters[index].declared.check(value)
+                before, values[index] = values[index], self.parameters[index].declared.check(value)
+                if not math.isclose(values[index], before, rel_tol=1e-12):
+                    self.parameters[index].check_free("a change of a built model", REBUILD)
             except ParameterError as error:
                 raise error.at(Where(path=name)) from None
         if same is not None:

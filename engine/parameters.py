@@ -53,10 +53,14 @@ class Parameters:
             return self.of(block_name, alias)
         if declared.unit == "*":
             declared = replace(declared, unit=block.unit_of(name))
+        if declared.size:
+            return ca.vertcat(*[self._of(block_name, f"{name}[{i}]", v, declared) for i, v in enumerate(value, 1)])
+        return self._of(block_name, name, value, declared)
+
+    def _of(self, block_name: str, name: str, value: float, declared: Parameter) -> Expression:
+        """A parameter, or one value of a list: a symbol, or an expression of others."""
         own = f"{block_name}.{name}"
         common = self.system.shared.get(block_name, {}).get(name)
-        if declared.size:
-            return ca.vertcat(*[self._symbol(f"{own}[{i + 1}]", v, declared, own) for i, v in enumerate(value)])
         if isinstance(common, Formula):
             return common.law({name: self._argument(name, *given, own) for name, given in common.arguments.items()})
         return self._symbol(common or own, value, declared, own)
@@ -66,8 +70,9 @@ class Parameters:
         known = self.entries.get(name)
         if known is None:
             self._unbounded.add(name)
-            made = ModelParameter(name, ca.SX.sym(name), value, Parameter(name, unit, ..., "parameter of the scenario"))
-            known = self.entries[name] = made
+            declared = Parameter(name, unit, ..., "parameter of the scenario")
+            known = ModelParameter(name, ca.SX.sym(name), value, declared, fixed=self.system.fixed_by(name))
+            self.entries[name] = known
         if not math.isclose(known.value, value, rel_tol=1e-12):
             raise ConnectionProblem(f"parameter '{name}' is {known.value} in {known.users[0]} but {value} in {user}")
         known.users.append(user)
@@ -76,8 +81,8 @@ class Parameters:
     def _symbol(self, name: str, value: float, declared: Any, user: str) -> Expression:
         known = self.entries.get(name)
         if known is None:
-            known = ModelParameter(name, ca.SX.sym(name), float(value), declared.signed(float(value)))
-            self.entries[name] = known
+            declared, fixed = declared.signed(float(value)), self.system.fixed_by(name)
+            known = self.entries[name] = ModelParameter(name, ca.SX.sym(name), float(value), declared, fixed=fixed)
         elif name in self._unbounded and math.isclose(known.value, value, rel_tol=1e-12):
             known.value, known.declared = float(value), declared.signed(float(value))
             self._unbounded.discard(name)

@@ -230,10 +230,11 @@ class Input:
 
 @dataclass
 class ModelParameter:
-    """A parameter of the model and every declaration it serves."""
+    """A parameter of the model, every declaration it serves, and what it gives that cannot follow it."""
 
     name: str
     symbol: Expression
     value: float
     declared: Parameter
     users: list[str] = field(default_factory=list)
+    fixed: tuple[str, ...] = ()

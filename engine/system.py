@@ -40,10 +40,13 @@ class System:
     Attributes:
         blocks: name to block; a name may hold dots (sub-assemblies).
         connections: the nodes.
-        shared: block name -> parameter name -> name of the common parameter that feeds it, or a formula of several.
+        shared: block name -> parameter name, or that of a value of a list such as ``heights[2]`` -> name of the common
+            parameter that feeds it, or a formula of several.
         initial: motion or state name -> starting value in SI units.
         places: block name -> where it stands in the user's file.
         name, description: of the whole.
+        fixed: common parameter -> what it gives besides and a model is built with: structural parameters and options,
+            such as ``table.points``, and starting values.
     """
 
     blocks: dict[str, Block]
@@ -53,6 +56,7 @@ class System:
     places: dict[str, Where] = field(default_factory=dict)
     name: str = "model"
     description: str = ""
+    fixed: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def loose(self) -> list[str]:
         """Flanges that nothing is connected to: free ends, or a connection that was forgotten."""
@@ -61,10 +65,20 @@ class System:
         return [end for end, made in ends if made.role == "flange" and end not in wired]
 
     def followed(self, parameter: str) -> list[str]:
-        """The common parameters that a block's parameter, such as ``gear.ratio``, follows; none if it is one itself."""
+        """The common parameters that a block's parameter, such as ``gear.ratio``, follows; none if it is one itself.
+
+        A list follows what any of its values follows.
+        """
         block, _, name = parameter.rpartition(".")
-        law = self.shared.get(block, {}).get(name)
-        return [law] if isinstance(law, str) else list(law.arguments) if law is not None else []
+        laws = [law for key, law in self.shared.get(block, {}).items() if key == name or key.startswith(f"{name}[")]
+        found = [other for law in laws for other in ([law] if isinstance(law, str) else law.arguments)]
+        return list(dict.fromkeys(found))
+
+    def fixed_by(self, common: str) -> tuple[str, ...]:
+        """What a common parameter gives that a model is built with, in words, of what this system has."""
+        starts = [f"the start of '{name}'" for name in self.fixed.get(common, ()) if name in self.initial]
+        values = [name for name in self.fixed.get(common, ()) if name not in self.initial]
+        return (*(f"'{name}'" for name in values if name.rpartition(".")[0] in self.blocks), *starts)
 
     def place(self, block: str) -> Where | None:
         """Where a block stands in the user's file."""

@@ -140,7 +140,7 @@ def plan(
         raise FlexarmError(
             f"the tolerance of the variable step is {variable_step:g}", remedy=f"allowed: {FINEST:g} to {COARSEST:g}"
         )
-    local = frozenset(results)
+    local, model = frozenset(results), _pinned(model)
     instants = [step, *[clock.period for clock in model.clocks], *[clock.offset for clock in model.clocks]]
     tick = common_tick(instants)
     if tick < Fraction(1, 10**13):
@@ -180,6 +180,20 @@ def plan(
         start=start,
         memory=model.functions["memory_start"](p).full().ravel(),
     )
+
+
+def _pinned(model: Model) -> Model:
+    """The model in which a parameter may have no other value if something that it gives would not follow it."""
+    if not any(parameter.fixed for parameter in model.parameters):
+        return model
+    made = []
+    for entry in model.parameters:
+        if entry.fixed:
+            doc = f"{entry.declared.doc}; stays as it is, since it gives {' and '.join(entry.fixed)} too"
+            only = replace(entry.declared, gt=None, lt=None, ge=entry.value, le=entry.value, nonzero=False, doc=doc)
+            entry = replace(entry, declared=only)
+        made.append(entry)
+    return replace(model, parameters=tuple(made))
 
 
 def identifier(name: str) -> str:

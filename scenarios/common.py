@@ -107,6 +107,17 @@ def substitute(node: Node, scope: Scope, where: Where) -> Any:
     return node.plain()
 
 
+def read_by(node: Node, scope: Scope, where: Where) -> list[str]:
+    """Names of the common parameters that a value, or any value of a list, is or reads."""
+    scope = node.scope if node.scope is not None else scope
+    if isinstance(node.value, list):
+        return [name for item in node.value for name in read_by(item, scope, where)]
+    if (made := term(node.value, scope, where)) is not None and made.leaves:
+        return list(made.common())
+    plain = isinstance(node.value, str) and PLAIN.fullmatch(node.value)
+    return [lookup(node.value, scope, where).name] if plain else []
+
+
 def worked_out(made: Term, where: Where) -> float | str:
     """The value of an expression as a scenario would state it: a number, or a text with its unit."""
     try:
@@ -136,8 +147,12 @@ def term(value: object, scope: Scope, where: Where, above: tuple[str, ...] = ())
         raise ScenarioError(f"parameters depend on each other over more than {DEEPEST} steps", where)
     text, leaves = str(value), dict[str, Term | Leaf]()
     for name in dict.fromkeys(NAME.findall(text)):
-        found = term(f"${name}", scope, where, above)
-        leaves[name] = found if found is not None else _leaf(lookup(f"${name}", scope, where))
+        found, common = term(f"${name}", scope, where, above), lookup(f"${name}", scope, where)
+        if found is not None and not found.leaves:  # an expression of numbers is a parameter like a number
+            made = found.amount({})
+            leaves[name] = Leaf(common.name, made.unit, made.value, made.powers)
+        else:
+            leaves[name] = found if found is not None else _leaf(common)
     return Term(text, leaves)
 
 

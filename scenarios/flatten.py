@@ -13,7 +13,7 @@ from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.files import is_file
 from engine.quantity import Option
 from engine.system import Connection, Formula, System
-from scenarios.common import Common, Scope, lookup, root_scope, substitute, term, worked_out
+from scenarios.common import Common, Scope, lookup, read_by, root_scope, substitute, term, worked_out
 from scenarios.document import Node, read
 from scenarios.expressions import PLAIN, is_expression
 from scenarios.patch import is_assembly, patch
@@ -101,6 +101,7 @@ class _Flattener:
             value = Node(substitute(node, scope, document.where("initial", name)), node.file, node.line)
             where = document.where("initial", name)
             self.flat.initial[prefix + name] = replace(value, line=where.line)
+            self.fix(node, scope, where, prefix + name)
 
     def assembly(
         self, document: Node, path: Path, name: str, prefix: str, scope: Scope, above: tuple[Path, ...]
@@ -147,8 +148,8 @@ class _Flattener:
             raise error.at(document.where("blocks", name, "type")) from None
         full = prefix + name
         values: dict[str, Any] = {}
-        common: dict[str, tuple[str, Where]] = {}
-        formulas: dict[str, Formula] = {}
+        laws: dict[str, tuple[str | Formula, Where]] = {}
+        lists: dict[str, tuple[Node, Scope, Where]] = {}
         files = {
             key: str(path.parent / str(node.value)) for key, node in entry.items() if key in getattr(cls, "files", ())
         }
@@ -203,25 +204,30 @@ class _Flattener:
                     error.message += f" (the value of {node.value}: {used.node.where()})"
                 raise error.at(where) from None
             values[key] = files.get(key, value)
-            text = node.value
-            if made is not None and made.leaves and key in cls.parameters:
-                if not size and not cls.parameters[key].structural:
-                    read = {name: (leaf.unit, leaf.value) for name, leaf in made.common().items()}
-                    formulas[key] = Formula(str(text), read, made)
-            elif key in cls.parameters and isinstance(text, str) and text.startswith("$"):
-                used = lookup(text, node.scope if node.scope is not None else scope, where)
-                if not size and not cls.parameters[key].structural:
-                    common[key] = (used.name, where)
+            if getattr(declared, "kind", None) is str:
+                continue
+            if key not in cls.parameters or cls.parameters[key].structural:
+                self.fix(node, inner, where, f"{full}.{key}")
+            elif size:
+                lists[key] = (node, inner, where)
+            elif (law := _law(node, inner, where)) is not None:
+                laws[key] = (law, where)
         place = document.where("blocks", name)
         try:
             block = self.system.blocks[full] = cls(**values)
         except FlexarmError as error:
             raise error.at(place) from None
         self.system.places[full] = place
-        for key, (shared, where) in common.items():
-            self.share(shared, full, key, block.unit_of(key), where)
-        if formulas:
-            self.system.shared.setdefault(full, {}).update(formulas)
+        for key, (node, inner, where) in lists.items():
+            for i in range(len(block.values[key])):
+                one: Node = node.value[i] if isinstance(node.value, list) else node
+                if (law := _law(one, inner, where)) is not None:
+                    laws[f"{key}[{i + 1}]"] = (law, where)
+        for key, (law, where) in laws.items():
+            if isinstance(law, str):
+                self.share(law, full, key, block.unit_of(key.partition("[")[0]), where)
+            else:
+                self.system.shared.setdefault(full, {})[key] = law
 
     def share(self, common: str, block: str, key: str, unit: str, where: Where) -> None:
         first = self.units.setdefault(common, (unit, f"{block}.{key}"))
@@ -233,6 +239,11 @@ class _Flattener:
             )
         self.system.shared.setdefault(block, {})[key] = common
 
+    def fix(self, node: Node, scope: Scope, where: Where, name: str) -> None:
+        """Note which common parameters give what a model is built with, and cannot be tuned in it."""
+        for common in dict.fromkeys(read_by(node, scope, where)):
+            self.system.fixed[common] = (*self.system.fixed.get(common, ()), name)
+
     def finish(self) -> None:
         """Replace exposed names in connections and starting values."""
         resolve = self.flat.resolve
@@ -240,6 +251,19 @@ class _Flattener:
             replace(c, ends=tuple(resolve(end) for end in c.ends)) for c in self.system.connections
         ]
         self.flat.initial = {resolve(name): node for name, node in self.flat.initial.items()}
+        self.system.fixed = {
+            common: tuple(resolve(name) for name in names) for common, names in self.system.fixed.items()
+        }
+
+
+def _law(node: Node, scope: Scope, where: Where) -> str | Formula | None:
+    """The common parameter that a value is, or a formula of those that it reads; None if it reads none."""
+    scope = node.scope if node.scope is not None else scope
+    made = term(node.value, scope, where)
+    if made is not None and made.leaves:
+        return Formula(str(node.value), {name: (leaf.unit, leaf.value) for name, leaf in made.common().items()}, made)
+    plain = isinstance(node.value, str) and PLAIN.fullmatch(node.value)
+    return lookup(node.value, scope, where).name if plain else None
 
 
 def _scoped(node: Node, scope: Scope) -> Node:

@@ -277,12 +277,13 @@ def _tolerances(document: Node, file: ScenarioFile, system: System) -> dict[str,
 
 
 def _values(system: System, name: str) -> list[str]:
-    """Names of a vector's values, if a block has a vector of that name."""
+    """Names of a vector's values that follow no parameter of the scenario, if a block has a vector of that name."""
     block, _, parameter = name.rpartition(".")
     declared = system.blocks[block].parameters.get(parameter) if block in system.blocks else None
     if declared is None or not declared.size:
         return []
-    return [f"{name}[{k}]" for k in range(1, 1 + len(system.blocks[block].values[parameter]))]
+    every = [f"{name}[{k}]" for k in range(1, 1 + len(system.blocks[block].values[parameter]))]
+    return [one for one in every if not system.followed(one)]
 
 
 def find(path_or_name: str | Path) -> Path:

@@ -99,7 +99,12 @@ def _changed(system: System, edit: Set | Replace) -> Block:
         values, made = edit.parameters, find(edit.type)
     for key in (*(edit.drop if isinstance(edit, Replace) else ()), *values):
         given.pop(key, None)
-        shared.pop(key, None)
+        for name in [name for name in shared if name == key or name.startswith(f"{key}[")]:
+            del shared[name]
+        system.fixed = {
+            common: tuple(name for name in names if name != f"{edit.name}.{key}")
+            for common, names in system.fixed.items()
+        }
     return made(**given, **values)
 
 

@@ -242,48 +242,27 @@ def _is_same(model: Model, names: tuple[str, ...], text: str, built: Model) -> b
     """Whether the model tuned to a value is the model built with it."""
     if shape(model) != shape(built):
         return False
-    check = model.parameters[model.parameter_index(names[0])].declared.check
+    first = model.parameters[model.parameter_index(names[0])]
+    if first.fixed:
+        return False
+    check = first.declared.check
     tuned = model.parameter_vector(dict.fromkeys(names, check(number_or_text(text))))
     return bool(np.array_equal(tuned, built.parameter_values))
 
 
-def check_draws(scenario: Scenario, model: Model, samples: Sequence[Sample], rebuild: Any) -> None:
-    """Refuse to draw a parameter of the scenario that also gives what no draw changes, such as a value in a list.
-
-    Args:
-        scenario: what is drawn from.
-        model: of the scenario.
-        samples: what is drawn.
-        rebuild: returns the model of the scenario with one further override.
+def check_draws(model: Model, samples: Sequence[Sample]) -> None:
+    """Refuse to draw a parameter of the scenario that also gives what no draw changes, such as a start.
 
     Raises:
-        ParameterError: the model with the value drawn is another than that of the scenario with this value.
+        ParameterError: something that it gives would stay as it is.
     """
-    laws = [law for keys in scenario.system.shared.values() for law in keys.values()]
-    common = {name for law in laws for name in ([law] if isinstance(law, str) else law.arguments)}
     for sample in samples:
-        if sample.name not in common:
-            continue
-        own = model.parameters[model.parameter_index(sample.name)].value
-        value = next((v for v in (sample.at(0.3, own), sample.at(0.8, own)) if v != own), own)
-        text = f"{value!r}{'' if sample.unit in ('1', '*') else f' {sample.unit}'}"
         try:
-            built = rebuild(f"{sample.name}={text}")
-        except FlexarmError:  # a value that something refuses fails in its own run
-            continue
-        if shape(built) != shape(model):
-            left = "the shape of the model"
-        else:
-            tuned = model.parameter_vector({sample.name: value})
-            changed = np.flatnonzero(~np.isclose(tuned, built.parameter_values, rtol=1e-12, atol=0.0))
-            if not len(changed):
-                continue
-            left = f"'{model.parameters[int(changed[0])].name}'"
-        raise ParameterError(
-            f"'{sample.name}' gives {left} too, which a draw does not change",
-            Where(f"--vary {sample.name}"),
-            f"put it on an axis, for which models are built: {sample.name}=A,B,C",
-        )
+            model.parameters[model.parameter_index(sample.name)].check_free(
+                "a draw", f"put it on an axis, for which models are built: {sample.name}=A,B,C"
+            )
+        except ParameterError as error:
+            raise error.at(Where(f"--vary {sample.name}")) from None
 
 
 def shape(model: Model) -> str:

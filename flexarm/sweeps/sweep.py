@@ -219,7 +219,7 @@ def make_plan(
         if twice:
             raise ParameterError(f"'{twice}' is drawn from the fit and varied as well", remedy="leave out that --vary")
         samples = (*fitted, *samples)
-    check_draws(scenario, model, samples, rebuild)
+    check_draws(model, samples)
     taken = {"run", "failure", *(axis.key for axis in axes), *(sample.name for sample in samples)}
     taken |= {f"{name}.{kind}" for name, _ in chosen for kind in SUMMARIES}
     metrics = read_metrics(tuple(o.metrics), dict(chosen), taken)

@@ -67,18 +67,20 @@ def test_laws_are_those_of_their_names(swing: Path, text: str, law: Any) -> None
     np.testing.assert_allclose(found, law.ppf(shares), rtol=1e-9)
 
 
-POINTS = "points: 2, breakpoints: [0, 1]"
+POINTS = "points: 20 * $share, breakpoints: [0, 1]"
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "left"),
+    ("old", "new", "left", "values"),
     [
-        ("type: Gain, gain: 2", f"type: LookupTable, {POINTS}, heights: [0, $share]", "'gain.heights[2]'"),
-        ("shaft.speed: 2}", "shaft.speed: 20 * $share}", "the shape of the model"),
+        ("type: Gain, gain: 2", f"type: LookupTable, {POINTS}, heights: 1", "'gain.points'", "0.1"),
+        ("shaft.speed: 2}", "shaft.speed: 20 * $share}", "the start of 'wheel.shaft.speed'", "0.1,0.2"),
     ],
 )
-def test_a_draw_that_would_change_half_of_what_it_gives(swing: Path, old: str, new: str, left: str) -> None:
-    """A value in a list, or a start, keeps the value that it was built with: only an axis changes both."""
+def test_a_draw_that_would_change_half_of_what_it_gives(
+    swing: Path, old: str, new: str, left: str, values: str
+) -> None:
+    """What shapes the model, or a start, keeps the value that it was built with: only an axis changes both."""
     text = SWING.replace("blocks:", "parameters: {share: 0.1}\nblocks:").replace(
         "friction: 0.1 N", "friction: $share * 1 N"
     )
@@ -88,7 +90,8 @@ def test_a_draw_that_would_change_half_of_what_it_gives(swing: Path, old: str, n
     with pytest.raises(FlexarmError) as caught:
         make_plan(load(swing), ["share~10%"], runs=1)
     assert f"'share' gives {left} too, which a draw does not change" in str(caught.value)
-    assert make_plan(load(swing), ["share=0.1,0.2"]).total == 2
+    plan = make_plan(load(swing), [f"share={values}"])
+    assert [axis.names for axis in plan.axes] == [()], "a model is built for each value"
 
 
 def test_a_triangle_is_cut_at_a_bound() -> None:
