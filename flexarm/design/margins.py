@@ -84,14 +84,18 @@ class LoopMargins:
         return min(range(len(keys)), key=keys.__getitem__)
 
 
-def margins_of(loop: control.StateSpace) -> Margins:
+def margins_of(loop: control.StateSpace, delay: float = 0.0) -> Margins:
     """Margins of a loop transfer function with one input and one output, continuous or sampled.
 
     What drifts unseen, such as the common angle of shafts in a loop of speeds, is no part of the loop: see
     `without_drift`. Any other hidden mode counts for stability.
 
+    Args:
+        loop: the loop.
+        delay: a further delay (s) in it, as of `margins`.
+
     Raises:
-        FlexarmError: more inputs or outputs.
+        FlexarmError: more inputs or outputs, or a delay that cannot be.
     """
     import control
 
@@ -100,8 +104,13 @@ def margins_of(loop: control.StateSpace) -> Margins:
             f"a loop has one input and one output, and here are {loop.ninputs} and {loop.noutputs}",
             remedy="open one loop at a time, the others closed",
         )
-    loop = without_drift(control.ss(loop))
+    # The poles that stand for a short delay are so fast that those of the loop itself look like drift beside them.
+    bare = without_drift(control.ss(loop))
+    loop = _delayed(bare, delay)
     omega = frequencies_of_a_loop(loop)
+    if delay:
+        omega = np.union1d(omega, frequencies_of_a_loop(bare))
+        omega = np.union1d(omega, np.geomspace(omega[0], omega[-1], POINTS))  # and between them
     response = np.asarray(loop(np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega)).ravel()
     keep = np.isfinite(response)
     omega, response = omega[keep], response[keep]
@@ -110,7 +119,8 @@ def margins_of(loop: control.StateSpace) -> Margins:
         s = 1 / (1 + response)
         disk = float(control.disk_margins(loop, omega, skew=0.0)[0])
     poles = np.atleast_1d(control.feedback(loop, 1).poles())
-    stable = bool((np.abs(poles) < 1 - 1e-9).all() if loop.dt else (poles.real < -1e-9 * _size(poles)).all())
+    size = _size(np.atleast_1d(control.feedback(bare, 1).poles()))
+    stable = bool((np.abs(poles) < 1 - 1e-9).all() if loop.dt else (poles.real < -1e-9 * size).all())
     peak, other = float(np.abs(s).max(initial=0.0)), float(np.abs(response * s).max(initial=0.0))
     return Margins(stable, gain, phase, delay, crossover, disk if stable else 0.0, peak, other)
 
@@ -290,14 +300,15 @@ def margins(
     else:
         one = linearise(made, modes=modes, at=at, trim=trim)
         rows, assumed = [one], one.assumed
-    loops = tuple(_delayed(negated(row), delay) for row in rows)
+    bare = [negated(row) for row in rows]
+    loops = tuple(_delayed(one, delay) for one in bare)
     if all(not np.any(one.B) or not np.any(one.C) for one in loops) and not any(np.any(one.D) for one in loops):
         raise FlexarmError(
             f"nothing of '{end}' comes back in '{back}', so that no loop is closed there",
             remedy="open at another input, name what comes back (--returns), or take another point (--at): a block "
             "that is at its limit at this one, such as a controller, passes nothing on",
         )
-    return LoopMargins(end, back, tuple(margins_of(one) for one in loops), loops, family, assumed)
+    return LoopMargins(end, back, tuple(margins_of(one, delay) for one in bare), loops, family, assumed)
 
 
 def negated(linear: LinearModel) -> Any:
@@ -323,4 +334,5 @@ def _delayed(loop: Any, delay: float) -> Any:
         A = np.diag(np.ones(periods - 1), -1)
         B, C = np.eye(periods, 1), np.eye(periods)[-1:]
         return control.series(control.ss(A, B, C, 0, loop.dt), loop)
-    return control.series(control.tf2ss(*control.pade(delay, 5)), loop)
+    unit = control.tf2ss(*control.pade(1.0, 5))  # of a second, whose numbers are of one size
+    return control.series(control.ss(unit.A / delay, unit.B / delay, unit.C, unit.D), loop)

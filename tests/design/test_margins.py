@@ -140,6 +140,21 @@ def test_the_loop_of_a_scenario() -> None:
     assert over.members[over.worst].disk == min(m.disk for m in over.members)
 
 
+@pytest.mark.parametrize("delay", [1e-9, 1e-6, 1e-3])
+def test_a_short_delay_in_a_slow_loop(delay: float) -> None:
+    """The poles that stand for a delay of 1 ns hid those of the loop: it had no crossover and all the phase margin."""
+    loop = control.tf2ss([0.01], [1, 1, 0])
+    bare, found = margins_of(loop), margins_of(loop, delay)
+    assert found.stable
+    assert found.crossover == pytest.approx(bare.crossover, rel=1e-4)
+    assert found.phase == pytest.approx(bare.phase, abs=0.01)
+    assert found.delay == pytest.approx(bare.delay, rel=1e-4)
+    assert found.disk == pytest.approx(bare.disk, rel=1e-2)
+    assert found.gain[1] == pytest.approx(100 / delay, rel=1e-2)
+    slow = margins("emps", loop="motor.force", delay=delay).members[0]
+    assert slow.crossover == pytest.approx(margins("emps", loop="motor.force").members[0].crossover, rel=1e-3)
+
+
 def test_no_loop() -> None:
     with pytest.raises(FlexarmError, match="nothing says where to open the loop"):
         margins("srv02-bare")
