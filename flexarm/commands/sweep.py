@@ -116,7 +116,10 @@ def sweep(
     if figures:
         from flexarm.plotting.sweeps import plot_sweep
 
-        drawn = plot_sweep(made)
+        try:
+            drawn = plot_sweep(made)
+        except FlexarmError as error:  # the runs are done and their table is whole
+            typer.echo(f"no figures: {error}", err=True)
     for path in (made.table, made.trajectories, *drawn):
         if path is not None:
             typer.echo(f"written: {path}")

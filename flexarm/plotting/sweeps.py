@@ -36,11 +36,17 @@ def plot_sweep(sweep: Sweep) -> tuple[Path, ...]:
     table = read(sweep.table, [*inputs, *(name for name, _ in numbers)])
     columns = {name: np.asarray(table[name], dtype=float) for name in (*inputs, *(name for name, _ in numbers))}
     inputs = [name for name in inputs if np.ptp(columns[name]) > 0]
-    numbers = [(name, unit) for name, unit in numbers if np.isfinite(columns[name]).sum() >= FEWEST][:4]
-    if not inputs or not numbers:
+    if not inputs:
         raise FlexarmError(
-            "there is nothing to draw: no value was varied, or fewer than five runs have a number",
+            "there is nothing to draw: no number was varied",
             remedy="draw something, such as KEY~tolerance, and give --runs",
+        )
+    most = max((int(np.isfinite(columns[name]).sum()) for name, _ in numbers), default=0)
+    numbers = [(name, unit) for name, unit in numbers if np.isfinite(columns[name]).sum() >= FEWEST][:4]
+    if not numbers:
+        raise FlexarmError(
+            f"there is nothing to draw: figures need {FEWEST} runs with a number, and {most} of {plan.total} have one",
+            remedy="vary more values, or give more --runs",
         )
     folder = sweep.table.parent
     stem = "" if sweep.table.name == "runs.parquet" else f"{sweep.table.stem}-"

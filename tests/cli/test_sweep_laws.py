@@ -215,6 +215,16 @@ def test_metrics_that_do_not_fit(swing: Path, text: str, message: str) -> None:
     assert message in str(caught.value)
 
 
+def test_figures_of_too_few_runs(swing: Path, command: Any) -> None:
+    """The table is whole, and the sweep said after all runs that no value was varied."""
+    answer = command("sweep", swing, "-v", "wheel.inertia=1,2,3", "-o", "out", "--workers", 1, "--figures")
+    assert answer.code == 0, answer.err
+    assert "figures need 5 runs with a number, and 3 of 3 have one" in answer.err
+    assert "written: out/runs.parquet" in answer.out
+    answer = command("sweep", swing, "-v", "wheel.inertia=1", "-o", "one", "--workers", 1, "--figures")
+    assert "no number was varied" in answer.err
+
+
 def test_figures_of_a_monte_carlo(swing: Path, command: Any) -> None:
     options = ["-v", "wheel.inertia~20%", "-v", "brake.viscous_friction~20%", "-v", "gain.gain~10%", "-n", 60]
     answer = command(
