@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 def simulate(
     source: Source | Model,
-    stop: float | None = None,
-    step: float | None = None,
+    stop: float | str | None = None,
+    step: float | str | None = None,
     options: SimulationOptions | None = None,
     **given: Unpack[SimulationKeywords],
 ) -> Result:
@@ -40,8 +40,8 @@ def simulate(
 
     Args:
         source: a scenario, its file or shipped name, or a model built from one.
-        stop: end (s); that of the scenario if None.
-        step: time between rows (s); that of the scenario, or 1 ms, if None.
+        stop: end, s or a text with a unit; that of the scenario if None.
+        step: time between rows, likewise; that of the scenario, or 1 ms, if None.
         options: how to simulate; the internal step and its tolerance are those of the scenario where None.
         **given: fields of `SimulationOptions` as keywords, over those of ``options``, such as ``parameters={...}``,
             ``drive=...`` or ``record_states=True``.
@@ -50,6 +50,7 @@ def simulate(
         FlexarmError: the scenario or a value does not fit, or the simulation diverges.
     """
     chosen = replace(options or SimulationOptions(), **given)
+    stop, step = _seconds(stop, "stop"), _seconds(step, "step")
     if isinstance(source, Model):
         model = source
     else:
@@ -74,6 +75,11 @@ def simulate(
     step = 1e-3 if step is None else step
     check_rows(stop, step)
     return run_model(model, stop, step, chosen)
+
+
+def _seconds(value: float | str | None, name: str) -> float | None:
+    """A time in seconds, given as a number or as a text with a unit."""
+    return si(value, {name: "s"}, name, Where(path=name)) if isinstance(value, str) else value
 
 
 def trim(
@@ -182,7 +188,7 @@ def linear_family(
     analysis: str | None = None,
     *,
     grid: Mapping[str, str | Sequence[float]] | None = None,
-    snapshots: float | None = None,
+    snapshots: float | str | None = None,
     every_mode: bool = False,
     inputs: Iterable[str] | None = None,
     outputs: Iterable[str] | None = None,
@@ -196,7 +202,8 @@ def linear_family(
         source: a scenario, its file or shipped name, or the result of `cut`.
         analysis: name of an analysis in the file; the first of kind ``linearise`` if None. What follows stands over it.
         grid: parameter, state, motion or input -> ``START:STOP:N`` or ``A,B,C`` with units, or SI numbers.
-        snapshots: interval (s) at which the scenario's own run is linearised; mode changes are added.
+        snapshots: interval, s or a text with a unit, at which the scenario's own run is linearised; changes of modes
+            are added.
         every_mode: all combinations of modes that can occur.
         inputs: as of `linearise`, and the next three.
         outputs: signals.
@@ -212,6 +219,7 @@ def linear_family(
 
     made = source if isinstance(source, Cut) else cut(source, "linearise", analysis, inputs=inputs, outputs=outputs)
     options = made.settings.options
+    snapshots = _seconds(snapshots, "snapshots")
     if not (grid or snapshots or every_mode):
         grid, every_mode = options.get("grid"), bool(options.get("every_mode"))
         snapshots = (
@@ -239,7 +247,7 @@ def describe(
     analysis: str | None = None,
     *,
     amplitudes: Sequence[float | str] | None = None,
-    frequencies: Sequence[float] | str | None = None,
+    frequencies: Sequence[float | str] | str | None = None,
     harmonics: int | None = None,
     inputs: Iterable[str] | None = None,
     outputs: Iterable[str] | None = None,
@@ -251,7 +259,8 @@ def describe(
         source: a scenario, its file or shipped name, or the result of `cut`.
         analysis: name of an analysis in the file; the first of kind ``describe`` if None.
         amplitudes: of the sines, SI numbers or texts with a unit, in place of those of the analysis.
-        frequencies: rad/s, or ``START:STOP:N:log`` with a unit, in place of those of the analysis.
+        frequencies: rad/s or texts with a unit, or one text such as ``START:STOP:N:log``, in place of those of the
+            analysis.
         harmonics: highest that is given; that of the analysis, or 5, if None.
         inputs: the one input, in place of that of the analysis.
         outputs: signals in place of those of the analysis.
@@ -276,7 +285,7 @@ def describe(
     return run(
         made,
         [si(size, units, first) for size in sizes],
-        frequencies_of(over) if isinstance(over, str) else over,
+        frequencies_of(over),
         harmonics=int(options.get("harmonics", 5)) if harmonics is None else harmonics,
         progress=progress,
     )

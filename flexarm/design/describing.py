@@ -95,15 +95,16 @@ class Description:
         )
 
 
-def frequencies_of(text: str) -> Vector:
-    """Frequencies in rad/s from ``START:STOP:N:log`` or ``A,B,C`` with Hz or rad/s.
+def frequencies_of(given: str | Sequence[float | str] | Vector) -> Vector:
+    """Frequencies in rad/s from ``START:STOP:N:log`` or ``A,B,C`` with Hz or rad/s, or numbers and texts one by one.
 
     Raises:
         FlexarmError: a text that cannot be read, or a frequency that is not above zero.
     """
     where = Where("--frequencies")
     try:
-        values = np.array([convert(one, "rad/s") for one in texts_of(text)])
+        every = texts_of(given) if isinstance(given, str) else given
+        values = np.array([convert(one if isinstance(one, str) else float(one), "rad/s") for one in every])
     except FlexarmError as error:
         raise error.at(where) from None
     if not (np.isfinite(values).all() and (values > 0).all()):

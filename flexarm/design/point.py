@@ -106,8 +106,13 @@ def wanted(
     for key, value in {**options.get("fix", {}), **(fix or {})}.items():
         with own(made, "fix", key, fix):
             fixed[names(key)] = si(value, units, names(key))
-    for key, (low, high) in {**options.get("bounds", {}), **(bounds or {})}.items():
+    for key, ends in {**options.get("bounds", {}), **(bounds or {})}.items():
         with own(made, "bounds", key, bounds):
+            if isinstance(ends, str) or not hasattr(ends, "__len__") or len(ends) != 2:
+                raise ParameterError(
+                    f"the bounds of '{key}' are {ends!r}", remedy="give two: the least and the greatest value"
+                )
+            low, high = ends
             limits[names(key)] = si(low, units, names(key)), si(high, units, names(key))
     inputs = [v.name for v in model.inputs]
     freed = [names(name) for name in (options.get("free", ()) if free is None else free)]

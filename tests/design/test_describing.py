@@ -155,6 +155,10 @@ def test_bad_input(tmp_path: Path) -> None:
         describe("srv02-bare", amplitudes=[-1.0], frequencies=[1.0])
     with pytest.raises(FlexarmError, match="frequencies must be above zero"):
         describe("srv02-bare", amplitudes=[1.0], frequencies="0 Hz,1 Hz")
+    with pytest.raises(FlexarmError, match="frequencies must be above zero"):
+        describe("srv02-bare", amplitudes=[1.0], frequencies=["0 Hz"])
+    with pytest.raises(FlexarmError, match="1 V"):
+        describe("srv02-bare", amplitudes=[1.0], frequencies=["1 V"])
     with pytest.raises(FlexarmError, match="0 harmonics are none"):
         describe("srv02-bare", amplitudes=[1.0], frequencies=[1.0], harmonics=0)
     with pytest.raises(FlexarmError, match="a sine drives one input, and here are 2"):
@@ -189,3 +193,12 @@ def test_the_mean_of_a_linear_model_is_where_it_rests(tmp_path: Path) -> None:
     assert np.abs(found.mean[..., 2] + 2.0).max() < 1e-9
     expected = 1 / (10 - 0.1 * 64 + 0.5j * 8)
     assert abs(found.gain[0, 1, 0] - expected) < 1e-9
+
+
+def test_frequencies_as_texts(tmp_path: Path) -> None:
+    path = tmp_path / "law.yaml"
+    blocks, connect = "  z: {type: LowPass, corner_frequency: 1 Hz}", "  - [source.out, z.in]"
+    bare = sines(path, blocks, connect, "z.out", [1.0], 2 * math.pi)
+    text = describe(path, inputs=["z.in"], outputs=["z.out"], amplitudes=[1.0], frequencies=["1 Hz"])
+    np.testing.assert_allclose(text.frequency, bare.frequency, rtol=1e-12)
+    np.testing.assert_allclose(text.harmonics, bare.harmonics, rtol=1e-9)

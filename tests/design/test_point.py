@@ -87,6 +87,8 @@ def test_snapshots_are_at_their_interval(tmp_path: Path) -> None:
     assert axis.values == pytest.approx(0.015 * np.arange(21), abs=1e-12)
     run = flexarm.simulate(loaded, step=7.5e-3)
     angle = run["motor.shaft.angle"][::2]
+    again = flexarm.linear_family(loaded, snapshots="15 ms", inputs=["motor.voltage"], outputs=["motor.shaft.speed"])
+    np.testing.assert_array_equal(again.axes[0].values, axis.values)
     assert found.x0[:, 0] == pytest.approx(angle, abs=1e-6)
     assert found.A[:, 1, 0] == pytest.approx(-9.80665 * 0.2 * np.cos(angle) / 1e-4, rel=1e-5)
     for given in ({"trim": "auto"}, {"at": {"motor.shaft.angle": 1.0}}):
@@ -94,3 +96,14 @@ def test_snapshots_are_at_their_interval(tmp_path: Path) -> None:
             flexarm.linear_family(loaded, snapshots=0.015, **given)
     with pytest.raises(FlexarmError, match=r"no values are given for 'motor\.resistance'"):
         flexarm.linear_family(loaded, grid={"motor.resistance": []})
+
+
+def test_times_and_bounds_that_are_given_as_one_guesses(tmp_path: Path) -> None:
+    path = written(tmp_path, HELD)
+    by_text, by_number = flexarm.simulate(path, stop="0.1 s", step="5 ms"), flexarm.simulate(path, stop=0.1, step=5e-3)
+    np.testing.assert_array_equal(by_text.time, by_number.time)
+    with pytest.raises(FlexarmError, match=r"stop: .*'0.1 V'"):
+        flexarm.simulate(path, stop="0.1 V")
+    for ends in (5, "5 V", (1, 2, 3)):
+        with pytest.raises(FlexarmError, match=r"the bounds of 'motor.voltage' are "):
+            flexarm.trim(path, bounds={"motor.voltage": ends})  # type: ignore[dict-item]
