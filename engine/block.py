@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from engine.errors import ParameterError, nearest
 from engine.ports import ROTATIONAL, Port
-from engine.quantity import Option, Parameter, SameAs, coherent, split
+from engine.quantity import Option, Parameter, SameAs, coherent, compatible, split
 from engine.relations import Relation
 from engine.slides import KINDS, NAMES, along_slide, in_words
 
@@ -514,13 +514,13 @@ def _unit_given(value: Any) -> str:
     """Coherent SI unit of a text such as ``5 mV``; ``*`` for a bare number or what `Parameter.check` will refuse.
 
     Raises:
-        ParameterError: the texts of a list have different units.
+        ParameterError: the texts of a list have units of different dimensions.
     """
     if isinstance(value, list | tuple):
         found = list(dict.fromkeys(unit for unit in map(_unit_given, value) if unit != "*"))
-        if len(found) > 1:
+        if not all(compatible(found[0], unit) for unit in found):
             raise ParameterError(f"values in {' and in '.join(found)} stand in one list", remedy="give all in one unit")
-        return found[0] if found else "*"
+        return min(found, key=len, default="*")  # V rather than kg.m2/(A.s3)
     if not isinstance(value, str):
         return "*"
     try:

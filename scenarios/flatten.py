@@ -11,7 +11,7 @@ from typing import Any
 from engine.block import Block
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.files import is_file
-from engine.quantity import Option
+from engine.quantity import Option, compatible
 from engine.system import Connection, Formula, System
 from scenarios.common import Common, Scope, lookup, read_by, root_scope, substitute, term, worked_out
 from scenarios.document import Node, read
@@ -231,7 +231,7 @@ class _Flattener:
 
     def share(self, common: str, block: str, key: str, unit: str, where: Where) -> None:
         first = self.units.setdefault(common, (unit, f"{block}.{key}"))
-        if first[0] != unit and "*" not in (first[0], unit):
+        if not compatible(first[0], unit):
             raise ScenarioError(
                 f"'${common}' is used for {first[1]} in {first[0]} and for {block}.{key} in {unit}",
                 where,

@@ -128,3 +128,17 @@ def test_a_fit_of_it_is_refused(tmp_path: Path) -> None:
         fit(path)
     held = load(path, ["tolerances.r=0"])
     assert "r" not in {f.name for f in free_parameters(held.build(), held.tolerances)}
+
+
+def test_a_list_with_formulas_is_in_one_unit(tmp_path: Path) -> None:
+    """What a formula gives is spelled in base units: 2 * $supply is in kg.m2/(A.s3), which is V."""
+    path = tmp_path / "supply.yaml"
+    text = CURVES.replace("a: 2,", "supply: 2 V,").replace("{type: Gain, gain: $a}", "{type: Offset, offset: $supply}")
+    text = text.replace("amplitude: 3", "amplitude: 3 V").replace("heights: $a", "heights: 3")
+    text = text.replace("heights: [0, $a, 2 * $a, 7]", "heights: [2 * $supply, $supply, -1 V, 7]")
+    path.write_text(text)
+    made = load(path)
+    assert made.system.blocks["table"].values["heights"] == (4.0, 2.0, -1.0, 7.0)
+    assert made.system.blocks["table"].unit_of("heights") == "V"
+    with pytest.raises(FlexarmError, match=r"values in .* and in A stand in one list"):
+        load(path, ["table.heights=[2 * $supply, $supply, 1 A, 7]"])
