@@ -107,6 +107,7 @@ def form(system: System, inputs: list[str], outputs: list[str] | None, energy: b
         tuple(connection.ends for connection in system.connections),
         tuple(shared),
         tuple(system.initial.items()),
+        tuple(system.exposed.items()),
         tuple(inputs),
         None if outputs is None else tuple(outputs),
     )

@@ -298,6 +298,7 @@ class _Assembly:
             externals=self._externals([(entry.name, given.numel()) for entry, given in calls]),
             lines=self._lines(),
             readings=tuple(net.readings),
+            exposed=MappingProxyType(dict(self.system.exposed)),
         )
 
     def _relations(self, parameters: list[ModelParameter]) -> tuple[tuple[int, Relation, int], ...]:

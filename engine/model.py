@@ -6,7 +6,7 @@ import functools
 import hashlib
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -23,6 +23,7 @@ from engine.ports import Expression
 from engine.quantity import Parameter
 from engine.relations import Relation
 from engine.stamps import ModelParameter
+from engine.system import resolved
 
 REBUILD = "set it where the model is built: --set KEY=VALUE, or overrides of load"
 """What to do where a built model cannot follow."""
@@ -255,6 +256,7 @@ class Model:
         lines: delay lines.
         readings: blocks, such as encoders, whose steps are left out for the line through them: see `Net.rounded`.
         equations: the SX expressions.
+        exposed: further names of inner ports, which results and starting values are found by too.
         motions: flange name -> row of the transform.
         initial: starting values by name, SI units; see `engine.start.start_values`.
         relations: what must not be said of two parameters: index of the first, the relation, index of the second.
@@ -279,10 +281,15 @@ class Model:
     externals: tuple[External, ...] = ()
     lines: tuple[DelayLine, ...] = ()
     readings: tuple[str, ...] = ()
+    exposed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def count(self, kind: str) -> int:
         """How many modes there are of a kind."""
         return sum(mode.kind == kind for mode in self.modes)
+
+    def resolve(self, name: str) -> str:
+        """A name with exposed names replaced by what they stand for."""
+        return resolved(name, self.exposed)
 
     def __repr__(self) -> str:
         sizes = counts(states=len(self.states), inputs=len(self.inputs), outputs=len(self.outputs))

@@ -160,10 +160,10 @@ class Result:
         Raises:
             ParameterError: no such output.
         """
-        names = self.names
-        if name not in names:
+        names, meant = self.names, self.model.resolve(name)
+        if meant not in names:
             raise ParameterError(f"no output '{name}' was recorded", remedy=nearest(name, names))
-        return np.asarray(self.values[:, names.index(name)])
+        return np.asarray(self.values[:, names.index(meant)])
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`: a row for each instant, a column for each output; units in ``attrs["units"]``."""
@@ -501,6 +501,7 @@ def _ticks(time: float, tick: Fraction) -> int:
 
 def _begin(model: Model, p: Vector, initial: dict[str, float] | None) -> tuple[Vector, Vector]:
     """States and memories at the start, worked out once for all parameters that give the same."""
+    initial = {model.resolve(name): value for name, value in (initial or {}).items()}
     same = (p[model.shapes].tobytes(), *(tuple((given or {}).items()) for given in (model.initial, initial)))
     before = model.begun.get(same)
     if before is None:

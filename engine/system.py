@@ -33,6 +33,20 @@ class Formula:
     law: Callable[[Mapping[str, Expression]], Expression] = field(compare=False)
 
 
+def resolved(name: str, exposed: Mapping[str, str]) -> str:
+    """An endpoint or signal name with exposed names replaced by what they stand for."""
+    for _ in range(20):
+        parts = name.split(".")
+        for cut in range(len(parts), 0, -1):
+            inner = exposed.get(".".join(parts[:cut]))
+            if inner is not None:
+                name = ".".join([inner, *parts[cut:]])
+                break
+        else:
+            return name
+    return name
+
+
 @dataclass
 class System:
     """Blocks, wiring and initial values.
@@ -47,6 +61,7 @@ class System:
         name, description: of the whole.
         fixed: common parameter -> what it gives besides and a model is built with: structural parameters and options,
             such as ``table.points``, and starting values.
+        exposed: further names of inner ports.
     """
 
     blocks: dict[str, Block]
@@ -57,6 +72,7 @@ class System:
     name: str = "model"
     description: str = ""
     fixed: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    exposed: dict[str, str] = field(default_factory=dict)
 
     def loose(self) -> list[str]:
         """Flanges that nothing is connected to: free ends, or a connection that was forgotten."""

@@ -70,7 +70,12 @@ def run(
     stop = stop if stop is not None else described.stop
     step = step if step is not None else described.step
     check_rows(stop, step)
-    values = _inputs(described, inputs or {})
+    here = {flat(name) for name in described.inputs}
+    meant = {  # an exposed name, where the file has none of that spelling
+        name if scenario is None or flat(name) in here else scenario.resolve(name): value
+        for name, value in (inputs or {}).items()
+    }
+    values = _inputs(described, meant)
     drive = Drive([0.0], [list(values.values())]) if values else None
     if path.suffix.lower() == ".ssp":
         from fmu.ssp import cosim_ssp

@@ -12,7 +12,7 @@ from engine.block import Block
 from engine.errors import FlexarmError, ParameterError, Where, nearest
 from engine.files import is_file
 from engine.quantity import Option, compatible
-from engine.system import Connection, Formula, System
+from engine.system import Connection, Formula, System, resolved
 from scenarios.common import Common, Scope, lookup, read_by, root_scope, substitute, term, worked_out
 from scenarios.document import Node, read
 from scenarios.expressions import PLAIN, is_expression
@@ -42,16 +42,7 @@ class Flat:
 
     def resolve(self, name: str) -> str:
         """An endpoint or signal name with exposed names replaced by what they stand for."""
-        for _ in range(20):
-            parts = name.split(".")
-            for cut in range(len(parts), 0, -1):
-                inner = self.exposed.get(".".join(parts[:cut]))
-                if inner is not None:
-                    name = ".".join([inner, *parts[cut:]])
-                    break
-            else:
-                return name
-        return name
+        return resolved(name, self.exposed)
 
 
 def flatten(document: Node, path: Path, find: Finder) -> Flat:
@@ -80,12 +71,12 @@ class _Flattener:
         self.read: dict[Path, Node] = {}
 
     def add(self, document: Node, path: Path, prefix: str, scope: Scope, above: tuple[Path, ...]) -> None:
-        resolved = path.resolve()
+        absolute = path.resolve()
         self.flat.files.append(path)
         for name, entry in document.get("blocks").items():  # type: ignore[union-attr]
             where = document.where("blocks", name)
             if is_assembly(entry):
-                self.assembly(document, path, name, prefix, scope, (*above, resolved))
+                self.assembly(document, path, name, prefix, scope, (*above, absolute))
             else:
                 self.block(document, path, name, prefix, scope)
             if len(self.system.blocks) > MOST_BLOCKS:
@@ -246,7 +237,7 @@ class _Flattener:
 
     def finish(self) -> None:
         """Replace exposed names in connections and starting values."""
-        resolve = self.flat.resolve
+        resolve, self.system.exposed = self.flat.resolve, self.flat.exposed
         self.system.connections = [
             replace(c, ends=tuple(resolve(end) for end in c.ends)) for c in self.system.connections
         ]
