@@ -258,7 +258,11 @@ def _settings(scenario: Scenario, model: Model, recording: Recording) -> dict[st
     for given, value in recording.settings.items():
         where = _place(scenario, recording.name, "set", given)
         block, _, parameter = given.rpartition(".")
-        name = scenario.system.shared.get(block, {}).get(parameter, given)
+        law = scenario.system.shared.get(block, {}).get(parameter, given)
+        if not isinstance(law, str):
+            shown = " and ".join(f"'{name}'" for name in law.arguments)
+            raise ParameterError(f"'{given}' is {law.text}", where, f"set what it follows: {shown}")
+        name = law
         if name not in known:
             raise ParameterError(f"'{given}' is no number that the model depends on", where, nearest(given, known))
         try:

@@ -142,3 +142,13 @@ def test_a_list_with_formulas_is_in_one_unit(tmp_path: Path) -> None:
     assert made.system.blocks["table"].unit_of("heights") == "V"
     with pytest.raises(FlexarmError, match=r"values in .* and in A stand in one list"):
         load(path, ["table.heights=[2 * $supply, $supply, 1 A, 7]"])
+
+
+def test_a_recording_sets_what_a_formula_reads(tmp_path: Path) -> None:
+    """To set the formula's own value ended in 'unhashable type'."""
+    path = case(tmp_path)
+    text = path.read_text().replace("resistance: 2.75 ohm", "resistance: 2 * $r")
+    text = text.replace("blocks:", "parameters: {r: 1.375 ohm}\n\nblocks:", 1)
+    path.write_text(text.replace("    role: train\n", "    role: train\n    set: {motor.resistance: 3 ohm}\n", 1))
+    with pytest.raises(FlexarmError, match=r"'motor.resistance' is 2 \* \$r\n.*set what it follows: 'r'"):
+        fit(path)
