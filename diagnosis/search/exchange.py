@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from diagnosis.recordings.types import Recorded
 from diagnosis.search.fitter import CandidateFitter
-from diagnosis.search.posterior import loudest, misses
+from diagnosis.search.posterior import excess, loudest, misses
 from diagnosis.search.scored_model import ScoredModel
 from diagnosis.thresholds import EVIDENCE, SEARCH
 
@@ -21,7 +21,8 @@ def exchanged(
 
     Nuisances are in all recordings. Where the fitted ones show some, they must leave no more than a sensor's noise may
     be taken for, unless the search for what they show is over. A held-out recording then counts if much more than that
-    is left of it, by the user's model, too: what only the model misses refutes it.
+    is left of it, by the user's model, too: what only the model misses refutes it. Once the search is over, it counts
+    if that is more than nuisances are: a share of what the model explains of it.
 
     Args:
         fitter: of the study.
@@ -32,14 +33,16 @@ def exchanged(
     x, problem = model.fit.x, model.fit.problem
     fitted = problem.leftover(x, problem.training)
     noisy = fitted.unexplained > price
-    if noisy and misses(fitted) and not searched:
+    missing = misses(fitted)
+    if noisy and missing and not searched:
         return None
-    beyond = EVIDENCE.stated * (loudest(fitted) if misses(fitted) else 1.0)
+    beyond = EVIDENCE.stated * (loudest(fitted) if missing else 1.0)
     refit, shown = fitter.refit.fit, dict[str, float]()
     given = {e.name: e for e in refit.problem.held_out}
     for e in problem.held_out:
         left, before = problem.leftover(x, [e]), refit.problem.leftover(refit.x, [given[e.name]])
-        if not noisy or min(loudest(before), loudest(left)) > beyond:
+        little = missing and excess(left) < EVIDENCE.share * float(before.energy.sum() - left.energy.sum())
+        if not noisy or (min(loudest(before), loudest(left)) > beyond and not little):
             shown[e.name] = left.unexplained
     worst = max(shown, key=lambda name: shown[name], default="")
     if not worst or shown[worst] < price + SEARCH.effort:

@@ -254,6 +254,23 @@ def test_where_fitted_recordings_leave_more_than_noise_no_other_is_fitted_too(
     assert "'large' shows a mismatch that the training recordings do not show" in exchange[1]
 
 
+@pytest.mark.parametrize(("times", "fitted"), [(10.0, True), (100.0, False)])
+def test_what_may_be_a_nuisance_beside_what_the_model_explains_is_not_fitted_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: float, fitted: bool
+) -> None:
+    """The user's model leaves so many times as much of the held-out recordings as the model that was found."""
+    fitter = limited_beside_a_hum(tmp_path, monkeypatch, 0.6)
+    model = fitter.refit
+
+    def louder(x: Any, e: Any) -> Any:
+        left = model.fit.problem.leftover(x, e)
+        return replace(left, energy=times * left.energy, energies=times * left.energies)
+
+    user: Any = SimpleNamespace(held_out=model.fit.problem.held_out, leftover=louder)
+    fitter.__dict__["refit"] = replace(model, fit=replace(model.fit, problem=user))
+    assert (exchanged(fitter, model, math.log(40), searched=True) is not None) == fitted
+
+
 def test_what_held_out_recordings_show_no_more_of_than_fitted_ones_is_not_fitted_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
