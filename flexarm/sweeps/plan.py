@@ -175,7 +175,7 @@ def make_axes(
                         raise FlexarmError(f"'{key}' is varied twice{also}", remedy="give all its values in one --vary")
                 axes.append(_axis(model, key, value, rebuild))
             else:
-                if common := scenario.system.followed(key):
+                if not parameters_of(model, key) and (common := scenario.system.followed(key)):
                     shown = ", ".join(f"--vary '{name}~{value}'" for name in common)
                     raise ParameterError(f"'{key}' follows {' and '.join(common)}", remedy=f"draw that: {shown}")
                 for made in _samples(model, key, value, stated):

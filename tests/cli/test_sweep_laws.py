@@ -94,6 +94,15 @@ def test_a_draw_that_would_change_half_of_what_it_gives(
     assert [axis.names for axis in plan.axes] == [()], "a model is built for each value"
 
 
+def test_of_a_list_the_values_are_drawn_that_follow_no_parameter(swing: Path) -> None:
+    table = "type: LookupTable, points: 3, breakpoints: [0, 1, 2], heights: [1, $share, 3]"
+    swing.write_text(SWING.replace("blocks:", "parameters: {share: 2}\nblocks:").replace("type: Gain, gain: 2", table))
+    drawn = make_plan(load(swing), ["gain.heights~10%"], runs=1).samples
+    assert [sample.name for sample in drawn] == ["gain.heights[1]", "gain.heights[3]"]
+    with pytest.raises(FlexarmError, match=r"'gain.heights\[2\]' follows share\n.*--vary 'share~10%'"):
+        make_plan(load(swing), ["gain.heights[2]~10%"], runs=1)
+
+
 def test_a_triangle_is_cut_at_a_bound() -> None:
     sample = Sample("x", 0.0, 1.0, "1", False, floor=0.2, ceiling=0.7, law="triangular", centre=0.4)
     whole = scipy.stats.triang(0.4, 0.0, 1.0)
