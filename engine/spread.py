@@ -31,8 +31,8 @@ Task = TypeVar("Task")
 Answer = TypeVar("Answer")
 
 AHEAD = 8
-"""Tasks under way for each worker, so that none waits while the oldest is not finished: one diagnosis in twenty takes
-ten times as long as the next ones."""
+"""Tasks under way for each worker, so that none waits while the oldest is not finished: it may take ten times as long
+as the others."""
 
 MOST_WORKERS = 256
 """Workers of one machine: each process takes some 100 MB."""
